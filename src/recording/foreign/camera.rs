@@ -4,7 +4,10 @@ use super::{head, json, realsense};
 use crate::messages::Channel;
 use crate::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
-use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
+use svl_core::stereo::{
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration,
+    rotation,
+};
 
 /// Schemas of calibration messages.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
@@ -279,7 +282,14 @@ impl Calibration {
                 .iter()
                 .zip(identity)
                 .any(|(a, b)| (a - b).abs() > 1e-9);
-        turned || self.is_projected_anew() || self.d.iter().any(|coefficient| *coefficient != 0.0)
+        turned || self.is_projected_anew() || self.is_distorted()
+    }
+
+    /// True if it has a coefficient, or is a fisheye, whose coefficients may be 0.
+    fn is_distorted(&self) -> bool {
+        let is_fisheye = matches!(self.model.parse(), Ok(DistortionModel::Equidistant));
+        let is_known = self.focal_px(true).is_some();
+        self.d.iter().any(|coefficient| *coefficient != 0.0) || is_fisheye && is_known
     }
 
     /// True if P projects to other pixels than K does.
@@ -293,19 +303,19 @@ impl Calibration {
         self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
     }
 
+    fn distortion(&self) -> Result<Distortion, String> {
+        // A camera that was never calibrated names no model.
+        let model = if self.model.is_empty() {
+            Ok(DistortionModel::PlumbBob)
+        } else {
+            self.model.parse::<DistortionModel>()
+        };
+        let distortion = model.and_then(|model| model.with_coefficients(&self.d));
+        distortion.map_err(|e| e.to_string())
+    }
+
     pub(super) fn camera(&self) -> Result<Intrinsics, String> {
-        // Models with more coefficients equal plumb_bob if the rest are 0.
-        let (lens, rest) = self.d.split_at(self.d.len().min(5));
-        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
-            || rest.iter().any(|c| *c != 0.0)
-        {
-            return Err(format!(
-                "its distortion model '{}' is not one that svl knows (plumb_bob)",
-                self.model
-            ));
-        }
-        let mut distortion = [0.0; 5];
-        distortion[..lens.len()].copy_from_slice(lens);
+        let distortion = self.distortion()?;
         let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
             return Err(format!(
                 "its K has {} numbers, 9 make a camera",
@@ -585,28 +595,34 @@ mod tests {
         let right = camera(500.0, 120.0, -50.0);
         let found = calibration(&left, &right, None).unwrap();
         assert_eq!(
-            (found.left().distortion(), found.rig().unwrap().baseline_m()),
-            ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
+            (
+                *found.left().distortion(),
+                found.rig().unwrap().baseline_m()
+            ),
+            (Distortion::PlumbBob([-0.28, 0.07, 0.0, 0.0, 0.0]), 0.1)
         );
-        let fisheye = Calibration {
-            model: "equidistant".into(),
+        let with = |model: &str, d: &[f64]| Calibration {
+            model: model.into(),
+            d: d.to_vec(),
             ..left.clone()
         };
-        assert!(
-            calibration(&fisheye, &right, None)
-                .unwrap_err()
-                .contains("'equidistant'")
+        let error =
+            |left: Calibration, right: &Calibration| calibration(&left, right, None).unwrap_err();
+        let (fisheye, rational) = (
+            with("equidistant", &[0.1, 0.0, 0.0, 0.0]),
+            with("rational_polynomial", &[0.1; 8]),
         );
-        let rational = Calibration {
-            model: "rational_polynomial".into(),
-            d: vec![0.1; 8],
-            ..left.clone()
+        for camera in [&fisheye, &rational] {
+            let found = calibration(camera, &right, None).unwrap();
+            assert_eq!(found.left().distortion().coefficients(), camera.d);
+        }
+        let mixed = Calibration {
+            d: vec![0.1; 5],
+            ..right.clone()
         };
-        assert!(
-            calibration(&rational, &right, None)
-                .unwrap_err()
-                .contains("rational_polynomial")
-        );
+        assert!(error(fisheye, &mixed).contains("equidistant, the right one's plumb_bob"));
+        assert!(error(with("ftheta", &[]), &right).contains("'ftheta' is not supported"));
+        assert!(error(with("equidistant", &[0.1; 3]), &right).contains("3 coefficients"));
         let zeros = Calibration {
             model: "rational_polynomial".into(),
             d: vec![0.0; 8],
