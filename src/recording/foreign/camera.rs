@@ -589,7 +589,7 @@ mod tests {
     #[test]
     fn raw_cameras_with_all_their_numbers_can_be_rectified() {
         let left = Calibration {
-            d: vec![-0.28, 0.07],
+            d: vec![-0.28, 0.07, 0.0, 0.0],
             ..camera(500.0, 120.0, 0.0)
         };
         let right = camera(500.0, 120.0, -50.0);

@@ -12,7 +12,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, MIN_VIEWS, Solution, files, solve};
 use svl::outputs::Outputs;
-use svl::rectify::{Framing, bouguet};
+use svl::rectify::{Framing, bouguet, hidden_view};
 use svl::report::calibration;
 use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;
@@ -193,6 +193,9 @@ fn calibrate(
         }
         // Intrinsics and extrinsics are still useful without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}"),
+    }
+    for hidden in hidden_view(&solution.calibration) {
+        tracing::warn!("{hidden}");
     }
     for left_out in files::write(&args.output, &solution.calibration)? {
         tracing::warn!("{}: {left_out}", args.output.display());

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
 use svl::outputs::{Outputs, distinct};
-use svl::rectify::{Framing, bouguet};
+use svl::rectify::{Framing, bouguet, hidden_view};
 use svl::stereo::{DistortionModel, Intrinsics, LengthUnit};
 
 /// Write a calibration in the format of another program
@@ -184,7 +184,7 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
             )?;
         }
     }
-    for remark in remarks {
+    for remark in remarks.iter().chain(&hidden_view(calibration)) {
         writeln!(text, "  note: {remark}")?;
     }
     Ok(text)
