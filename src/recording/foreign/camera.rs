@@ -243,6 +243,12 @@ impl Calibration {
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }
 
+    /// Name of the distortion model; `None` if all coefficients are 0.
+    pub(super) fn distortion_model(&self) -> Option<&str> {
+        let is_distorted = self.d.iter().any(|coefficient| *coefficient != 0.0);
+        is_distorted.then_some(&self.model)
+    }
+
     /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.

@@ -469,6 +469,21 @@ impl PairSource for Foreign {
         self.are_raw().then(|| self.stereo_calibration())
     }
 
+    fn calibration_fault(&self) -> Option<String> {
+        if self.cameras.iter().all(Option::is_none) {
+            return None;
+        }
+        match self.calibration() {
+            Some(calibration) => calibration.err(),
+            None => self.rig().err(),
+        }
+    }
+
+    fn distortion_model(&self) -> Option<&str> {
+        let left = self.cameras[0].as_ref().filter(|_| self.are_raw())?;
+        left.distortion_model()
+    }
+
     fn frame_id(&self) -> Option<&str> {
         let left = self.frames[0].as_deref();
         left.filter(|frame| !frame.is_empty())
