@@ -73,14 +73,20 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
     // Without distances no truth can be used; that is said above.
     if truths.is_empty() && facts.rig.is_some() && !unread.is_empty() {
         let topics = joined(unread);
-        missing.push(format!("no pixel of a truth from {topics}: its line says why"));
+        missing.push(format!(
+            "no pixel of a truth from {topics}: its line says why"
+        ));
     }
     missing
 }
 
 impl fmt::Display for Usability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.is_usable { "usable: " } else { "not usable yet: " })?;
+        f.write_str(if self.is_usable {
+            "usable: "
+        } else {
+            "not usable yet: "
+        })?;
         let mut parts = Vec::new();
         if self.geometry.is_some() || self.pairs.is_some() {
             parts.push(self.pair_words());

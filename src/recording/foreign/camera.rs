@@ -17,6 +17,13 @@ const ROW_TOLERANCE_PX: f64 = 0.1;
 /// Baselines, metres: what is shorter is rounding, what is longer is in millimetres.
 const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
 
+/// Offsets of P that are rounding: a fraction of the focal length.
+const ROUNDING: f64 = 1e-6;
+
+/// Greatest relative difference of the baselines in P and in the static transforms, if the sign of
+/// the one in P is reversed.
+const BASELINE_TOLERANCE: f64 = 0.1;
+
 /// Focal lengths and principal points of K and P that differ by no more are equal, up to rounding:
 /// pixels.
 const MAX_SAME_PX: f64 = 0.01;
@@ -253,10 +260,25 @@ impl Calibration {
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.
         let is_zero = |calibration: &&Self| match calibration.p[..] {
-            [focal, _, _, offset, ..] => offset.abs() <= 1e-6 * focal.max(1.0),
+            [focal, _, _, offset, ..] => offset.abs() <= ROUNDING * focal.max(1.0),
             _ => false,
         };
         [self, right].iter().all(is_zero)
+    }
+
+    /// True if the two P put the right camera to the left of the left one.
+    pub(super) fn has_reversed_baseline(&self, right: &Self) -> bool {
+        match (&self.p[..], &right.p[..]) {
+            ([focal, _, _, left, ..], [_, _, _, right, ..]) => {
+                right - left > ROUNDING * focal.max(1.0)
+            }
+            _ => false,
+        }
+    }
+
+    /// True if the baseline has to come from the static transforms.
+    pub(super) fn needs_baseline(&self, right: &Self) -> bool {
+        self.lacks_baseline(right) || self.has_reversed_baseline(right)
     }
 
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
@@ -276,6 +298,9 @@ impl Calibration {
     /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
     /// that projects to other pixels than K.
     pub(super) fn is_of_raw_camera(&self) -> bool {
+        if self.is_rectified_by_depthai() {
+            return false;
+        }
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
         // of a product of rotations.
@@ -286,6 +311,17 @@ impl Calibration {
                 .zip(identity)
                 .any(|(a, b)| (a - b).abs() > 1e-9);
         turned || self.is_projected_anew() || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+
+    /// True of the rectified images of depthai-ros: it sets the distortion to 0 and the diagonal of
+    /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that diagonal.
+    fn is_rectified_by_depthai(&self) -> bool {
+        let [a, b, c, d, e, f, g, h, i] = self.r[..] else {
+            return false;
+        };
+        [a, e, i] == [1.0; 3]
+            && [b, c, d, f, g, h].iter().any(|v| *v != 0.0)
+            && self.d.iter().all(|coefficient| *coefficient == 0.0)
     }
 
     /// True if P projects to other pixels than K does.
@@ -337,7 +373,8 @@ impl Calibration {
     }
 }
 
-/// The rig of two rectified cameras. `baseline_m` is used if their P have none.
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none, or that of the other
+/// sign, as DepthAI's, whose first camera is the right one.
 ///
 /// # Errors
 /// The reason why there is none.
@@ -346,10 +383,17 @@ pub(super) fn rig(
     right: &Calibration,
     baseline_m: Option<f64>,
 ) -> Result<Rig, String> {
-    let baseline_m = baseline_m.filter(|_| left.lacks_baseline(right));
+    let baseline_m = baseline_m.filter(|_| left.needs_baseline(right));
     let (left, mut right) = (left.projection()?, right.projection()?);
     if let Some(baseline_m) = baseline_m {
-        right[(0, 3)] = -right[(0, 0)] * baseline_m;
+        let offset = right[(0, 0)] * baseline_m;
+        let reversed = right[(0, 3)] - left[(0, 3)];
+        let is_same = (reversed - offset).abs() <= BASELINE_TOLERANCE * offset;
+        if is_same {
+            right[(0, 3)] = left[(0, 3)] - offset;
+        } else if reversed <= ROUNDING * right[(0, 0)] {
+            right[(0, 3)] = -offset;
+        }
     }
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
     if let Ok(rig) = &rig
@@ -364,7 +408,11 @@ pub(super) fn rig(
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
-            format!("{e}: --left and --right name their topics")
+            format!(
+                "{e}: --left and --right name their topics, or a /tf_static with the cameras' \
+                 frames shows that only the sign of P is wrong (DepthAI: \
+                 i_reverse_stereo_socket_order)"
+            )
         } else {
             e.to_string()
         }

@@ -36,7 +36,7 @@ pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 pub use video::VideoSummary;
-pub(super) use video::{VideoScan, is_video};
+pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
@@ -144,11 +144,13 @@ impl Foreign {
                 }
             }
         }
+        let are_videos = first.are_videos();
         first.end(&mut foreign, selection)?;
+        foreign.warn_of_sign();
         foreign.poses = PoseReader::open(recording, &channels)?;
-        for (topic, video) in foreign.images.iter().zip(&mut foreign.videos) {
-            let is_it = |channel: &&&Channel| channel.topic == *topic && is_video(channel);
-            if channels.iter().any(|channel| is_it(&channel)) {
+        let topics = foreign.images.iter().zip(are_videos);
+        for ((topic, is_video), video) in topics.zip(&mut foreign.videos) {
+            if is_video {
                 *video = Some(VideoTopic::open(recording, topic)?);
             }
         }

@@ -73,7 +73,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         (Err(error), None) => return Err(error.into()),
     };
     let info = Info {
-        usability: usability(&name, summary.as_ref(), first_pairs.as_ref().ok_or(&no_pairs)),
+        usability: usability(
+            &name,
+            summary.as_ref(),
+            first_pairs.as_ref().ok_or(&no_pairs),
+        ),
         summary,
         live,
         first_pairs,

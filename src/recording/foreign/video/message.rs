@@ -18,6 +18,23 @@ pub(crate) fn is_video(channel: &Channel) -> bool {
     SCHEMAS.contains(&channel.schema.as_str())
 }
 
+/// True if a message is a picture of a video: also a CompressedImage whose format is a codec, as
+/// Isaac ROS's encoder writes it.
+pub(crate) fn is_picture(channel: &Channel, data: &[u8]) -> bool {
+    let is_coded = || {
+        let image = ros::read(channel, data, ros::compressed_image);
+        image.is_ok_and(|image| is_codec(image.format))
+    };
+    is_video(channel) || (channel.schema == COMPRESSED_IMAGE && is_coded())
+}
+
+/// True if the format of a message names a codec that svl reads.
+pub(crate) fn is_codec(format: &str) -> bool {
+    Codec::from_format(format).is_ok()
+}
+
+const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";
+
 /// Coding of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Codec {
@@ -91,6 +108,14 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
         }
         ("ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr" | "ros1") => {
             of_ros(ros::read(channel, data, ros::ffmpeg_packet)?)
+        }
+        (COMPRESSED_IMAGE, "cdr" | "ros1") => {
+            let image = ros::read(channel, data, ros::compressed_image)?;
+            Ok(Packet {
+                stamp: image::ros_stamp(channel, image.stamp)?,
+                codec: Codec::from_format(image.format),
+                data: image.data.into(),
+            })
         }
         (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
     }
