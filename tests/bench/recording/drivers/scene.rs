@@ -229,7 +229,7 @@ pub(super) fn calibration() -> String {
     ];
     let parts = [
         format!(
-            "%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\n",
+            "%YAML:1.0\n---\nlength_unit: m\nimage_width: {}\nimage_height: {}\n",
             SIZE.0, SIZE.1
         ),
         matrix("M1", 3, 3, &k),
