@@ -259,8 +259,8 @@ trait PairSource: Send {
         None
     }
 
-    /// The reason why the calibrations in the recording give no distances; `None` if they do, and if
-    /// there are none.
+    /// The reason why the calibrations in the recording give no distances; `None` if they do, and
+    /// if there are none.
     fn calibration_fault(&self) -> Option<String> {
         None
     }

@@ -314,7 +314,8 @@ impl Calibration {
     }
 
     /// True of the rectified images of depthai-ros: it sets the distortion to 0 and the diagonal of
-    /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that diagonal.
+    /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that
+    /// diagonal.
     fn is_rectified_by_depthai(&self) -> bool {
         let [a, b, c, d, e, f, g, h, i] = self.r[..] else {
             return false;
@@ -373,8 +374,8 @@ impl Calibration {
     }
 }
 
-/// The rig of two rectified cameras. `baseline_m` is used if their P have none, or that of the other
-/// sign, as DepthAI's, whose first camera is the right one.
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none, or that of the
+/// other sign, as DepthAI's, whose first camera is the right one.
 ///
 /// # Errors
 /// The reason why there is none.

@@ -2,7 +2,7 @@
 
 use super::encoding::PixelEncoding;
 use super::pixels::{self, MessageImage};
-use super::{encoding, json, video};
+use super::{encoding, json};
 use crate::decode_protobuf;
 use crate::messages::Channel;
 use crate::ros::{self, RawPixels};
@@ -71,11 +71,6 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
 /// Decodes a PNG or JPEG. The encoding before compression comes first in `format`, as
 /// image_transport writes it: `bayer_rggb8; png compressed `.
 fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
-    if video::is_codec(format) {
-        return Err(format!(
-            "its images are '{format}', a video, which svl reads from a bag: record it first"
-        ));
-    }
     let image = files::decode_bytes(data).map_err(|e| {
         format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
     })?;

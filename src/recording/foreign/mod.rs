@@ -235,6 +235,10 @@ impl Foreign {
     ) -> std::result::Result<(Option<u64>, ReadImage), String> {
         let Some(video) = &mut self.videos[side as usize] else {
             let (stamp, image) = image::decode(channel, data)?;
+            // The pictures of a live topic.
+            if image.is_err() && is_picture(channel, data) {
+                return Err("a video, which svl reads from a bag: record it first".to_owned());
+            }
             return Ok((stamp, image.map(PairImage::Image)));
         };
         let number = self.counts[side as usize] - 1;

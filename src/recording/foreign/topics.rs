@@ -131,8 +131,8 @@ fn best_variants(mut pairs: Vec<[&str; 2]>) -> Vec<[&str; 2]> {
     pairs
 }
 
-/// True if a topic of compressed images or videos is the copy of another that image_transport makes:
-/// `image/compressed` of `image`.
+/// True if a topic of compressed images or videos is the copy of another that image_transport
+/// makes: `image/compressed` of `image`.
 pub(super) fn is_copy(channel: &Channel, channels: &[&Channel]) -> bool {
     let is_compressed = channel.schema.ends_with("CompressedImage") || video::is_video(channel);
     let original = channel.topic.rsplit_once('/');

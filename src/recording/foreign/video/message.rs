@@ -23,14 +23,9 @@ pub(crate) fn is_video(channel: &Channel) -> bool {
 pub(crate) fn is_picture(channel: &Channel, data: &[u8]) -> bool {
     let is_coded = || {
         let image = ros::read(channel, data, ros::compressed_image);
-        image.is_ok_and(|image| is_codec(image.format))
+        image.is_ok_and(|image| Codec::from_format(image.format).is_ok())
     };
     is_video(channel) || (channel.schema == COMPRESSED_IMAGE && is_coded())
-}
-
-/// True if the format of a message names a codec that svl reads.
-pub(crate) fn is_codec(format: &str) -> bool {
-    Codec::from_format(format).is_ok()
 }
 
 const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";

@@ -184,7 +184,8 @@ impl Driver {
             _ => self.durability,
         };
         format!(
-            "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: {durability}\n"
+            "- history: keep_last\n  depth: 1\n  reliability: reliable\n  \
+             durability: {durability}\n"
         )
     }
 }

@@ -212,7 +212,8 @@ pub(super) fn calibration() -> String {
     let matrix = |name: &str, rows: usize, columns: usize, data: &[f64]| {
         let data: Vec<_> = data.iter().map(|v| format!("{v:?}")).collect();
         format!(
-            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {} ]\n",
+            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   \
+             data: [ {} ]\n",
             data.join(", ")
         )
     };
