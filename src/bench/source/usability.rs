@@ -120,3 +120,105 @@ impl Usability {
         format!("{pairs}{}", model.unwrap_or_default())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::Rig;
+    use svl_score::plausibility::Spread;
+
+    /// Facts of raw pairs with distortion, a rig and one truth.
+    fn facts() -> SourceFacts {
+        let spread = Spread {
+            min: 1.0,
+            median: 2.0,
+            max: 3.0,
+        };
+        SourceFacts {
+            size_px: (640, 480),
+            pairs: None,
+            geometry: PairGeometry::Raw,
+            focal_px: None,
+            distortion_model: Some("plumb_bob".to_owned()),
+            calibration_fault: None,
+            rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
+            is_constant: true,
+            nearest: None,
+            truths: vec![TruthFacts {
+                topic: Some("/velodyne_points".to_owned()),
+                disparity_px: Some(spread),
+                ..TruthFacts::default()
+            }],
+        }
+    }
+
+    #[track_caller]
+    fn says(pairs: Option<u64>, facts: &SourceFacts, expected: &str) {
+        assert_eq!(Usability::from_facts(pairs, facts).to_string(), expected);
+    }
+
+    #[test]
+    fn a_usable_source_names_pairs_calibration_and_truth() {
+        let calibrated = "usable: 120 raw pairs (plumb_bob), calibrated";
+        let with_truth = format!("{calibrated}, truth from /velodyne_points");
+        says(Some(120), &facts(), &with_truth);
+        let truths = Vec::new();
+        let without_truth = SourceFacts { truths, ..facts() };
+        says(
+            Some(120),
+            &without_truth,
+            &format!("{calibrated}, no truth"),
+        );
+        let rectified = SourceFacts {
+            geometry: PairGeometry::Rectified,
+            distortion_model: None,
+            ..without_truth
+        };
+        says(
+            Some(1),
+            &rectified,
+            "usable: 1 rectified pair, calibrated, no truth",
+        );
+        says(
+            None,
+            &rectified,
+            "usable: rectified pairs, calibrated, no truth",
+        );
+        let uncalibrated = SourceFacts {
+            rig: None,
+            ..rectified
+        };
+        let cure = "no calibration, so no distances: add --calib FILE";
+        says(
+            Some(3),
+            &uncalibrated,
+            &format!("usable: 3 rectified pairs, {cure}"),
+        );
+    }
+
+    #[test]
+    fn what_is_missing_has_its_cure() {
+        let mut facts = facts();
+        facts.truths[0].error = Some("no transform".to_owned());
+        let why = "no pixel of a truth from /velodyne_points: its line says why";
+        let expected = format!("usable: 9 raw pairs (plumb_bob), calibrated, {why}");
+        says(Some(9), &facts, &expected);
+        facts.rig = None;
+        facts.calibration_fault = Some("its K has 8 numbers".to_owned());
+        let cure = "add --calib FILE, or --calib none if they are rectified";
+        let fault = "no calibration (its K has 8 numbers)";
+        let expected = format!("not usable yet: 9 raw pairs (plumb_bob), {fault}: {cure}");
+        says(Some(9), &facts, &expected);
+        (facts.calibration_fault, facts.distortion_model) = (None, None);
+        says(
+            Some(120),
+            &facts,
+            &format!("not usable yet: 120 pairs, no calibration: {cure}"),
+        );
+        let ambiguous = Usability::without_pairs("which images are the pair?");
+        assert_eq!(
+            ambiguous.to_string(),
+            "not usable yet: which images are the pair?"
+        );
+    }
+}

@@ -570,6 +570,39 @@ mod tests {
     }
 
     #[test]
+    fn the_sign_of_the_baseline_is_that_of_the_transforms() {
+        let left = camera(500.0, 120.0, 0.0);
+        let reversed = camera(500.0, 120.0, 50.0);
+        assert!(left.has_reversed_baseline(&reversed) && left.needs_baseline(&reversed));
+        let found = rig(&left, &reversed, Some(0.101)).unwrap();
+        assert!((found.baseline_m() - 0.101).abs() < 1e-12);
+        // Another length: one of the two is wrong in more than its sign.
+        for metres in [None, Some(0.2)] {
+            let error = rig(&left, &reversed, metres).unwrap_err();
+            assert!(error.contains("i_reverse_stereo_socket_order"), "{error}");
+        }
+        let sound = camera(500.0, 120.0, -50.0);
+        assert!(!left.has_reversed_baseline(&sound) && !left.needs_baseline(&sound));
+        assert_eq!(rig(&left, &sound, Some(0.2)).unwrap().baseline_m(), 0.1);
+    }
+
+    #[test]
+    fn depthai_s_rectified_images_are_no_raw_ones() {
+        // The raw K, the rectified P, and a rotation of which the diagonal alone was reset.
+        let mut rectified = camera(500.0, 120.0, 0.0);
+        rectified.k[0] = 510.0;
+        rectified.r = vec![1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0];
+        assert!(!rectified.is_of_raw_camera());
+        let raw = Calibration {
+            d: vec![0.1],
+            ..rectified.clone()
+        };
+        assert!(raw.is_of_raw_camera());
+        rectified.r[4] = 0.9999;
+        assert!(rectified.is_of_raw_camera());
+    }
+
+    #[test]
     fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
         let info = |binning, (x, y, width, height)| ros::CameraInfo {
             width: 640,

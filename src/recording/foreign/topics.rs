@@ -376,6 +376,107 @@ mod tests {
     }
 
     #[test]
+    fn the_best_variant_of_one_pair_is_used() {
+        let sides = |topics: &[&str]| -> Vec<String> {
+            let both = topics.iter().flat_map(|topic| {
+                let sides = ["left", "right"];
+                sides.map(|side| topic.replace('#', side))
+            });
+            both.collect()
+        };
+        let best = |topics: &[&str]| {
+            let topics = sides(topics);
+            let topics: Vec<_> = topics.iter().map(String::as_str).collect();
+            chosen(&topics, &Selection::default()).map(|[left, _]| left)
+        };
+        for (topics, expected) in [
+            (
+                &["/#/image_raw", "/#/image_rect", "/#/image_rect_color"][..],
+                "/left/image_rect",
+            ),
+            (
+                &["/#/image_raw", "/#/image_color", "/#/image_mono"],
+                "/left/image_mono",
+            ),
+            (
+                &[
+                    "/zed/#/color/rect/image",
+                    "/zed/#/gray/rect/image",
+                    "/zed/#/gray/raw/image",
+                ],
+                "/zed/left/gray/rect/image",
+            ),
+            (
+                &["/#_raw/image_raw", "/#/image_rect_color"],
+                "/left/image_rect_color",
+            ),
+        ] {
+            assert_eq!(best(topics).as_deref(), Ok(expected), "{topics:?}");
+        }
+        // Of other cameras, of another size, and of one rank.
+        for topics in [
+            ["/front/#/image_raw", "/back/#/image_rect"],
+            ["/#/image_raw", "/#/image_resize"],
+            ["/#/image_rect_mono", "/#/image_rect_gray"],
+        ] {
+            assert!(
+                best(&topics).unwrap_err().starts_with("which images"),
+                "{topics:?}"
+            );
+        }
+    }
+
+    fn channel_of(topic: &str, schema: &str) -> Channel {
+        Channel {
+            topic: topic.to_owned(),
+            schema: schema.to_owned(),
+            encoding: "cdr".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_compressed_copy_is_used_without_its_original_alone() {
+        let compressed = "sensor_msgs/msg/CompressedImage";
+        let copies = ["/left/image/compressed", "/right/image/compressed"];
+        let mut channels = copies.map(|topic| channel_of(topic, compressed)).to_vec();
+        let chosen = |channels: &[Channel]| {
+            choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).unwrap()
+        };
+        assert_eq!(chosen(&channels), copies);
+        let originals = ["/left/image", "/right/image"];
+        let raw = originals.map(|topic| channel_of(topic, "sensor_msgs/msg/Image"));
+        channels.extend(raw);
+        assert_eq!(chosen(&channels), originals);
+    }
+
+    #[test]
+    fn a_calibration_is_of_the_processing_of_its_images() {
+        let found = |infos: &[&str], topic: &str| {
+            let schema = "sensor_msgs/msg/CameraInfo";
+            let channels: Vec<_> = infos.iter().map(|info| channel_of(info, schema)).collect();
+            calibration(&channels.iter().collect::<Vec<_>>(), topic)
+        };
+        let isaac = [
+            "/left/camera_info",
+            "/left/camera_info_rect",
+            "/left/camera_info_resize",
+        ];
+        for (topic, expected) in [
+            ("/left/image_rect", "/left/camera_info_rect"),
+            ("/left/image_rect_color", "/left/camera_info_rect"),
+            ("/left/image_rect/compressed", "/left/camera_info_rect"),
+            ("/left/image_resize", "/left/camera_info_resize"),
+            ("/left/image_raw", "/left/camera_info"),
+            ("/left/mono", "/left/camera_info"),
+        ] {
+            assert_eq!(found(&isaac, topic).as_deref(), Some(expected), "{topic}");
+        }
+        let zed = ["/left/rect/camera_info", "/left/rect/image/camera_info"];
+        assert_eq!(found(&zed, "/left/rect/image").as_deref(), Some(zed[1]));
+        assert_eq!(found(&zed[1..], "/left/rect/image_2"), None);
+    }
+
+    #[test]
     fn rectified_is_a_word_of_the_topics_last_part() {
         let rectified = [
             "/stereo/left/image_rect",

@@ -87,13 +87,17 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
                 && unknown.remove(&channel.topic)
                 && let Ok(kind) = kind::find(channel)
                 && kind.read(channel, log_time, &data).is_ok()
-                && (channel.topic.contains("depth") || !kind::is_mono16(channel, &data))
+                && (is_named_depth(&channel.topic) || !kind::is_mono16(channel, &data))
             {
                 found.insert(channel.topic.clone());
             }
         }
     }
     Ok(found.into_iter().collect())
+}
+
+fn is_named_depth(topic: &str) -> bool {
+    topic.to_lowercase().contains("depth")
 }
 
 impl TruthTopic {
