@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{CellRule, Frame, GridShape, Intrinsics, Rig};
+use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result};
 use svl_recording::{PairGeometry, RawCamera, Reader};
 use svl_score::judge::TrueCells;
@@ -28,6 +28,9 @@ pub struct SourceFacts {
     /// Number of pairs, if it is known without reading all of them.
     pub pairs: Option<u64>,
     pub geometry: PairGeometry,
+    /// False if nothing in another program's recording says that its pairs are raw or rectified;
+    /// they count as raw.
+    pub is_geometry_known: bool,
     /// Focal lengths of the left camera along x and y, pixels: of raw images before rectification.
     pub focal_px: Option<(f64, f64)>,
     /// Distortion model of the left camera, if its images are distorted.
@@ -103,9 +106,13 @@ impl SourceFacts {
             focal_px,
             topics,
             distortion_model,
+            is_foreign,
         } = recorded(&opened, name)?;
+        let is_rectified = rig.is_some() || first.geometry != Geometry::Raw;
+        let has_calibration = distortion_model.is_some() || opened.calibration_fault.is_some();
         Ok(Self {
             size_px: first.pair.size(),
+            is_geometry_known: !is_foreign || is_rectified || has_calibration,
             pairs: opened.source.pairs(),
             distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),
             calibration_fault: opened.calibration_fault.clone(),
@@ -142,12 +149,14 @@ fn model(camera: &Intrinsics) -> Option<String> {
     (camera.distortion() != [0.0; 5]).then(|| "plumb_bob".to_owned())
 }
 
-/// Focal lengths, topics that measure distances, and distortion model, in a recording.
+/// What a recording alone says: focal lengths, topics that measure distances, distortion model.
 #[derive(Default)]
 struct Recorded {
     focal_px: Option<(f64, f64)>,
     topics: Vec<String>,
     distortion_model: Option<String>,
+    /// True if svl did not write it.
+    is_foreign: bool,
 }
 
 fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
@@ -162,6 +171,7 @@ fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
         focal_px: reader.focal_px(),
         topics: reader.truth_topics()?,
         distortion_model: reader.distortion_model().map(str::to_owned),
+        is_foreign: reader.header().is_none(),
     })
 }
 

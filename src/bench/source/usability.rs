@@ -39,13 +39,12 @@ impl Usability {
     pub fn from_facts(pairs: Option<u64>, facts: &SourceFacts) -> Self {
         let is_calibrated = facts.rig.is_some();
         let is_rectified = facts.geometry == PairGeometry::Rectified;
-        let has_calibration = is_calibrated || facts.distortion_model.is_some();
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
             is_usable: is_rectified || is_calibrated,
             pairs,
-            geometry: (is_rectified || has_calibration).then_some(facts.geometry),
+            geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.distortion_model.clone(),
             is_calibrated,
             missing: missing(facts, is_rectified, &truths),
@@ -62,10 +61,13 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
             Some(fault) => format!("no calibration ({fault})"),
             None => "no calibration".to_owned(),
         };
+        let cure = "add --calib FILE";
         missing.push(if is_rectified {
-            format!("{what}, so no distances: add --calib FILE")
+            format!("{what}, so no distances: {cure}")
+        } else if facts.is_geometry_known {
+            format!("{what}: {cure}")
         } else {
-            format!("{what}: add --calib FILE, or --calib none if they are rectified")
+            format!("{what}: {cure}, or --calib none if they are rectified")
         });
     }
     let unread = facts.truths.iter().filter(|truth| !truth.has_pixels());
@@ -138,6 +140,7 @@ mod tests {
             size_px: (640, 480),
             pairs: None,
             geometry: PairGeometry::Raw,
+            is_geometry_known: true,
             focal_px: None,
             distortion_model: Some("plumb_bob".to_owned()),
             calibration_fault: None,
@@ -205,11 +208,13 @@ mod tests {
         says(Some(9), &facts, &expected);
         facts.rig = None;
         facts.calibration_fault = Some("its K has 8 numbers".to_owned());
-        let cure = "add --calib FILE, or --calib none if they are rectified";
+        let cure = "add --calib FILE";
         let fault = "no calibration (its K has 8 numbers)";
         let expected = format!("not usable yet: 9 raw pairs (plumb_bob), {fault}: {cure}");
         says(Some(9), &facts, &expected);
         (facts.calibration_fault, facts.distortion_model) = (None, None);
+        facts.is_geometry_known = false;
+        let cure = "add --calib FILE, or --calib none if they are rectified";
         says(
             Some(120),
             &facts,
