@@ -194,7 +194,7 @@ fn calibrate(
         // Intrinsics and extrinsics are still useful without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
-    for hidden in hidden_view(&solution.calibration) {
+    if let Some(hidden) = hidden_view(&solution.calibration) {
         tracing::warn!("{hidden}");
     }
     for left_out in files::write(&args.output, &solution.calibration)? {
