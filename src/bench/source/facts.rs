@@ -37,6 +37,9 @@ pub struct SourceFacts {
     pub distortion_model: Option<String>,
     /// The reason why a calibration in the source cannot be used.
     pub calibration_fault: Option<String>,
+    /// The source itself, as an argument of `--calib`, if it keeps a calibration that it does not
+    /// use.
+    pub kept_calibration: Option<String>,
     /// The rig by which distances are computed; of raw images after rectification.
     pub rig: Option<Rig>,
     /// True if size and rig are those of all pairs that were looked at.
@@ -116,6 +119,8 @@ impl SourceFacts {
             pairs: opened.source.pairs(),
             distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),
             calibration_fault: opened.calibration_fault.clone(),
+            kept_calibration: (rig.is_none() && !opened.calibration.is_empty() && is_recording)
+                .then(|| name.to_owned()),
             geometry: match raw {
                 Some(_) => PairGeometry::Raw,
                 None => PairGeometry::from(&first.geometry),

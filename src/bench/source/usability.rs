@@ -61,7 +61,8 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
             Some(fault) => format!("no calibration ({fault})"),
             None => "no calibration".to_owned(),
         };
-        let cure = "add --calib FILE";
+        let file = facts.kept_calibration.as_deref().unwrap_or("FILE");
+        let cure = format!("add --calib {file}");
         missing.push(if is_rectified {
             format!("{what}, so no distances: {cure}")
         } else if facts.is_geometry_known {
@@ -144,6 +145,7 @@ mod tests {
             focal_px: None,
             distortion_model: Some("plumb_bob".to_owned()),
             calibration_fault: None,
+            kept_calibration: None,
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
             nearest: None,
@@ -200,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_has_its_cure() {
+    fn a_missing_part_has_its_cure() {
         let mut facts = facts();
         facts.truths[0].error = Some("no transform".to_owned());
         let why = "no pixel of a truth from /velodyne_points: its line says why";

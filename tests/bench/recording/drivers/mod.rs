@@ -8,7 +8,7 @@ mod bags;
 mod scene;
 
 use super::ros1;
-use crate::cli::fixture::{Fixture, has};
+use crate::cli::fixture::{Fixture, assert_says, has};
 use crate::recording::bag::{self, Message};
 use scene::{BASELINE_M, DEPTH_M, PAIRS};
 use std::path::Path;
@@ -253,6 +253,41 @@ fn check_score(fixture: &Fixture, name: &str) {
         right > 0.6 && wrong < 0.1,
         "{name}: {right} right, {wrong} wrong"
     );
+}
+
+/// The bag without a topic.
+fn without(messages: Vec<Message>, topic: &str) -> Vec<Message> {
+    messages
+        .into_iter()
+        .filter(|message| message.topic != topic)
+        .collect()
+}
+
+#[test]
+fn an_oak_without_its_transforms_names_the_driver_s_option() {
+    let fixture = Fixture::new();
+    let messages = without(bags::depthai(), "/tf_static");
+    bag::write(&fixture.path(""), &messages);
+    let usability = fixture.json("info bag.mcap --json")["usability"].take();
+    assert_eq!(usability["is_usable"], false);
+    let missing = usability["missing"][0].as_str().unwrap();
+    assert_says(
+        missing,
+        &["i_reverse_stereo_socket_order", "add --calib FILE"],
+    );
+}
+
+#[test]
+fn depths_of_an_unknown_distortion_model_are_no_truth() {
+    let fixture = Fixture::new();
+    let info = "/depth/camera_info";
+    let mut messages = without(bags::azure_kinect(), info);
+    messages.insert(0, scene::UNKNOWN.message(info, "depth_camera_link", 0));
+    bag::write(&fixture.path(""), &messages);
+    let line = "score bag.mcap --truth /depth/image_raw --algo bm --rerun none -o report";
+    fixture
+        .svl(line)
+        .failed(1, &["--truth /depth/image_raw", "'double_sphere'"]);
 }
 
 /// Each row of the page stands for an entry of the table here, in the same order.

@@ -150,6 +150,12 @@ pub(super) const UNCALIBRATED: Info = Info {
     ..RECTIFIED
 };
 
+/// A camera of a model that svl does not know.
+pub(super) const UNKNOWN: Info = Info {
+    distortion: ("double_sphere", &[-0.2, 0.6]),
+    ..RECTIFIED
+};
+
 impl Info {
     /// The right camera of a pair.
     pub(super) fn right(self) -> Self {
