@@ -3,9 +3,8 @@
 
 use super::source::{CameraArgs, sources_help};
 use super::terminal::{LAST_COLUMN, wrapped};
-use clap::builder::StyledStr;
-use clap::{Arg, ArgAction, Args, Command};
-use std::any::TypeId;
+use clap::builder::{StyledStr, ValueParser};
+use clap::{Arg, ArgAction, Args, Command, value_parser};
 use svl::scenario::SourceOptions;
 
 /// Commands on the front page.
@@ -90,13 +89,17 @@ fn groups(program: &Command) -> String {
 
 /// An option with a number, for which a negative one is outside its range, not another option.
 fn accepting_negative_numbers(arg: Arg) -> Arg {
+    let numbers: [ValueParser; 5] = [
+        value_parser!(f64).into(),
+        value_parser!(u8).into(),
+        value_parser!(u16).into(),
+        value_parser!(u64).into(),
+        value_parser!(usize).into(),
+    ];
     let kind = arg.get_value_parser().type_id();
-    let is_whole = kind == TypeId::of::<u64>() || kind == TypeId::of::<usize>();
-    let is_small = kind == TypeId::of::<u8>() || kind == TypeId::of::<u16>();
-    if is_whole || is_small || kind == TypeId::of::<f64>() {
-        return arg.allow_negative_numbers(true);
-    }
-    arg
+    let is_number = numbers.iter().any(|number| number.type_id() == kind);
+    let is_allowed = is_number || arg.is_allow_negative_numbers_set();
+    arg.allow_negative_numbers(is_allowed)
 }
 
 /// True for an id that is one of these words.

@@ -8,7 +8,7 @@ mod worker;
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
-use crate::cli::shared::stepper::{Ended, FrameStore, Open, Session, Stepper, open_again};
+use crate::cli::shared::stepper::{Ended, FrameStore, Open, StepSession, Stepper, open_again};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
@@ -221,7 +221,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ));
     };
     // Before anything takes time.
-    let session = Session::new(args.script.as_deref())?;
+    let session = StepSession::new(args.script.as_deref())?;
     let filters = args.filters.models()?;
     let algorithms = args.algorithms()?;
     let tuned = open(args, name, &algorithms, quiet)?;

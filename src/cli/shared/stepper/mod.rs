@@ -339,9 +339,9 @@ fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
 }
 
 /// A terminal, or a script with a screen in memory.
-pub(crate) struct Session(Keys);
+pub(crate) struct StepSession(Keys);
 
-impl Session {
+impl StepSession {
     /// `script`: a file of keys in place of a terminal.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ mod view;
 
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{Ended, Key, Reaction, Session, StepTool, Stepper};
+use crate::cli::shared::stepper::{Ended, Key, Reaction, StepSession, StepTool, Stepper};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
     // Before anything takes time.
-    let session = Session::new(args.script.as_deref())?;
+    let session = StepSession::new(args.script.as_deref())?;
     let output = args.output.clone().unwrap_or_else(|| default_output(name));
     let existing = ScenarioFile::read(&output, name)?;
     if existing.is_some() {

@@ -5,7 +5,7 @@ mod tool;
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{Ended, Session};
+use crate::cli::shared::stepper::{Ended, StepSession};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use anyhow::bail;
@@ -59,7 +59,7 @@ pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<(
         return from_truth(args, by_window, &request, &path, quiet);
     }
     // Before anything takes time.
-    let session = Session::new(args.script.as_deref())?;
+    let session = StepSession::new(args.script.as_deref())?;
     let labels = if path.exists() {
         FrameLabels::read(&path, args.kind)?
     } else {
