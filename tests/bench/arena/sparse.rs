@@ -261,7 +261,8 @@ fn tallies(frames: &[Frame], algorithm: &str, patterns: &[(&str, HasPoint)]) -> 
 
 /// The algorithms' cells scored by sparse truths agree with those by the dense truth of the frames.
 fn agree(frames: &[Frame], algorithms: [&str; 4]) {
-    let patterns = patterns();
+    // All patterns in `.ci/nightly`, a lidar's, an uneven one and KITTI's otherwise.
+    let patterns: Vec<_> = patterns().into_iter().step_by(step(1)).collect();
     let by_algorithm = algorithms.map(|name| tallies(frames, name, &patterns));
     println!("| points | scored cells | {} |", algorithms.join(" | "));
     println!("|---|---:|---:|---:|---:|---:|");
@@ -310,8 +311,7 @@ fn sparse_truth_scores_real_scenes_cells_as_dense_truth_does() {
             .read(0)
             .unwrap()
     };
-    let scenes = scenes.split_whitespace().step_by(step(1));
-    let frames: Vec<_> = scenes.map(read).collect();
+    let frames: Vec<_> = scenes.split_whitespace().map(read).collect();
     let algorithms = [
         "v3:max_disparity=80",
         "v5",
