@@ -5,7 +5,7 @@
 
 use crate::engine::{Engine, Image};
 use crate::errors::Failure;
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use svl_core::Error;
@@ -28,12 +28,8 @@ struct JobSlot {
 }
 
 impl JobSlot {
-    fn lock(&self) -> MutexGuard<'_, (JobState, Engine)> {
-        self.state.lock()
-    }
-
     fn serve(&self) {
-        let mut guard = self.lock();
+        let mut guard = self.state.lock();
         loop {
             match guard.0 {
                 JobState::Loaded => {
@@ -84,7 +80,7 @@ impl PairWorker {
 
     /// Matches a pair and waits for it.
     pub fn run(&self, left: Image, right: Image, stamp_ns: Option<u64>) -> Result<(), Failure> {
-        let mut guard = self.shared.lock();
+        let mut guard = self.shared.state.lock();
         if matches!(guard.0, JobState::Broken) {
             return Err(Failure::internal());
         }
@@ -106,7 +102,7 @@ impl PairWorker {
 
     /// Forgets the earlier pairs.
     pub fn reset(&self) -> Result<(), Failure> {
-        let mut guard = self.shared.lock();
+        let mut guard = self.shared.state.lock();
         if matches!(guard.0, JobState::Broken) {
             return Err(Failure::internal());
         }
@@ -116,7 +112,7 @@ impl PairWorker {
 
     /// Reads the last result.
     pub fn result(&self, read: impl FnOnce(&Engine)) -> Result<(), Failure> {
-        let guard = self.shared.lock();
+        let guard = self.shared.state.lock();
         if matches!(guard.0, JobState::Broken) {
             return Err(Failure::internal());
         }
@@ -130,7 +126,7 @@ impl PairWorker {
 
 impl Drop for PairWorker {
     fn drop(&mut self) {
-        self.shared.lock().0 = JobState::Closed;
+        self.shared.state.lock().0 = JobState::Closed;
         self.shared.changed.notify_all();
     }
 }

@@ -27,10 +27,7 @@ pub(crate) struct Cli {
     command: Command,
 
     /// Threads to compute with [default: one per core; bench: 1]
-    #[arg(
-        long, global = true, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(1..=1024u16)
-    )]
+    #[arg(long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16))]
     threads: Option<u16>,
 
     /// More messages: -v progress, -vv details

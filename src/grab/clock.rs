@@ -1,6 +1,6 @@
 //! The grabber's clock: real time, or a scripted one that makes every run identical.
 
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -78,7 +78,7 @@ impl GrabClock {
     /// called again after every [`GrabClock::notify`]. On a scripted clock only participants may
     /// wait.
     pub fn wait_until<T>(&self, until_ns: u64, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let id = state.next_id;
         state.next_id += 1;
         state.waiting.push(Waiter {
@@ -119,7 +119,8 @@ impl GrabClock {
 
     /// Wakes all waiting threads. The caller must not hold a lock that their `ready` takes.
     pub fn notify(&self) {
-        self.lock()
+        self.state
+            .lock()
             .waiting
             .iter_mut()
             .for_each(|w| w.settled = false);
@@ -128,7 +129,7 @@ impl GrabClock {
 
     /// Adds a participant.
     pub fn enter(self: &Arc<Self>) -> Participant {
-        self.lock().participants += 1;
+        self.state.lock().participants += 1;
         Participant(self.clone())
     }
 
@@ -146,15 +147,11 @@ impl GrabClock {
         self.changed.notify_all();
         true
     }
-
-    fn lock(&self) -> MutexGuard<'_, ClockState> {
-        self.state.lock()
-    }
 }
 
 impl Drop for Participant {
     fn drop(&mut self) {
-        let mut state = self.0.lock();
+        let mut state = self.0.state.lock();
         state.participants -= 1;
         // The others may have been waiting only for this one.
         if let TimeSource::Scripted(time) = &self.0.time {

@@ -11,7 +11,7 @@ use super::queue::{Pushed, Queue};
 use super::tally::Tally;
 use super::triggering::Triggering;
 use super::watchdog::{CameraState, PairWatchdog, Phase};
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoPair};
@@ -108,7 +108,7 @@ impl Coordinator {
                 |_, _| {}
             }
         };
-        self.tally().frames[side as usize] += 1;
+        self.tally.lock().frames[side as usize] += 1;
         if is_ordered {
             next(self, side);
         }
@@ -238,7 +238,7 @@ impl Coordinator {
     fn deliver_pairs(&mut self, next: fn(&mut Pairing) -> Option<[Capture; 2]>) -> Result<()> {
         loop {
             let pair = next(&mut self.pairing);
-            self.tally().unpaired = self.pairing.unpaired();
+            self.tally.lock().unpaired = self.pairing.unpaired();
             match pair {
                 Some(pair) => self.deliver(pair)?,
                 None => return Ok(()),
@@ -261,26 +261,18 @@ impl Coordinator {
             );
         }
         let skew_ns = right.stamp_ns.wrapping_sub(left.stamp_ns) as i64;
-        let mut tally = self.tally();
+        let mut tally = self.tally.lock();
         // Saturates at an hour.
         tally.skew_ns.saturating_record(skew_ns.unsigned_abs());
         let (sequence, drops) = (tally.pairs, tally.drops());
         // The drops of a frame are those before it, so they are read before it is pushed.
         tally.pairs += 1;
         drop(tally);
+        let rectified = |rig| Geometry::Rectified(Some(rig));
+        let geometry = self.rig.map_or(Geometry::Raw, rectified);
         let frame = Frame {
             sequence,
             stamp_ns: left.stamp_ns,
-            name: None,
-            pair: StereoPair::new(left.image, right.image)?,
-            geometry: self
-                .rig
-                .map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig))),
-            calibration: None,
-            recorded: None,
-            pose: None,
-            truth: None,
-            color: None,
             exposure: Exposure {
                 // Without a trigger there is no pulse: the number of the pair is used instead.
                 trigger_id: left.trigger_id.unwrap_or(sequence),
@@ -289,12 +281,13 @@ impl Coordinator {
                 gain_mdb: left.settings.gain_mdb,
                 drops,
             },
+            ..Frame::new(StereoPair::new(left.image, right.image)?, geometry)
         };
         // This may wait for the writer (backpressure), and meanwhile nothing is triggered. The
         // watchdog is reset afterwards, or the wait would count as time without a pair.
         let pushed = self.queue.push(frame);
         self.pair_watchdog.on_pair(self.pairing.unpaired());
-        let mut tally = self.tally();
+        let mut tally = self.tally.lock();
         match pushed {
             Pushed::Taken => {}
             Pushed::Late => tally.waited += 1,
@@ -302,10 +295,6 @@ impl Coordinator {
             Pushed::Abandoned => tally.unread += 1,
         }
         Ok(())
-    }
-
-    fn tally(&self) -> MutexGuard<'_, Tally> {
-        self.tally.lock()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A channel between threads that waits on the grabber's clock.
 
 use super::clock::GrabClock;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ impl<T> Mailbox<T> {
 
     /// Sends, unless it is closed.
     pub(super) fn send(&self, message: T) {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         if !state.closed {
             state.messages.push_back(message);
         }
@@ -53,14 +53,14 @@ impl<T> Mailbox<T> {
 
     /// Ends the channel. Waiting messages are no longer received, only drained.
     pub(super) fn close(&self) {
-        self.lock().closed = true;
+        self.state.lock().closed = true;
         self.clock.notify();
     }
 
     /// The next message, after waiting for it until that time.
     pub(super) fn receive(&self, until_ns: u64) -> Received<T> {
         let look = || {
-            let mut state = self.lock();
+            let mut state = self.state.lock();
             // Closed takes precedence over waiting messages: a camera that is to end must not start
             // another image.
             if state.closed {
@@ -75,10 +75,6 @@ impl<T> Mailbox<T> {
 
     /// The messages left in a closed mailbox.
     pub(super) fn drain(&self) -> VecDeque<T> {
-        std::mem::take(&mut self.lock().messages)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, MailboxState<T>> {
-        self.state.lock()
+        std::mem::take(&mut self.state.lock().messages)
     }
 }

@@ -1,6 +1,6 @@
 //! The bounded queue between the grabber and the writer.
 
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
 use std::time::Duration;
 use svl_core::Result;
@@ -64,7 +64,7 @@ impl<T> Queue<T> {
     }
 
     pub fn push(&self, item: T) -> Pushed {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let mut pushed = Pushed::Taken;
         while state.items.len() >= self.length && !state.abandoned {
             if self.when_full == WhenFull::Drop {
@@ -83,7 +83,7 @@ impl<T> Queue<T> {
 
     /// Ends the writer, with its error if any.
     pub fn close(&self, ended: Result<()>) {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         (state.ended, state.closed) = (Some(ended), true);
         self.changed.notify_all();
     }
@@ -94,7 +94,7 @@ impl<T> Queue<T> {
     /// # Errors
     /// The error that ended the writer, once, after the last item.
     pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         loop {
             // Items from before an error come first: they are valid.
             if let Some(item) = state.items.pop_front() {
@@ -122,13 +122,9 @@ impl<T> Queue<T> {
 
     /// Ends the reader. Returns the number of items left.
     pub fn abandon(&self) -> usize {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         state.abandoned = true;
         self.changed.notify_all();
         std::mem::take(&mut state.items).len()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, QueueState<T>> {
-        self.state.lock()
     }
 }

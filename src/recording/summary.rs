@@ -27,7 +27,7 @@ const GAP_PERIODS: f64 = 1.5;
 const CLOCK_JUMP_NS: u64 = 500_000_000;
 
 /// The contents of an MCAP file, read completely. Works for any MCAP file, intact or corrupt.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct RecordingSummary {
     pub path: PathBuf,
     pub bytes: u64,
@@ -153,8 +153,9 @@ impl Recording {
                 while let Ok(Some(event)) = messages.next() {
                     seen.take_in(event);
                 }
-                seen.losses = messages.take_losses();
-                (seen.library, seen.profile) = ("rosbag, of ROS 1".into(), "ros1".into());
+                seen.found.losses = messages.take_losses();
+                (seen.found.library, seen.found.profile) =
+                    ("rosbag, of ROS 1".into(), "ros1".into());
                 seen.choose(self, &self.channels()?);
                 return Ok(seen.summary(file.path(), file.len()));
             }
@@ -165,7 +166,7 @@ impl Recording {
                         Ok(Some(event)) => seen.take_in(event),
                         Ok(None) => break,
                         Err(error) => {
-                            seen.losses.push(DamagedPart {
+                            seen.found.losses.push(DamagedPart {
                                 at_byte: 0,
                                 bytes: 0,
                                 reason: error.to_string(),
@@ -173,7 +174,8 @@ impl Recording {
                         }
                     }
                 }
-                (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
+                (seen.found.library, seen.found.profile) =
+                    ("rosbag2, in SQLite".into(), "ros2".into());
                 seen.choose(self, &self.channels()?);
                 return Ok(seen.summary(file.path(), file.len()));
             }
@@ -182,10 +184,10 @@ impl Recording {
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
-        (seen.losses, seen.missing) = messages.take_losses();
-        seen.checksums = messages.is_checked();
+        (seen.found.losses, seen.found.missing) = messages.take_losses();
+        seen.found.checksums = messages.is_checked();
         // Neither the profile nor a sync message: svl did not write it.
-        if seen.profile != PROFILE && seen.sequences.is_empty() {
+        if seen.found.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
             seen.choose(self, &channels.iter().collect::<Vec<_>>());
         }
@@ -208,12 +210,8 @@ impl RecordingSummary {
 /// State of the scan of a file.
 #[derive(Default)]
 struct SummaryScan {
-    library: String,
-    profile: String,
-    header: Option<Header>,
-    grabber: BTreeMap<String, String>,
-    manifest: Option<serde_json::Value>,
-    attachments: Vec<(String, u64)>,
+    /// The parts of the summary that are found as they come.
+    found: RecordingSummary,
     topics: BTreeMap<String, Topic>,
     /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
@@ -225,46 +223,38 @@ struct SummaryScan {
     synced: Vec<StampedImage>,
     places: u64,
     videos: BTreeMap<String, VideoScan>,
-    pairs: u64,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
-    geometry: BTreeSet<PairGeometry>,
     /// Row offsets of the results, by algorithm.
     row_offsets: BTreeMap<String, Vec<i8>>,
-    drops: u64,
     drops_before: Option<u64>,
-    unpaired: Option<UnpairedImages>,
-    poses: Option<PoseSummary>,
     /// Hash of the last image of each topic, and the number of those equal to the one before.
     repeated: BTreeMap<String, (u64, u64)>,
-    losses: Vec<DamagedPart>,
-    missing: BTreeMap<String, u64>,
-    checksums: bool,
-    stereo: Option<[String; 2]>,
 }
 
 impl SummaryScan {
     fn take_in(&mut self, event: FileEvent<'_>) {
         match event {
             // If files are appended, the header of the first one is used.
-            FileEvent::Library(header) if self.library.is_empty() => {
-                (self.library, self.profile) = (header.library, header.profile);
+            FileEvent::Library(header) if self.found.library.is_empty() => {
+                (self.found.library, self.found.profile) = (header.library, header.profile);
             }
             FileEvent::Library(_) => {}
             FileEvent::Metadata(metadata) if metadata.name == GRABBER => {
-                self.grabber = metadata.metadata
+                self.found.grabber = metadata.metadata
             }
             FileEvent::Metadata(metadata) => {
-                self.header = self
+                self.found.header = self
+                    .found
                     .header
                     .take()
                     .or_else(|| Header::from_record(&metadata))
             }
             FileEvent::Attachment { name, data, .. } => {
-                if name == MANIFEST && self.manifest.is_none() {
-                    self.manifest = serde_json::from_slice(&data).ok();
+                if name == MANIFEST && self.found.manifest.is_none() {
+                    self.found.manifest = serde_json::from_slice(&data).ok();
                 }
-                self.attachments.push((name, data.len() as u64));
+                self.found.attachments.push((name, data.len() as u64));
             }
             FileEvent::Message {
                 channel,
@@ -325,7 +315,7 @@ impl SummaryScan {
             Some(stamps) => stamps.push(stamp_ns),
             None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
         }
-        if self.profile != PROFILE {
+        if self.found.profile != PROFILE {
             let unpacked = unpack_message(data).ok().flatten();
             let data = unpacked.as_deref().unwrap_or(data);
             self.take_in_foreign_image(channel, stamp_ns, data);
@@ -356,39 +346,39 @@ impl SummaryScan {
     }
 
     fn take_in_sync(&mut self, sync: StereoSync, log_ns: u64) {
-        self.pairs += 1;
+        self.found.pairs += 1;
         self.synced.push(StampedImage {
-            place: self.pairs,
+            place: self.found.pairs,
             stamp_ns: sync.left_stamp_ns,
             log_ns,
             bytes: 0,
         });
         self.skews.extend(sync.exposure.skew_ns);
         self.sequences.insert(sync.sequence);
-        self.geometry.insert(sync.geometry);
+        self.found.geometry.insert(sync.geometry);
         // The recorder's counter never falls; after damage the last value read is used.
-        self.drops = self.drops.max(sync.exposure.drops);
+        self.found.drops = self.found.drops.max(sync.exposure.drops);
         self.drops_before.get_or_insert(sync.exposure.drops);
     }
 
     /// Chooses the topics of the pairs in another program's recording, and pairs their images.
     fn choose(&mut self, recording: &Recording, channels: &[&Channel]) {
-        self.stereo = choose(channels, &Selection::default()).ok();
-        if let Some(topics) = &self.stereo {
+        self.found.stereo = choose(channels, &Selection::default()).ok();
+        if let Some(topics) = &self.found.stereo {
             let images = |topic| self.foreign.get(topic).map_or(&[][..], Vec::as_slice);
             let (skews, unpaired) = pair_stamps(topics.each_ref().map(images));
-            self.pairs = skews.len() as u64;
+            self.found.pairs = skews.len() as u64;
             self.skews = skews;
-            self.unpaired = Some(unpaired);
+            self.found.unpaired = Some(unpaired);
             let frame = self.frames.get(&topics[0]).map_or("", String::as_str);
             let stamps = images(&topics[0]).iter().map(|image| image.stamp_ns);
             // Damage is reported with the pairs.
-            self.poses = pose_summary(recording, channels, frame, stamps)
+            self.found.poses = pose_summary(recording, channels, frame, stamps)
                 .ok()
                 .flatten();
         }
         // Calibrations are for images of one size, so their geometry is known once there is a pair.
-        self.geometry = Reader::new(recording.clone(), &Selection::default())
+        self.found.geometry = Reader::new(recording.clone(), &Selection::default())
             .and_then(|mut reader| reader.next_pair())
             .ok()
             .flatten()
@@ -399,7 +389,7 @@ impl SummaryScan {
 
     /// The topics of the left and the right images.
     fn image_topics(&self) -> [&str; 2] {
-        match &self.stereo {
+        match &self.found.stereo {
             Some(topics) => topics.each_ref().map(String::as_str),
             None => Side::BOTH.map(|side| TopicKind::Image(side).topic()),
         }
@@ -428,7 +418,7 @@ impl SummaryScan {
 
     /// Nominal stamps do not reveal the rate.
     fn has_nominal_stamps(&self) -> bool {
-        let stamps = self.header.as_ref().map(|header| &header.stamps);
+        let stamps = self.found.header.as_ref().map(|header| &header.stamps);
         matches!(stamps, Some(Some(StampOrigin::Nominal(_))))
     }
 
@@ -458,45 +448,27 @@ impl SummaryScan {
         let gaps = period_ns.map_or_else(Vec::new, |period_ns| gaps(&steps, period_ns));
         let missing_pairs = self.missing_pairs();
         let (start_ns, end_ns) = self.span_ns();
+        let misalignment = self.row_offsets.into_iter().filter_map(misalignment);
+        let videos = self.videos.into_iter();
         RecordingSummary {
             path: path.to_owned(),
             bytes,
-            damage: self.losses.first().map(DamagedPart::to_string),
-            checksums: self.checksums,
-            missing: self.missing,
+            damage: self.found.losses.first().map(DamagedPart::to_string),
             missing_pairs,
-            losses: self.losses,
-            stereo: self.stereo,
-            geometry: self.geometry,
-            misalignment: self
-                .row_offsets
-                .into_iter()
-                .filter_map(misalignment)
-                .collect(),
-            library: self.library,
-            profile: self.profile,
-            header: self.header,
-            grabber: self.grabber,
-            manifest: self.manifest,
-            attachments: self.attachments,
+            misalignment: misalignment.collect(),
             start_ns,
             end_ns,
             topics: self.topics.into_values().collect(),
-            pairs: self.pairs,
             period_ns,
             gaps,
             clock_jumps,
             skew: SkewSummary::from_skews(&mut self.skews),
-            drops: self.drops,
             drops_before: self.drops_before.unwrap_or_default(),
-            unpaired: self.unpaired,
             repeated_images,
-            poses: self.poses,
-            videos: self
-                .videos
-                .into_iter()
+            videos: videos
                 .map(|(topic, video)| (topic, video.summary))
                 .collect(),
+            ..self.found
         }
     }
 }

@@ -230,26 +230,14 @@ impl Report<'_> {
         let sessions: Vec<_> = sessions.collect();
         if let Some(last) = sessions.last() {
             // The report is of what was measured, not of the command that builds it.
-            let Manifest {
-                run_id,
-                began,
-                svl,
-                git_revision,
-                profile,
-                machine,
-                times,
-                ..
-            } = (*last).clone();
-            manifest = Manifest {
-                run_id,
-                began,
-                svl,
-                git_revision,
-                profile,
-                machine,
-                times,
-                ..manifest
-            };
+            let last = (*last).clone();
+            manifest.run_id = last.run_id;
+            manifest.began = last.began;
+            manifest.svl = last.svl;
+            manifest.git_revision = last.git_revision;
+            manifest.profile = last.profile;
+            manifest.machine = last.machine;
+            manifest.times = last.times;
         }
         manifest.sessions = sessions.into_iter().map(Manifest::session).collect();
         let labels = self.plan.labels();
@@ -484,35 +472,26 @@ fn is_recording(name: &str) -> bool {
         || name.starts_with("run-") && name.ends_with(".rrd")
 }
 
+fn is_table(name: &str) -> bool {
+    let stem = name.strip_suffix(".csv").or(name.strip_suffix(".parquet"));
+    stem.is_some_and(|stem| REPORT_TABLES.split(' ').any(|own| own == stem))
+}
+
 /// The folder of a report.
 pub const REPORT: FolderRule = FolderRule {
     kind: "a report",
-    owns: |name| REPORT_FILES.contains(&name) || is_recording(name),
+    owns: |name| REPORT_FILES.contains(&name) || is_table(name) || is_recording(name),
     inner: Some(UNITS),
     mark: "units/plan.json",
     cure: "name another folder with -o",
 };
 
+/// Its tables, each as `.csv` and `.parquet`.
+const REPORT_TABLES: &str =
+    "rows cells failures checkpoints algorithms summary verdicts drives tracks";
+
 const REPORT_FILES: &[&str] = &[
-    "rows.csv",
-    "rows.parquet",
-    "cells.csv",
-    "cells.parquet",
-    "failures.csv",
-    "failures.parquet",
-    "checkpoints.csv",
-    "checkpoints.parquet",
     MANIFEST,
-    "algorithms.csv",
-    "algorithms.parquet",
-    "summary.csv",
-    "summary.parquet",
-    "verdicts.csv",
-    "verdicts.parquet",
-    "drives.csv",
-    "drives.parquet",
-    "tracks.csv",
-    "tracks.parquet",
     COURSES,
     "summary.md",
     "summary.tex",

@@ -16,6 +16,7 @@ pub fn make_folder(path: &Path) -> Result<()> {
 pub struct Outputs(Vec<Output>);
 
 /// One file, or one folder of files.
+#[derive(Default)]
 struct Output {
     path: PathBuf,
     folder: Option<&'static FolderRule>,
@@ -232,10 +233,7 @@ impl Output {
             path: path.to_owned(),
             folder,
             created,
-            may_replace: false,
-            _lock: None,
-            begun: false,
-            aside: None,
+            ..Self::default()
         }
     }
 

@@ -393,27 +393,11 @@ impl Summary {
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
         Ok(Self {
             schema: SCHEMA,
-            ending: RunEnding::default(),
             pairs_hash: pairs_hash(rows)?,
             truth: truths(rows)?,
             algorithms,
             checkpoints,
-            made_of: Sources::default(),
-            leads: Vec::new(),
-            failed: Vec::new(),
-            warnings: Vec::new(),
-            programs: Vec::new(),
-            drives: Vec::new(),
-            stress: Vec::new(),
-            scope: RunScope::default(),
-            columns: ColumnChoice::default(),
-            is_sorted: false,
-            perfect: Vec::new(),
-            rule: CellRule::default(),
-            times: None,
-            slow_profile: None,
-            measured: false,
-            time_groups: BTreeMap::new(),
+            ..Self::default()
         })
     }
 }

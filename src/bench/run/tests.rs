@@ -99,10 +99,6 @@ impl Sink for Full {
         self.note(format!("end {}", end.error.unwrap_or("well")));
         Ok(())
     }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
-    }
 }
 
 struct Until(u64);

@@ -54,8 +54,4 @@ impl<F: FnMut(&Judged) + Send> Sink for WatchSink<F> {
         (self.0)(judged);
         Ok(())
     }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
-    }
 }

@@ -1,7 +1,7 @@
 //! Results of the algorithms so far, below the progress bar of `svl score`.
 
 use super::Sink;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,14 +23,9 @@ struct LiveLine {
 }
 
 impl LiveTable {
-    fn lines(&self) -> MutexGuard<'_, Vec<LiveLine>> {
-        // Consistent after a panic elsewhere, too: lines are changed at once.
-        self.0.lock()
-    }
-
     /// A line per algorithm, each after a line break.
     pub fn text(&self) -> String {
-        let lines = self.lines();
+        let lines = self.0.lock();
         let names = lines.iter().map(|line| line.algorithm.chars().count());
         let width = names.take(MAX_SHOWN).max().unwrap_or(0).min(40);
         let mut text = String::new();
@@ -74,7 +69,7 @@ impl LiveLine {
 
 impl Sink for LiveTable {
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        let mut lines = self.lines();
+        let mut lines = self.0.lock();
         for scored in &judged.estimates {
             let algorithm = &scored.estimate.algorithm;
             let place = match lines.iter().position(|line| line.algorithm == *algorithm) {
@@ -101,10 +96,6 @@ impl Sink for LiveTable {
                 }
             });
         }
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
     }
 }

@@ -21,7 +21,7 @@ pub use viewer::{
     BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
 };
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::Result;
@@ -84,7 +84,9 @@ pub trait Sink: Send {
     ///
     /// # Errors
     /// As [`Sink::take`].
-    fn finish(self: Box<Self>) -> Result<()>;
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// The results of a run that are asked for.
@@ -324,17 +326,13 @@ impl<T> Clone for Outbox<T> {
 impl<T> Outbox<T> {
     /// Stores the value for all copies of the outbox.
     pub fn put(&self, value: T) {
-        *self.lock() = value;
-    }
-
-    fn lock(&self) -> MutexGuard<'_, T> {
-        self.0.lock()
+        *self.0.lock() = value;
     }
 }
 
 impl<T: Default> Outbox<T> {
     /// Takes what was left.
     pub fn take(&self) -> T {
-        std::mem::take(&mut *self.lock())
+        std::mem::take(&mut *self.0.lock())
     }
 }

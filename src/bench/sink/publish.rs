@@ -2,7 +2,7 @@
 //! second.
 
 use super::{RunEnd, RunStart, Sink};
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -95,21 +95,13 @@ impl PublishSink {
             status: Some(status),
         })
     }
-
-    fn state(&self) -> MutexGuard<'_, Publication> {
-        lock(&self.state)
-    }
-}
-
-fn lock(state: &Mutex<Publication>) -> MutexGuard<'_, Publication> {
-    state.lock()
 }
 
 /// Sends a status once a second.
 fn report_until_ended(state: &Mutex<Publication>) {
     loop {
         std::thread::park_timeout(STATUS_EVERY);
-        let mut state = lock(state);
+        let mut state = state.lock();
         if state.ended {
             return;
         }
@@ -219,7 +211,7 @@ impl Publication {
 
 impl Sink for PublishSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         if let Some(algorithm) = start.manifest.algorithms.first() {
             state.algorithm.clone_from(&algorithm.label);
         }
@@ -227,26 +219,22 @@ impl Sink for PublishSink {
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        self.state().take(judged)
+        self.state.lock().take(judged)
     }
 
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
-        let state = self.state();
+        let state = self.state.lock();
         if state.unsent > 0 {
             let (prefix, unsent) = (&state.prefix, state.unsent);
             tracing::warn!("{prefix}: {unsent} messages could not be sent");
         }
         Ok(())
     }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
-    }
 }
 
 impl Drop for PublishSink {
     fn drop(&mut self) {
-        self.state().ended = true;
+        self.state.lock().ended = true;
         if let Some(status) = self.status.take() {
             status.thread().unpark();
             // It holds nothing that its end could lose.

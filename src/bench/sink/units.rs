@@ -138,8 +138,4 @@ impl Sink for UnitSink {
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
         self.end_block()
     }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
-    }
 }

@@ -1,6 +1,6 @@
 //! Monitors a source's pairs for vertical misalignment, and for left and right being exchanged.
 
-use super::Source;
+use super::{Source, wraps};
 use svl_core::Result;
 use svl_core::counted;
 use svl_core::rectify::AlignmentMeter;
@@ -69,13 +69,7 @@ impl<'a> AlignmentMonitor<'a> {
 }
 
 impl Source for AlignmentMonitor<'_> {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;

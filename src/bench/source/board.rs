@@ -38,19 +38,12 @@ impl Source for BoardSource {
         Ok(Some(Frame {
             sequence,
             stamp_ns: (sequence as f64 / RATE_HZ * 1e9).round() as u64,
-            name: None,
-            pair: self.board.pair(sequence)?,
-            geometry: Geometry::Raw,
-            calibration: None,
-            recorded: None,
-            pose: None,
-            truth: None,
-            color: None,
             exposure: Exposure {
                 trigger_id: sequence,
                 skew_ns: Some(0),
                 ..Exposure::default()
             },
+            ..Frame::new(self.board.pair(sequence)?, Geometry::Raw)
         }))
     }
 

@@ -1,6 +1,6 @@
 //! Some of the pairs of another source: a range of its time, every n-th, or the first N.
 
-use super::Source;
+use super::{Source, wraps};
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result, counted};
 use svl_score::scenario::PairRange;
@@ -169,13 +169,7 @@ impl Limited {
 }
 
 impl Source for Limited {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         self.ahead.take().unwrap_or_else(|| self.read())

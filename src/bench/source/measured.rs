@@ -1,6 +1,6 @@
 //! Pairs with the truth of another sensor, of their recording or their folder.
 
-use super::{FolderTruth, Source};
+use super::{FolderTruth, Source, wraps};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
 use svl_recording::TruthTopic;
@@ -24,13 +24,7 @@ impl MeasuredSource {
 }
 
 impl Source for MeasuredSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.source.next()?;

@@ -59,6 +59,20 @@ use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
 use svl_score::judge::Judged;
 
+/// Forwards what a wrapper does not change to the source in its field.
+macro_rules! wraps {
+    ($field:tt) => {
+        fn wrapped(&self) -> Option<&dyn Source> {
+            Some(&*self.$field)
+        }
+
+        fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+            Some(&mut *self.$field)
+        }
+    };
+}
+use wraps;
+
 /// A sequence of frames, pulled one by one.
 pub trait Source: Send {
     /// The source that this one is wrapped around; what a wrapper does not change is forwarded to

@@ -1,6 +1,6 @@
 //! Pairs whose truth is possible: the one place that every truth passes.
 
-use super::Source;
+use super::{Source, wraps};
 use std::collections::VecDeque;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
@@ -91,13 +91,7 @@ impl PlausibleSource {
 }
 
 impl Source for PlausibleSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         if let Some(reason) = &self.failed {

@@ -1,6 +1,6 @@
 //! Rectification of a source's raw pairs.
 
-use super::Source;
+use super::{Source, wraps};
 use std::sync::Arc;
 use svl_core::rectify::{Framing, Rectifier, bouguet};
 use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoPair};
@@ -98,13 +98,7 @@ impl RectifiedSource {
 }
 
 impl Source for RectifiedSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
@@ -160,13 +154,7 @@ impl<'a> AssumeRectified<'a> {
 }
 
 impl Source for AssumeRectified<'_> {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(self.0)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(self.0)
-    }
+    wraps!(0);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.0.next()?;

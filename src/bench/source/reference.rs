@@ -1,6 +1,6 @@
 //! Pairs scored against other algorithms, where these are confident.
 
-use super::Source;
+use super::{Source, wraps};
 use svl_core::depth::GridSettings;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
 use svl_core::stereo::{
@@ -117,13 +117,7 @@ impl Reference {
 }
 
 impl Source for ReferenceSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.source.next()?;

@@ -1,8 +1,8 @@
 //! Pairs that a command has taken, each once: the one register of copies, and of pairs that
 //! learned files were fitted to.
 
-use super::Source;
-use parking_lot::{Mutex, MutexGuard};
+use super::{Source, wraps};
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use svl_core::matcher::Algorithm;
@@ -66,7 +66,7 @@ impl PairRegister {
     /// # Errors
     /// [`Error::Usage`] with the two recordings.
     pub fn refuse_copies(&self) -> Result<()> {
-        let pairs = self.lock();
+        let pairs = self.0.lock();
         let Some(([run, owner], n)) = pairs.copies.first_key_value() else {
             return Ok(());
         };
@@ -81,7 +81,7 @@ impl PairRegister {
     /// The runs that are fitted to, of all in the order in which they were registered, with their
     /// pairs.
     pub fn fitted(&self, is_fitted: impl Fn(usize) -> bool) -> FittedTo {
-        let pairs = self.lock();
+        let pairs = self.0.lock();
         let runs = pairs.runs.iter().enumerate();
         let runs = runs.filter(|(run, _)| is_fitted(*run));
         let runs = runs.map(|(_, (name, _))| name.clone()).collect();
@@ -90,17 +90,13 @@ impl PairRegister {
     }
 
     fn begin(&self, run: (String, Option<String>)) -> usize {
-        let mut pairs = self.lock();
+        let mut pairs = self.0.lock();
         pairs.runs.push(run);
         pairs.runs.len() - 1
     }
 
     fn name(&self, run: usize) -> String {
-        self.lock().runs[run].0.clone()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, RegisteredPairs> {
-        self.0.lock()
+        self.0.lock().runs[run].0.clone()
     }
 }
 
@@ -194,7 +190,7 @@ impl RegisteredSource {
     /// Registers a pair; false if it is a copy.
     fn is_new(&mut self, frame: &Frame) -> bool {
         let id = frame.id();
-        let mut pairs = self.register.lock();
+        let mut pairs = self.register.0.lock();
         let pairs = &mut *pairs;
         // In one recording, stamps that were never set are equal, and so are the pictures of a
         // camera at rest.
@@ -211,13 +207,7 @@ impl RegisteredSource {
 }
 
 impl Source for RegisteredSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         while let Some(frame) = self.source.next()? {

@@ -7,7 +7,7 @@ use svl_recording::{Selection, TruthSelection};
 use svl_score::scenario::SourceOptions;
 
 /// A source to open, with its options.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Request<'a> {
     /// A name in the syntax of [`super::SOURCES`], or a path.
     pub name: &'a str,
@@ -30,12 +30,7 @@ impl<'a> Request<'a> {
     pub fn new(name: &'a str) -> Self {
         Self {
             name,
-            seed: None,
-            options: SourceOptions::default(),
-            raw: false,
-            live_s: None,
-            grab: GrabRequest::default(),
-            host: Host::default(),
+            ..Self::default()
         }
     }
 

@@ -1,6 +1,6 @@
 //! Another source's images, cropped and shrunk.
 
-use super::Source;
+use super::{Source, wraps};
 use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_score::resize::Resizer;
@@ -22,13 +22,7 @@ impl Resized {
 }
 
 impl Source for Resized {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;

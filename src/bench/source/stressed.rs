@@ -1,6 +1,6 @@
 //! A source whose pairs are perturbed in one way ([`svl_sim::stress`]).
 
-use super::Source;
+use super::{Source, wraps};
 use std::collections::VecDeque;
 use svl_core::stereo::{Frame, Gray, StereoPair};
 use svl_core::{Error, Result};
@@ -47,13 +47,7 @@ impl StressedSource {
 }
 
 impl Source for StressedSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&*self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut *self.source)
-    }
+    wraps!(source);
 
     fn name(&self) -> String {
         format!("{}, {}", self.source.name(), self.stress)

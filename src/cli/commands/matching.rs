@@ -76,10 +76,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     calib: Option<PathBuf>,
     /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(8..=16u8)
-    )]
+    #[arg(long, value_name = "N", value_parser = usage::within(8..=16u8))]
     bits: Option<u8>,
     /// Print JSON
     #[arg(long)]

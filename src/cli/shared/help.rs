@@ -3,8 +3,8 @@
 
 use super::source::{CameraArgs, sources_help};
 use super::terminal::{LAST_COLUMN, wrapped};
-use clap::builder::StyledStr;
-use clap::{Arg, ArgAction, Args, Command};
+use clap::builder::{StyledStr, ValueParser};
+use clap::{Arg, ArgAction, Args, Command, value_parser};
 use svl::scenario::SourceOptions;
 
 /// Commands on the front page.
@@ -29,128 +29,33 @@ const GROUPS: &[(&str, &[&str])] = &[
 ];
 
 /// Headings in their order, and the options of those that declare none, by their names.
-const HEADINGS: &[(&str, &[&str])] = &[
+const HEADINGS: &[(&str, &str)] = &[
     (
         "Input",
-        &[
-            "algo",
-            "sample",
-            "filter",
-            "kind",
-            "data",
-            "seed",
-            "frames",
-            "duration",
-            "bits",
-            "calib",
-            "size",
-            "from",
-            "unit",
-            "scenario",
-            "target",
-            "squares",
-            "square_m",
-            "object_map",
-            "mask",
-            "right_truth",
-            "map",
-            "list",
-            "test",
-            "tables_only",
-        ],
+        "algo sample filter kind data seed frames duration bits calib size from unit scenario \
+         target squares square_m object_map mask right_truth map list test tables_only",
     ),
     (
         "Scoring",
-        &[
-            "stress",
-            "repeat",
-            "check",
-            "gate",
-            "fail_on",
-            "allow_loss",
-            "protocol",
-            "scale",
-            "max_disparity",
-            "verify",
-            "pairs",
-            "grid",
-            "from_truth",
-            "hidden",
-            "scaling",
-            "no_mean",
-            "epochs",
-        ],
+        "stress repeat check gate fail_on allow_loss protocol scale max_disparity verify pairs \
+         grid from_truth hidden scaling no_mean epochs",
     ),
     (
         "Output",
-        &[
-            "output",
-            "force",
-            "rows",
-            "cells",
-            "why",
-            "preview",
-            "stixels",
-            "evidence",
-            "error_map",
-            "figure",
-            "figures",
-            "table",
-            "samples",
-            "compress",
-            "ros2",
-            "publish",
-            "dense",
-            "near",
-            "camera_height",
-            "rerun",
-            "rerun_detail",
-            "drives",
-            "sort",
-            "columns",
-            "explain",
-            "junit",
-            "print_scenario",
-            "to",
-            "rectify",
-            "example",
-            "web",
-            "markdown",
-            "json",
-        ],
+        "output force rows cells why preview stixels evidence error_map figure figures table \
+         samples compress ros2 publish dense near camera_height rerun rerun_detail drives sort \
+         columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
         "Run",
-        &[
-            "times", "prune", "shard", "resume", "script", "rate", "yes", "threads", "verbose",
-            "quiet", "help", "version",
-        ],
+        "times prune shard resume script rate yes threads verbose quiet help version",
     ),
 ];
 
 /// Options that only `--help` shows, not `-h`.
-const LONG_OPTIONS: &[&str] = &[
-    "sample",
-    "rerun_detail",
-    "publish",
-    "dense",
-    "near",
-    "camera_height",
-    "drives",
-    "times",
-    "prune",
-    "junit",
-    "print_scenario",
-    "script",
-    "scaling",
-    "no_mean",
-    "epochs",
-    "samples",
-    "search_seed",
-    "test_seeds",
-    "trials",
-    "pairs",
-];
+const LONG_OPTIONS: &str = "\
+    sample rerun_detail publish dense near camera_height drives times prune junit \
+    print_scenario script scaling no_mean epochs samples search_seed test_seeds trials pairs";
 
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
@@ -182,6 +87,26 @@ fn groups(program: &Command) -> String {
     GROUPS.iter().map(group).collect::<Vec<_>>().join("\n")
 }
 
+/// An option with a number, for which a negative one is outside its range, not another option.
+fn accepting_negative_numbers(arg: Arg) -> Arg {
+    let numbers: [ValueParser; 5] = [
+        value_parser!(f64).into(),
+        value_parser!(u8).into(),
+        value_parser!(u16).into(),
+        value_parser!(u64).into(),
+        value_parser!(usize).into(),
+    ];
+    let kind = arg.get_value_parser().type_id();
+    let is_number = numbers.iter().any(|number| number.type_id() == kind);
+    let is_allowed = is_number || arg.is_allow_negative_numbers_set();
+    arg.allow_negative_numbers(is_allowed)
+}
+
+/// True for an id that is one of these words.
+fn is_named(ids: &str, id: &clap::Id) -> bool {
+    ids.split(' ').any(|own| id == own)
+}
+
 /// The names of an argument group's options.
 fn ids<A: Args>() -> Vec<clap::Id> {
     let command = A::augment_args(Command::new(""));
@@ -205,13 +130,14 @@ fn with_headings(command: Command, path: &str) -> Command {
     let shared: Vec<_> = shared.into_iter().filter(|(_, ids)| has(ids)).collect();
     let has_sources = !shared.is_empty();
     let command = command.mut_args(|arg| {
+        let arg = accepting_negative_numbers(arg);
         let id = arg.get_id();
         if let Some((heading, _)) = shared.iter().find(|(_, ids)| ids.contains(id)) {
             let arg = arg.help_heading(*heading).hide_short_help(true);
             return arg.hide_long_help(path != SOURCES_PAGE);
         }
-        let is_long = LONG_OPTIONS.contains(&id.as_str());
-        let heading = HEADINGS.iter().find(|(_, ids)| ids.contains(&id.as_str()));
+        let is_long = is_named(LONG_OPTIONS, id);
+        let heading = HEADINGS.iter().find(|(_, ids)| is_named(ids, id));
         let heading = heading.filter(|_| !arg.is_positional() && arg.get_help_heading().is_none());
         let arg = match heading {
             Some((heading, _)) => arg.help_heading(*heading),

@@ -29,12 +29,7 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "software|serial:DEVICE|fixed:HZ|free")]
     trigger: Option<TriggerSource>,
     /// Pairs per second: at most with software and serial, exactly with free [default: 30]
-    #[arg(
-        long,
-        value_name = "HZ",
-        allow_negative_numbers = true,
-        value_parser = usage::within(RATES_HZ)
-    )]
+    #[arg(long, value_name = "HZ", value_parser = usage::within(RATES_HZ))]
     rate: Option<f64>,
     /// Rule that makes a pair: the same trigger pulse, the nearest stamps, or the order of arrival,
     /// which shows what goes wrong without either [default: trigger with software and serial where
@@ -42,12 +37,7 @@ pub(crate) struct CameraArgs {
     #[arg(long, value_name = "trigger|stamp|order")]
     pairing: Option<PairingChoice>,
     /// Pairs that may wait for the disk [default: 64]
-    #[arg(
-        long,
-        value_name = "N",
-        allow_negative_numbers = true,
-        value_parser = usage::within(1..=4096u16)
-    )]
+    #[arg(long, value_name = "N", value_parser = usage::within(1..=4096u16))]
     queue: Option<u16>,
     /// When the queue is full: let the cameras wait (backpressure), or drop pairs and count them
     /// [default: drop]
@@ -55,12 +45,7 @@ pub(crate) struct CameraArgs {
     when_full: Option<FullChoice>,
     /// Watchdog: how long a camera may be silent, beyond the period where svl does not trigger it;
     /// the third time in a row ends the recording [default: 1]
-    #[arg(
-        long,
-        value_name = "S",
-        allow_negative_numbers = true,
-        value_parser = usage::within(0.01..=86_400.0)
-    )]
+    #[arg(long, value_name = "S", value_parser = usage::within(0.01..=86_400.0))]
     timeout: Option<f64>,
 }
 

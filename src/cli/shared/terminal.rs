@@ -2,7 +2,7 @@
 //! on standard error.
 
 use anyhow::Context;
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -73,24 +73,20 @@ impl WarningLog {
                 .map(|line| line.trim().to_owned())
                 .collect()
         };
-        lines(&Self::warned())
+        lines(&WARNED.lock())
     }
 
     /// Begins another part, and returns the number of warnings before it.
     pub(crate) fn begin_part() -> usize {
-        let mut warned = Self::warned();
+        let mut warned = WARNED.lock();
         warned.part = warned.text.len();
         warned.text.lines().count()
-    }
-
-    fn warned() -> MutexGuard<'static, Warned> {
-        WARNED.lock()
     }
 }
 
 impl Write for WarningLog {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut warned = Self::warned();
+        let mut warned = WARNED.lock();
         let line = String::from_utf8_lossy(bytes);
         let mut lines = warned.text[warned.part..].lines();
         let is_known = lines.any(|known| known == line.trim_end());
@@ -114,12 +110,12 @@ const MAX_HELD_BYTES: usize = 1 << 16;
 impl Warnings {
     /// From now on warnings are held back.
     pub(crate) fn hold() {
-        Self::held().get_or_insert_default();
+        HELD.lock().get_or_insert_default();
     }
 
     /// Writes what was held back, and from now on everything at once.
     pub(crate) fn release() {
-        if let Some((held, _)) = Self::held().take() {
+        if let Some((held, _)) = HELD.lock().take() {
             // A closed standard error is ignored.
             let _ = io::stderr().write_all(&held);
         }
@@ -127,14 +123,10 @@ impl Warnings {
 
     /// The last line that was held back since this was asked last.
     pub(crate) fn take_last() -> Option<String> {
-        let mut held = Self::held();
+        let mut held = HELD.lock();
         let (held, taken) = held.as_mut()?;
         let new = String::from_utf8_lossy(&held[std::mem::replace(taken, held.len())..]);
         new.lines().last().map(plain)
-    }
-
-    fn held() -> MutexGuard<'static, Option<(Vec<u8>, usize)>> {
-        HELD.lock()
     }
 }
 
@@ -155,7 +147,7 @@ fn plain(line: &str) -> String {
 
 impl Write for Warnings {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut *Self::held() {
+        match &mut *HELD.lock() {
             Some((held, _)) => {
                 let room = MAX_HELD_BYTES.saturating_sub(held.len());
                 held.extend_from_slice(&bytes[..bytes.len().min(room)]);

@@ -2,7 +2,7 @@
 
 use crate::clock::GrabClock;
 use crate::trigger::{Pulse, Trigger};
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::Side;
@@ -30,7 +30,7 @@ impl TriggerCable {
     /// Raises both lines.
     pub fn raise(&self, pulse: Pulse) {
         // Nothing is queued: a camera that is not armed misses the pulse (thesis, figure 4.2).
-        for line in self.lock().iter_mut().filter(|line| line.armed) {
+        for line in self.lines.lock().iter_mut().filter(|line| line.armed) {
             *line = CableLine {
                 armed: false,
                 pulse: Some(pulse),
@@ -42,7 +42,7 @@ impl TriggerCable {
 
     /// Arms a camera: the next pulse exposes.
     pub(super) fn arm(&self, side: Side) {
-        self.lock()[side as usize] = CableLine {
+        self.lines.lock()[side as usize] = CableLine {
             armed: true,
             pulse: None,
         };
@@ -51,11 +51,7 @@ impl TriggerCable {
     /// The first pulse since it was armed, after waiting for it.
     pub(super) fn pulse(&self, side: Side, until_ns: u64) -> Option<Pulse> {
         self.clock
-            .wait_until(until_ns, || self.lock()[side as usize].pulse.take())
-    }
-
-    fn lock(&self) -> MutexGuard<'_, [CableLine; 2]> {
-        self.lines.lock()
+            .wait_until(until_ns, || self.lines.lock()[side as usize].pulse.take())
     }
 }
 

@@ -303,13 +303,8 @@ pub(crate) fn odometry(message: &mut MessageReader<'_>) -> Parsed<(RosTime, RosT
 /// tf2_msgs/msg/TFMessage, each transform with its stamp.
 pub(crate) fn transforms(message: &mut MessageReader<'_>) -> Parsed<Vec<(RosTime, RosTransform)>> {
     let count = limited(message.length(1)?, MAX_TRANSFORMS, "transforms")?;
-    let transform = |_| {
-        let RosHeader { stamp, frame_id } = header(message)?;
-        let child = message.str()?.to_owned();
-        let pose = (floats(message)?, floats(message)?);
-        Ok((stamp, (frame_id.to_owned(), child, pose.0, pose.1)))
-    };
-    (0..count).map(transform).collect()
+    // geometry_msgs/msg/TransformStamped has the fields with which an odometry begins.
+    (0..count).map(|_| odometry(message)).collect()
 }
 
 /// Checks a count before memory is allocated for it.

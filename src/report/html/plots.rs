@@ -54,60 +54,29 @@ struct PlotAxis {
 }
 
 const TIME: PlotAxis = PlotAxis {
-    label: "median ms per pair",
     is_log: true,
-    is_cost: true,
-    number: |_, a| a.p50_ms,
+    ..PlotAxis::cost("median ms per pair", |_, a| a.p50_ms)
 };
-const WRONG: PlotAxis = PlotAxis {
-    label: "wrong, of the known cells, %",
-    is_log: false,
-    is_cost: true,
-    number: |_, a| wrong_of_known(a),
-};
-const BAD: PlotAxis = PlotAxis {
-    label: "off by > 2 px, of the estimates, %",
-    is_log: false,
-    is_cost: true,
-    number: |_, a| a.totals.get("bad2").map(percent),
-};
-const KNOWN: PlotAxis = PlotAxis {
-    label: "known, of the cells, %",
-    is_log: false,
-    is_cost: false,
-    number: |_, a| known(a),
-};
-const COVERED: PlotAxis = PlotAxis {
-    label: "estimated, of the visible pixels, %",
-    is_log: false,
-    is_cost: false,
-    number: |_, a| {
-        a.totals
-            .get("invalid")
-            .map(|invalid| percent(1.0 - invalid))
-    },
-};
-const FINISHED: PlotAxis = PlotAxis {
-    label: "courses finished, %",
-    is_log: false,
-    is_cost: false,
-    number: |summary, a| {
-        let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
-        finished.map(percent)
-    },
-};
-const COLLISIONS: PlotAxis = PlotAxis {
-    label: "collisions per 100 m",
-    is_log: false,
-    is_cost: true,
-    number: |summary, a| summary.value(&a.algorithm, Metric::find("collisions")?, None),
-};
-const UNRIVALLED: PlotAxis = PlotAxis {
-    label: "unrivalled, of the cells, %",
-    is_log: false,
-    is_cost: false,
-    number: |_, a| a.totals.get("unrivalled").map(percent),
-};
+const WRONG: PlotAxis = PlotAxis::cost("wrong, of the known cells, %", |_, a| wrong_of_known(a));
+const BAD: PlotAxis = PlotAxis::cost("off by > 2 px, of the estimates, %", |_, a| {
+    a.totals.get("bad2").map(percent)
+});
+const KNOWN: PlotAxis = PlotAxis::gain("known, of the cells, %", |_, a| known(a));
+const COVERED: PlotAxis = PlotAxis::gain("estimated, of the visible pixels, %", |_, a| {
+    a.totals
+        .get("invalid")
+        .map(|invalid| percent(1.0 - invalid))
+});
+const FINISHED: PlotAxis = PlotAxis::gain("courses finished, %", |summary, a| {
+    let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
+    finished.map(percent)
+});
+const COLLISIONS: PlotAxis = PlotAxis::cost("collisions per 100 m", |summary, a| {
+    summary.value(&a.algorithm, Metric::find("collisions")?, None)
+});
+const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a| {
+    a.totals.get("unrivalled").map(percent)
+});
 
 const TRADE_OFFS: [TradeOff; 6] = [
     TradeOff {
@@ -328,6 +297,24 @@ fn disc_radius(area: Option<f64>) -> u32 {
 }
 
 impl PlotAxis {
+    /// A number of which less is better.
+    const fn cost(label: &'static str, number: PlotNumber) -> Self {
+        Self {
+            label,
+            is_log: false,
+            is_cost: true,
+            number,
+        }
+    }
+
+    /// A number of which more is better.
+    const fn gain(label: &'static str, number: PlotNumber) -> Self {
+        Self {
+            is_cost: false,
+            ..Self::cost(label, number)
+        }
+    }
+
     fn axis(&self) -> Axis {
         if self.is_log {
             Axis {

@@ -14,7 +14,7 @@ use svl_score::manifest::hash_bytes;
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// The results that the tables of a block hold: written last, and renamed into place.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seal {
     pub session: String,
     /// The block in its run; 0 for a drive.
@@ -95,10 +95,7 @@ impl BlockWriter {
             seal: Seal {
                 session: session.to_owned(),
                 block,
-                pairs: Vec::new(),
-                algorithms: Vec::new(),
-                files: BTreeMap::new(),
-                drive: None,
+                ..Seal::default()
             },
         }
     }

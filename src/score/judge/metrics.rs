@@ -174,7 +174,7 @@ pub enum MetricOrigin {
     Frame {
         /// Its column in the rows, and that of its total in the summary.
         column: &'static str,
-        value: fn(&FrameFacts<'_>) -> Option<f64>,
+        value: FrameValue,
         total: MetricTotal,
     },
     /// The time per pair; over frames, the median by nearest rank.
@@ -203,7 +203,44 @@ pub enum MetricTotal {
     ShareOf(&'static [&'static str]),
 }
 
-const SCORED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
+const SCORED_CELLS: &[&str] = &["right", "wrong", "unknown"];
+
+/// The value of a frame.
+type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
+
+/// A metric of frames whose values are averaged.
+const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
+    let total = MetricTotal::Mean;
+    MetricOrigin::Frame {
+        column,
+        value,
+        total,
+    }
+}
+
+/// A metric of frames whose values are added up.
+const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
+    let total = MetricTotal::Sum;
+    MetricOrigin::Frame {
+        column,
+        value,
+        total,
+    }
+}
+
+/// A metric of frames whose sum is a part of the sums of others.
+const fn part(
+    whole: &'static [&'static str],
+    column: &'static str,
+    value: FrameValue,
+) -> MetricOrigin {
+    let total = MetricTotal::ShareOf(whole);
+    MetricOrigin::Frame {
+        column,
+        value,
+        total,
+    }
+}
 
 /// A metric against truth that only the table of all metrics shows.
 const DETAIL: Metric = Metric {
@@ -229,11 +266,9 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "cells_right",
-            value: |facts| facts.cells(|cells| cells.right),
-            total: SCORED_CELLS,
-        },
+        origin: part(SCORED_CELLS, "cells_right", |facts| {
+            facts.cells(|cells| cells.right)
+        }),
         note: Some(|rule| {
             let right = rule.right_words();
             let words =
@@ -250,11 +285,9 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "cells_wrong",
-            value: |facts| facts.cells(|cells| cells.wrong),
-            total: SCORED_CELLS,
-        },
+        origin: part(SCORED_CELLS, "cells_wrong", |facts| {
+            facts.cells(|cells| cells.wrong)
+        }),
         plot: Some("wrong_cells"),
         level: MetricLevel::Headline(&[RunKind::Distances]),
         ..DETAIL
@@ -266,11 +299,9 @@ pub const METRICS: &[Metric] = &[
         head: "unknown",
         unit: MetricUnit::Share,
         better: Better::Neither,
-        origin: MetricOrigin::Frame {
-            column: "cells_unknown",
-            value: |facts| facts.cells(|cells| cells.unknown),
-            total: SCORED_CELLS,
-        },
+        origin: part(SCORED_CELLS, "cells_unknown", |facts| {
+            facts.cells(|cells| cells.unknown)
+        }),
         level: MetricLevel::Headline(&[RunKind::Distances]),
         ..DETAIL
     },
@@ -282,11 +313,9 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Neither,
         against_truth: false,
-        origin: MetricOrigin::Frame {
-            column: "known_share",
-            value: |facts| Some(facts.estimate.grid.known_share()),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("known_share", |facts| {
+            Some(facts.estimate.grid.known_share())
+        }),
         plot: Some("known_cells"),
         note: Some(|_| {
             let words = "cells with a distance or a disparity, right or not, of all cells; the \
@@ -302,11 +331,9 @@ pub const METRICS: &[Metric] = &[
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "missed_median",
-            value: |facts| facts.obstacles(|cells| cells.missed_median),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("missed_median", |facts| {
+            facts.obstacles(|cells| cells.missed_median)
+        }),
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -324,11 +351,9 @@ pub const METRICS: &[Metric] = &[
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "false_median",
-            value: |facts| facts.obstacles(|cells| cells.false_median),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("false_median", |facts| {
+            facts.obstacles(|cells| cells.false_median)
+        }),
         ..DETAIL
     },
     Metric {
@@ -338,11 +363,9 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "cells_right_surface",
-            value: |facts| facts.surfaces(|cells| cells.right),
-            total: SCORED_CELLS,
-        },
+        origin: part(SCORED_CELLS, "cells_right_surface", |facts| {
+            facts.surfaces(|cells| cells.right)
+        }),
         note: Some(|_| {
             let words = "a cell is right, too, if its report is that of a nearer surface that \
                          fills at least a quarter of the cell";
@@ -357,11 +380,9 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "cells_wrong_surface",
-            value: |facts| facts.surfaces(|cells| cells.wrong),
-            total: SCORED_CELLS,
-        },
+        origin: part(SCORED_CELLS, "cells_wrong_surface", |facts| {
+            facts.surfaces(|cells| cells.wrong)
+        }),
         ..DETAIL
     },
     Metric {
@@ -371,11 +392,9 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "cells_right_near",
-            value: |facts| facts.quarters(|cells| cells.near_right),
-            total: MetricTotal::ShareOf(&["scored_quarters"]),
-        },
+        origin: part(&["scored_quarters"], "cells_right_near", |facts| {
+            facts.quarters(|cells| cells.near_right)
+        }),
         note: Some(|_| {
             let words = "scored by the nearest quarter of a cell instead of its median, of the \
                          cells in which it is known";
@@ -390,11 +409,9 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "cells_wrong_near",
-            value: |facts| facts.quarters(|cells| cells.near_wrong),
-            total: MetricTotal::ShareOf(&["scored_quarters"]),
-        },
+        origin: part(&["scored_quarters"], "cells_wrong_near", |facts| {
+            facts.quarters(|cells| cells.near_wrong)
+        }),
         ..DETAIL
     },
     Metric {
@@ -404,11 +421,7 @@ pub const METRICS: &[Metric] = &[
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "missed",
-            value: |facts| facts.near_obstacles(|cells| cells.missed),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("missed", |facts| facts.near_obstacles(|cells| cells.missed)),
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -428,11 +441,7 @@ pub const METRICS: &[Metric] = &[
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "false",
-            value: |facts| facts.near_obstacles(|cells| cells.falsely),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("false", |facts| facts.near_obstacles(|cells| cells.falsely)),
         level: MetricLevel::Headline(&[RunKind::Distances]),
         ..DETAIL
     },
@@ -443,11 +452,9 @@ pub const METRICS: &[Metric] = &[
         head: "found %",
         unit: MetricUnit::Share,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "found",
-            value: |facts| facts.near_obstacles(|cells| cells.found),
-            total: MetricTotal::ShareOf(&["near"]),
-        },
+        origin: part(&["near"], "found", |facts| {
+            facts.near_obstacles(|cells| cells.found)
+        }),
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -467,11 +474,9 @@ pub const METRICS: &[Metric] = &[
         head: "floor",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "floor_obstacles",
-            value: |facts| facts.filtered(|cells| cells.floor),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("floor_obstacles", |facts| {
+            facts.filtered(|cells| cells.floor)
+        }),
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -490,11 +495,7 @@ pub const METRICS: &[Metric] = &[
         group: "near obstacles",
         head: "all",
         unit: MetricUnit::Count,
-        origin: MetricOrigin::Frame {
-            column: "near",
-            value: |facts| facts.near_obstacles(|cells| cells.near),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("near", |facts| facts.near_obstacles(|cells| cells.near)),
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -510,11 +511,9 @@ pub const METRICS: &[Metric] = &[
         words: "unknown near obstacles",
         group: "near obstacles",
         head: "unknown, %",
-        origin: MetricOrigin::Frame {
-            column: "near_unknown",
-            value: |facts| facts.near_obstacles(|cells| cells.near_unknown),
-            total: MetricTotal::ShareOf(&["near"]),
-        },
+        origin: part(&["near"], "near_unknown", |facts| {
+            facts.near_obstacles(|cells| cells.near_unknown)
+        }),
         better: Better::Less,
         ..DETAIL
     },
@@ -526,11 +525,9 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Neither,
         against_truth: false,
-        origin: MetricOrigin::Frame {
-            column: "coverage",
-            value: |facts| Some(facts.estimate.disparity.coverage()),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("coverage", |facts| {
+            Some(facts.estimate.disparity.coverage())
+        }),
         plot: Some("coverage"),
         note: Some(|_| {
             let words = "pixels with a disparity; fractions of pixels are means over the pairs";
@@ -545,11 +542,7 @@ pub const METRICS: &[Metric] = &[
         head: "invalid",
         unit: MetricUnit::Share,
         better: Better::Neither,
-        origin: MetricOrigin::Frame {
-            column: "invalid",
-            value: |facts| facts.pixels?.invalid(),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("invalid", |facts| facts.pixels?.invalid()),
         note: Some(|_| {
             let words = "pixels without a disparity, of those with truth that both cameras see";
             ("invalid", words.into())
@@ -563,11 +556,7 @@ pub const METRICS: &[Metric] = &[
         head: ">1 px",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "bad1",
-            value: |facts| facts.pixels?.bad1(),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("bad1", |facts| facts.pixels?.bad1()),
         note: Some(|_| {
             let words = "pixels with a larger error, of those with a disparity and with truth that \
                          both cameras see";
@@ -582,11 +571,7 @@ pub const METRICS: &[Metric] = &[
         head: ">2 px",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "bad2",
-            value: |facts| facts.pixels?.bad2(),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("bad2", |facts| facts.pixels?.bad2()),
         level: MetricLevel::Headline(&[RunKind::Disparities]),
         ..DETAIL
     },
@@ -598,11 +583,9 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Px,
         better: Better::Neither,
         against_truth: false,
-        origin: MetricOrigin::Frame {
-            column: "row_offset",
-            value: |facts| facts.estimate.disparity.median_row_offset().map(f64::from),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("row_offset", |facts| {
+            facts.estimate.disparity.median_row_offset().map(f64::from)
+        }),
         plot: Some("row_offset"),
         note: Some(|_| {
             let words = "number of rows by which the right image is lower: the median over a \
@@ -620,11 +603,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::More,
         against_truth: false,
-        origin: MetricOrigin::Frame {
-            column: "unrivalled",
-            value: |facts| facts.support.unrivalled,
-            total: MetricTotal::Mean,
-        },
+        origin: mean("unrivalled", |facts| facts.support.unrivalled),
         note: Some(|_| {
             let words = "known cells for which no other disparity matches better, of all cells; \
                          needs no truth: docs/method.md";
@@ -641,11 +620,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::More,
         against_truth: false,
-        origin: MetricOrigin::Frame {
-            column: "agreed",
-            value: |facts| facts.support.agreed,
-            total: MetricTotal::Mean,
-        },
+        origin: mean("agreed", |facts| facts.support.agreed),
         plot: Some("agreed_cells"),
         note: Some(|_| {
             let words = "known cells that the median of the run's other algorithms confirms, of \
@@ -661,11 +636,7 @@ pub const METRICS: &[Metric] = &[
         head: "kept",
         unit: MetricUnit::Count,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "kept_obstacles",
-            value: |facts| facts.filtered(|cells| cells.kept),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("kept_obstacles", |facts| facts.filtered(|cells| cells.kept)),
         ..DETAIL
     },
     Metric {
@@ -675,11 +646,9 @@ pub const METRICS: &[Metric] = &[
         head: "lost %",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "lost_obstacles",
-            value: |facts| facts.filtered(|cells| cells.lost),
-            total: MetricTotal::ShareOf(&["kept", "lost"]),
-        },
+        origin: part(&["kept", "lost"], "lost_obstacles", |facts| {
+            facts.filtered(|cells| cells.lost)
+        }),
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -697,11 +666,9 @@ pub const METRICS: &[Metric] = &[
         head: "close %",
         unit: MetricUnit::Share,
         better: Better::More,
-        origin: MetricOrigin::Frame {
-            column: "close_cells",
-            value: |facts| facts.filtered(|cells| cells.close),
-            total: MetricTotal::ShareOf(&["close", "blind"]),
-        },
+        origin: part(&["close", "blind"], "close_cells", |facts| {
+            facts.filtered(|cells| cells.close)
+        }),
         note: Some(|_| {
             let words = "cells truly nearer than the range of disparities: reported as too close, \
                          or right (close), or not (blind)";
@@ -716,11 +683,7 @@ pub const METRICS: &[Metric] = &[
         head: "blind",
         unit: MetricUnit::Count,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "blind_cells",
-            value: |facts| facts.filtered(|cells| cells.blind),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("blind_cells", |facts| facts.filtered(|cells| cells.blind)),
         ..DETAIL
     },
     Metric {
@@ -730,11 +693,9 @@ pub const METRICS: &[Metric] = &[
         head: "alarms %",
         unit: MetricUnit::Share,
         better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "false_alarms",
-            value: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
-            total: MetricTotal::Mean,
-        },
+        origin: mean("false_alarms", |facts| {
+            facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
+        }),
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -751,15 +712,11 @@ pub const METRICS: &[Metric] = &[
         group: "scored",
         head: "scored pairs",
         unit: MetricUnit::Count,
-        origin: MetricOrigin::Frame {
-            column: "scored_pairs",
-            value: |facts| {
-                Some(f64::from(u8::from(
-                    facts.scored()? > 0 || facts.has_scored_pixels(),
-                )))
-            },
-            total: MetricTotal::Sum,
-        },
+        origin: sum("scored_pairs", |facts| {
+            Some(f64::from(u8::from(
+                facts.scored()? > 0 || facts.has_scored_pixels(),
+            )))
+        }),
         note: Some(|_| {
             let words = "pairs and cells with enough of a truth: all other numbers against truth \
                          are of these";
@@ -773,11 +730,9 @@ pub const METRICS: &[Metric] = &[
         group: "scored",
         head: "scored cells",
         unit: MetricUnit::Count,
-        origin: MetricOrigin::Frame {
-            column: "scored_cells",
-            value: |facts| facts.scored().map(|cells| cells as f64),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("scored_cells", |facts| {
+            facts.scored().map(|cells| cells as f64)
+        }),
         ..DETAIL
     },
     Metric {
@@ -786,11 +741,9 @@ pub const METRICS: &[Metric] = &[
         group: "scored",
         head: "scored quarters",
         unit: MetricUnit::Count,
-        origin: MetricOrigin::Frame {
-            column: "scored_quarters",
-            value: |facts| facts.surfaces.map(|cells| cells.quarters as f64),
-            total: MetricTotal::Sum,
-        },
+        origin: sum("scored_quarters", |facts| {
+            facts.surfaces.map(|cells| cells.quarters as f64)
+        }),
         note: Some(|_| {
             let words = "cells whose nearest quarter is known: as many as scored cells, but for \
                          sparse truth; near obstacles are of these";

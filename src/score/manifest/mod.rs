@@ -27,7 +27,7 @@ pub const SCHEMA: u32 = 1;
 /// `svl.run`).
 ///
 /// Equal pairs, algorithms and parameters have equal result hashes, whatever the other fields.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the files of a report, [`SCHEMA`].
     #[serde(default)]
@@ -117,7 +117,7 @@ pub struct RunRecord {
 }
 
 /// An algorithm of a run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AlgorithmRecord {
     /// Its name in the registry.
     pub name: String,
@@ -159,7 +159,7 @@ impl AlgorithmRecord {
 }
 
 /// The machine. Times depend on it, results do not.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
     pub processor: String,
     /// Instruction set that the kernels run on.
@@ -203,17 +203,9 @@ impl Manifest {
             sources: build.sources.map(str::to_owned),
             profile: build.profile.map(str::to_owned),
             scenario: scenario.to_owned(),
-            description: None,
-            bits: None,
-            pairs_hash: None,
-            truth: Vec::new(),
             algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
-            runs: Vec::new(),
             machine: Machine::this()?,
-            times: None,
-            shard: None,
-            sessions: Vec::new(),
-            warnings: Vec::new(),
+            ..Self::default()
         })
     }
 
@@ -330,12 +322,8 @@ impl Manifest {
 
 impl SessionRecord {
     fn entry(&self) -> (String, String) {
-        let Machine {
-            processor,
-            isa,
-            threads,
-            ..
-        } = &self.machine;
+        let Machine { processor, isa, .. } = &self.machine;
+        let threads = self.machine.threads;
         let shard = self.shard.as_ref().map(|shard| format!(", shard {shard}"));
         let words = format!(
             "{}, {processor}, {isa}, {threads} threads{}",
@@ -385,14 +373,9 @@ impl AlgorithmRecord {
             algorithm.spec().name
         ))[..16]
             .to_owned();
-        let (name, label) = (
-            algorithm.spec().name.to_owned(),
-            algorithm.label().to_owned(),
-        );
-        let disparities = algorithm.disparities();
         Self {
-            name,
-            label,
+            name: algorithm.spec().name.to_owned(),
+            label: algorithm.label().to_owned(),
             values: algorithm
                 .parameters()
                 .iter()
@@ -401,12 +384,8 @@ impl AlgorithmRecord {
             parameters,
             filters,
             parameters_hash,
-            disparities,
-            results_hash: None,
-            memory_bytes: None,
-            failed_pairs: 0,
-            failure: None,
-            program: None,
+            disparities: algorithm.disparities(),
+            ..Self::default()
         }
     }
 

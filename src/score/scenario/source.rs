@@ -62,21 +62,15 @@ pub struct SourceOptions {
     pub side_by_side: bool,
     /// Pairs per second of a folder or video [default: by its stamps; where there are none it is
     /// not known]
-    #[arg(
-        long, value_name = "HZ", allow_negative_numbers = true, value_parser = within(FPS)
-    )]
+    #[arg(long, value_name = "HZ", value_parser = within(FPS))]
     pub fps: Option<f64>,
     /// Number of bits of 16 that the images use [default: 10, 12, 14 or 16, by the largest value of
     /// the first 16 pairs]
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true, value_parser = within(BITS)
-    )]
+    #[arg(long, value_name = "N", value_parser = within(BITS))]
     pub bits: Option<u8>,
     /// Largest skew of a pair made by stamp [default: 5; with cameras a quarter of their period,
     /// half of it when they are free-running]
-    #[arg(
-        long, value_name = "MS", allow_negative_numbers = true, value_parser = within(SKEW_MS)
-    )]
+    #[arg(long, value_name = "MS", value_parser = within(SKEW_MS))]
     pub max_skew_ms: Option<f64>,
     /// Topic of another sensor in the recording that measures the truth: a depth image, a
     /// disparity image, a point cloud or a laser scan; of a folder, the files: `depth/*.png`,
@@ -85,9 +79,7 @@ pub struct SourceOptions {
     #[arg(long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new())]
     pub truth: Option<String>,
     /// Largest difference of the stamps of a pair and its measurement [default: 20]
-    #[arg(
-        long, value_name = "MS", allow_negative_numbers = true, value_parser = within(SKEW_MS)
-    )]
+    #[arg(long, value_name = "MS", value_parser = within(SKEW_MS))]
     pub truth_skew_ms: Option<f64>,
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
     /// or a recording that keeps it; or take them as rectified [default: by the camera_info of a
@@ -96,10 +88,7 @@ pub struct SourceOptions {
     pub calib: Option<String>,
     /// Part of the raw images to keep, as OpenCV's alpha: 0 only valid pixels, 1 all [default: as
     /// in the file, else 0]
-    #[arg(
-        long, value_name = "0..1", allow_negative_numbers = true,
-        value_parser = within(0.0..=1.0)
-    )]
+    #[arg(long, value_name = "0..1", value_parser = within(0.0..=1.0))]
     pub alpha: Option<f64>,
     /// Crop the rectified images
     #[arg(long, value_name = "X,Y,WIDTH,HEIGHT", value_parser = crop)]
@@ -108,22 +97,13 @@ pub struct SourceOptions {
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub scale: Option<f64>,
     /// Take every n-th pair, the first among them
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = within(1..=1_000_000_000u64)
-    )]
+    #[arg(long, value_name = "N", value_parser = within(1..=1_000_000_000u64))]
     pub every: Option<u64>,
     /// Take the pairs from S seconds after the first pair on
-    #[arg(
-        long = "from", value_name = "S", allow_negative_numbers = true,
-        value_parser = within(SECONDS)
-    )]
+    #[arg(long = "from", value_name = "S", value_parser = within(SECONDS))]
     pub from_s: Option<f64>,
     /// Take the pairs before S seconds after the first pair
-    #[arg(
-        long = "to", value_name = "S", allow_negative_numbers = true,
-        value_parser = within(SECONDS)
-    )]
+    #[arg(long = "to", value_name = "S", value_parser = within(SECONDS))]
     pub to_s: Option<f64>,
     /// Score against this algorithm where it is sure (textured, left and right consistent), not
     /// against a ground truth; given twice, where both agree

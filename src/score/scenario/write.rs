@@ -1,7 +1,8 @@
 //! A scenario written as a file, and for a manifest.
 
+use super::file::File;
 use super::source::calib_with_paths;
-use super::{File, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
+use super::{Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
 use std::path::{Path, PathBuf};
 use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::{Error, Result};

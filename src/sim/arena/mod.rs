@@ -268,18 +268,14 @@ impl ArenaWorld {
             },
         );
         let (left, truth) = left?;
+        let geometry = Geometry::Rectified(Some(self.rig));
         Ok(Frame {
             sequence: index,
             stamp_ns: self.config.stamp_ns(index),
-            name: None,
-            pair: StereoPair::new(left, right?)?,
-            geometry: Geometry::Rectified(Some(self.rig)),
-            calibration: None,
-            recorded: None,
             pose: Some(pose),
             truth: Some(truth),
-            color: None,
             exposure: sensor.exposure(index),
+            ..Frame::new(StereoPair::new(left, right?)?, geometry)
         })
     }
 

@@ -2,12 +2,19 @@
 
 use super::fixture::{Fixture, assert_says};
 
-/// A short arena scored by each of these algorithms into a folder of that number.
+/// A short arena scored by each of these algorithms, once for all tests, in a folder of that
+/// number.
 fn scored(algorithms: &[&str]) -> Fixture {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 40);
     for (i, names) in algorithms.iter().enumerate() {
-        fixture.run(&format!("score short.toml -q -o {i} --algo {names}"));
+        fixture.write_made("r", &format!("short arena by {names}"), |fixture| {
+            fixture.write_recorded_arena("short.toml", 40);
+            fixture.run(&format!(
+                "score short.toml -q --rerun none -o r --algo {names}"
+            ));
+        });
+        std::fs::rename(fixture.path("r"), fixture.path(&i.to_string())).unwrap();
     }
     fixture
 }

@@ -121,7 +121,7 @@ fn warnings(fixture: &Fixture, line: &str) -> usize {
 #[test]
 fn scores_on_what_was_fitted_to_are_warned_of() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 12);
+    fixture.write_short_arena("short.toml", 6);
     fixture.run("-q train v5 short.toml --seeds 204..209 --epochs 1 -o whole.safetensors");
     fixture.run("-q train v5 short.toml --seeds 107..109 --tables-only -o own.safetensors");
     for seed in [204, 206, 208, 108, 109] {

@@ -1,6 +1,6 @@
 //! Counts that say of how many pairs, cells and settings a number is.
 
-use super::drive::courses;
+use super::drive::driven;
 use super::fixture::{Fixture, assert_says};
 use svl::report::{DriveRow, read_rows};
 
@@ -70,9 +70,8 @@ fn without_truth_no_count_passes_a_gate() {
 
 #[test]
 fn the_pairs_of_drives_are_those_of_their_rows() {
-    let fixture = Fixture::new();
-    fixture.write("small.toml", courses(""));
-    let text = fixture.run("score small.toml -q --drives none -o r");
+    let fixture = driven();
+    let text = fixture.run("report r");
     let rows: Vec<DriveRow> = read_rows(&fixture.path("r/drives.csv")).unwrap();
     let pairs: u64 = rows.iter().map(|row| row.frames).sum();
     assert_says(&text, &[&format!("{pairs} pairs")]);
@@ -87,7 +86,7 @@ fn headings_of_the_table_name_its_metrics() {
     let heads = text.lines().find(|line| line.contains("p50")).unwrap();
     let heads = heads.replace("found %", "found").replace("1 2 3 4 5 6", "");
     for head in heads.split_whitespace() {
-        let text = fixture.run(&format!("{score} --columns {head} --sort {head}"));
+        let text = fixture.run(&format!("report r --columns {head} --sort {head}"));
         let shown = text
             .lines()
             .any(|line| line.trim_start().starts_with(head) || line.contains(&format!(" {head}")));

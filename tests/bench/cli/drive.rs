@@ -11,11 +11,21 @@ pub(super) fn courses(more: &str) -> String {
     )
 }
 
-#[test]
-fn drives_are_driven_counted_drawn_and_kept() {
+/// The courses, and the report of their drives in `r`, which are driven once for all tests.
+pub(super) fn driven() -> Fixture {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));
-    let text = fixture.run("score small.toml -q -o r");
+    fixture.write_made("r", "small courses", |fixture| {
+        fixture.write("small.toml", courses(""));
+        fixture.run("score small.toml -q -o r");
+    });
+    fixture
+}
+
+#[test]
+fn drives_are_driven_counted_drawn_and_kept() {
+    let fixture = driven();
+    let text = fixture.run("report r");
     assert_says(&text, &["hits/100 m", "truth", "blind"]);
     let summary: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
@@ -76,9 +86,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
 
 #[test]
 fn the_same_command_drives_only_what_is_missing() {
-    let fixture = Fixture::new();
-    fixture.write("small.toml", courses(""));
-    fixture.run("score small.toml -q -o r");
+    let fixture = driven();
     let whole = fixture.text("r/drives.csv");
     let fastest = || {
         let page = fixture.text("r/index.html");

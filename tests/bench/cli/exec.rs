@@ -78,27 +78,11 @@ fn the_others_go_on_when_one_fails() {
 #[test]
 fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     let fixture = Fixture::new();
-    fixture.write_recorded_arena("short.toml", 60);
-    let alone = fixture.run(&[
-        "score",
-        "short.toml",
-        "--algo",
-        "v3",
-        "--json",
-        "-o",
-        "alone",
-    ]);
-    let both = fixture.svl(&[
-        "score",
-        "short.toml",
-        "--algo",
-        FAILS,
-        "--algo",
-        "v3",
-        "--json",
-        "-o",
-        "both",
-    ]);
+    fixture.write_recorded_arena("short.toml", 40);
+    let score = ["score", "short.toml", "--rerun", "none", "--json", "-o"];
+    let alone = fixture.run(&[&score[..], &["alone", "--algo", "v3"]].concat());
+    let both = ["both", "--algo", FAILS, "--algo", "v3"];
+    let both = fixture.svl(&[&score[..], &both].concat());
     assert_eq!(both.code, Some(4), "{}", both.stderr);
     let [alone, both] =
         [alone, both.stdout].map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());

@@ -54,7 +54,7 @@ fn a_recording_is_not_named_twice() {
     let fixture = Fixture::new();
     write_floors(&fixture, "floors.toml", 3);
     fixture.fails(
-        "-q train filter floors.toml floors.toml --kind floor --hidden 2 -o f.safetensors => \
+        "-q train filter floors.toml floors.toml --seeds 11 --kind floor -o f.safetensors => \
          2: floors seed 11: has 3 pairs of floors seed 11: name each recording once",
     );
 }

@@ -5,7 +5,7 @@ pub use crate::common::{assert_says, datasets};
 use assert_cmd::Command;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
@@ -163,27 +163,40 @@ impl Fixture {
     /// Same as [`Fixture::write_short_arena`], with the recordings of its two runs, which are
     /// simulated once for all tests.
     pub fn write_recorded_arena(&self, name: &str, frames: u64) -> PathBuf {
-        type Files = Vec<(std::ffi::OsString, Vec<u8>)>;
-        static RECORDED: Mutex<BTreeMap<u64, Arc<Files>>> = Mutex::new(BTreeMap::new());
-        let mut recorded = RECORDED.lock();
-        let record = || {
-            let fixture = Self::new();
+        self.write_made("recordings", &format!("arena of {frames}"), |fixture| {
             fixture.write_short_arena("short.toml", frames);
             fixture.run("score short.toml --algo truth --rerun none -q");
-            let entries = std::fs::read_dir(fixture.path("recordings")).unwrap();
-            let file = |entry: std::io::Result<std::fs::DirEntry>| {
-                let entry = entry.unwrap();
-                (entry.file_name(), std::fs::read(entry.path()).unwrap())
-            };
-            Arc::new(entries.map(file).collect::<Files>())
-        };
-        let files = Arc::clone(recorded.entry(frames).or_insert_with(record));
-        drop(recorded);
-        std::fs::create_dir_all(self.path("recordings")).unwrap();
-        for (name, bytes) in &*files {
-            std::fs::write(self.path("recordings").join(name), bytes).unwrap();
-        }
+        });
         self.write_short_arena(name, frames)
+    }
+
+    /// Writes the files below `folder` that `make` leaves there, once for all tests with that
+    /// `key`.
+    pub fn write_made(&self, folder: &str, key: &str, make: impl FnOnce(&Self)) {
+        type Made = BTreeMap<String, Arc<Mutex<Vec<(PathBuf, Vec<u8>)>>>>;
+        static MADE: Mutex<Made> = Mutex::new(BTreeMap::new());
+        let files = Arc::clone(MADE.lock().entry(key.to_owned()).or_default());
+        let mut files = files.lock();
+        if files.is_empty() {
+            let fixture = Self::new();
+            make(&fixture);
+            add_files(&fixture.path(folder), Path::new(folder), &mut files);
+        }
+        for (path, bytes) in &*files {
+            self.write(path.to_str().unwrap(), bytes);
+        }
+    }
+}
+
+/// Adds the files of a folder, and of those in it, with their paths in `name`.
+fn add_files(folder: &Path, name: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let (path, name) = (entry.path(), name.join(entry.file_name()));
+        if path.is_dir() {
+            add_files(&path, &name, files);
+        } else {
+            files.push((name, std::fs::read(path).unwrap()));
+        }
     }
 }
 

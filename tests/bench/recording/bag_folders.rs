@@ -25,7 +25,7 @@ fn bag_of(parts: &[&[bag::Message]]) -> (tempfile::TempDir, PathBuf) {
     (holder, folder)
 }
 
-fn describe(folder: &Path, storage: &str, compression: &str, names: &str) {
+pub(super) fn describe(folder: &Path, storage: &str, compression: &str, names: &str) {
     let metadata = format!(
         "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: {storage}\n  \
          compression_mode: \"{compression}\"\n  relative_file_paths:\n{names}  \

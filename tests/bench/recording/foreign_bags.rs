@@ -405,44 +405,6 @@ fn the_unpaired_are_counted_and_the_skew_is_bounded() {
 }
 
 #[test]
-fn messages_out_of_order_find_their_partners() {
-    let mut messages: Vec<_> = (0..12).flat_map(|i| pair(i, 0)).collect();
-    for block in messages.chunks_mut(8) {
-        block.reverse();
-    }
-    let (_folder, path) = write_bag(messages);
-    let (frames, error) = read(&path);
-    assert!(error.is_none() && frames.len() == 12);
-    for frame in frames {
-        let i = (frame.stamp_ns - START_NS) / PERIOD_NS;
-        assert_eq!(
-            (frame.pair.left(), frame.pair.right()),
-            (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
-        );
-    }
-}
-
-#[test]
-fn one_camera_after_the_other_loses_no_pair() {
-    let (lefts, rights): (Vec<_>, Vec<_>) =
-        (0..100).map(|i| <(_, _)>::from(pair(i, 2_000))).unzip();
-    let (_folder, path) = write_bag(lefts.into_iter().chain(rights));
-    let mut source = RecordingSource::open(&path).unwrap();
-    for i in 0..100 {
-        let frame = source.next().unwrap().unwrap();
-        assert_eq!(
-            (frame.sequence, frame.stamp_ns, frame.exposure.skew_ns),
-            (i, stamp(i), Some(2_000))
-        );
-        assert_eq!(
-            (frame.pair.left(), frame.pair.right()),
-            (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
-        );
-    }
-    assert!(source.next().unwrap().is_none() && source.finish(0) == Losses::default());
-}
-
-#[test]
 fn a_pair_that_cannot_be_read_costs_only_itself() {
     let left_out = |bad: &[u64]| {
         let messages = (0..12).flat_map(|i| {

@@ -11,6 +11,7 @@ mod encodings;
 mod extended;
 mod foreign_bags;
 mod foreign_readers;
+mod formats;
 pub(crate) mod frames;
 mod hints;
 mod kill;

@@ -1,8 +1,9 @@
 //! ROS 1 bags: written here by their format's page (wiki.ros.org/Bags/Format/2.0), and by rosbags.
 
-use super::bag::{self, Message};
+use super::bag::Message;
+use super::formats::with_sensors as messages;
 use super::frames::{read, recover, summarize};
-use super::sensor::{cloud, depth32, open, pairs, tf};
+use super::sensor::pairs;
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use bzip2::Compression;
@@ -10,8 +11,6 @@ use bzip2::write::BzEncoder;
 use re_cdr::{CdrReader, LittleEndian};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use svl::recording::Reader;
-use svl::stereo::Truth;
 
 /// Fields of the types: `h` header, `t` time, `s` string, `y` bytes, `1`, `4`, `8` numbers of so
 /// many bytes, `[…]` a sequence.
@@ -181,62 +180,14 @@ fn write(folder: &Path, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Writes the messages as a ROS 1 bag with chunks in LZ4.
-pub(super) fn write_messages(folder: &Path, messages: &[Message]) -> PathBuf {
-    write(folder, &bag(messages, "lz4", lz4).bytes)
-}
-
-/// Pairs with a calibration, a lidar beside the camera, and a depth camera.
-fn messages() -> Vec<Message> {
-    let stamp = pairs()[2].log_time - 1_234_567;
-    let mut all = pairs();
-    all.push(tf("/tf_static", &[("cam", "lidar", [0.1, 0.0, 0.0])]));
-    all.push(cloud("lidar", stamp, &[[0.0, 0.0, 2.0], [0.05, 0.02, 1.5]]));
-    all.push(depth32(0, (24, 16), |x, y| {
-        1.0 + 0.1 * x as f32 + 0.01 * y as f32
-    }));
-    all
-}
-
-#[test]
-fn a_bag_is_that_of_ros_2() {
-    let folder = tempfile::tempdir().unwrap();
-    let ros2 = bag::write(folder.path(), &messages());
-    let (expected, _) = read(&ros2);
-    let truth = |path: &Path, topic| {
-        let mut source = open(path, topic).unwrap().source;
-        let frames = std::iter::from_fn(|| source.next().unwrap());
-        frames
-            .map(|frame| frame.truth)
-            .collect::<Vec<Option<Truth>>>()
+/// Writes the messages into a bag with that compression.
+pub(super) fn write_bag(folder: &Path, messages: &[Message], compression: &str) -> PathBuf {
+    let pack: fn(&[u8]) -> Vec<u8> = match compression {
+        "lz4" => lz4,
+        "bz2" => bz2,
+        _ => <[u8]>::to_vec,
     };
-    let all = [
-        ("none", bag(&messages(), "none", <[u8]>::to_vec)),
-        ("lz4", bag(&messages(), "lz4", lz4)),
-        ("bz2", bag(&messages(), "bz2", bz2)),
-    ];
-    for (compression, made) in all {
-        let path = write(folder.path(), &made.bytes);
-        let (frames, error) = read(&path);
-        assert!(error.is_none(), "{compression}: {error:?}");
-        assert!(
-            frames == expected && frames[0].rig().is_some(),
-            "{compression}"
-        );
-        for topic in ["/points", "/depth"] {
-            assert!(truth(&path, topic)[0].is_some());
-            assert_eq!(
-                truth(&path, topic),
-                truth(&ros2, topic),
-                "{compression} {topic}"
-            );
-        }
-        let topics = Reader::open(&path).unwrap().truth_topics().unwrap();
-        assert_eq!(topics, ["/depth", "/points"]);
-        let info = summarize(&path).unwrap();
-        assert!(info.is_intact() && !info.checksums);
-        assert_eq!((info.pairs, info.profile.as_str()), (2, "ros1"));
-    }
+    write(folder, &bag(messages, compression, pack).bytes)
 }
 
 #[test]

@@ -267,19 +267,13 @@ impl Source for VideoSource {
         Ok(Some(Frame {
             sequence,
             stamp_ns,
-            name: None,
-            pair,
-            geometry: Geometry::Raw,
-            calibration: None,
-            recorded: None,
-            pose: None,
-            truth: None,
             color,
             exposure: Exposure {
                 trigger_id: sequence,
                 skew_ns,
                 ..Exposure::default()
             },
+            ..Frame::new(pair, Geometry::Raw)
         }))
     }
 

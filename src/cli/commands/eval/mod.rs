@@ -60,17 +60,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     object_map: Option<PathBuf>,
     /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(0.001..=65536.0)
-    )]
+    #[arg(long, value_name = "N", value_parser = usage::within(0.001..=65536.0))]
     max_disparity: Option<f64>,
     /// Factor by which images of truth multiply disparities; required for 8-bit images (an 8-bit
     /// DISPARITY has the same factor) [default: 256 for 16 bits]
-    #[arg(
-        long, value_name = "S", allow_negative_numbers = true,
-        value_parser = usage::within(0.001..=65536.0)
-    )]
+    #[arg(long, value_name = "S", value_parser = usage::within(0.001..=65536.0))]
     scale: Option<f64>,
     /// Picture of the errors in KITTI's colours
     #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]

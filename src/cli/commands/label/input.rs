@@ -1,9 +1,10 @@
 //! The source that is labelled: a recorded one, and its options.
 
-use crate::cli::shared::source::{SCENARIO_OPTIONS, SourceParser, hidden};
+use crate::cli::shared::source::{self, SCENARIO_OPTIONS, SourceParser, hidden};
+use crate::cli::shared::stepper::{FrameStore, Stepper, open_again};
 use anyhow::bail;
 use svl::scenario::SourceOptions;
-use svl::source::{Request, SourceKind};
+use svl::source::{Request, Source, SourceKind};
 
 /// The source that the user steps through.
 #[derive(clap::Args)]
@@ -41,4 +42,13 @@ impl LabelInput {
             ..Request::new(&self.source)
         }
     }
+}
+
+/// Steps through a source that is open; an earlier frame is read from its beginning again.
+pub(super) fn stepper<'a>(
+    first: Box<dyn Source>,
+    request: &'a Request<'_>,
+) -> anyhow::Result<Stepper<'a>> {
+    let again = || Ok(source::open(request.clone(), true)?.source);
+    Stepper::new(request.name, FrameStore::new(open_again(first, again))?)
 }

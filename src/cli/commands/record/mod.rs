@@ -30,21 +30,15 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
     /// Largest number of pairs
     #[arg(
-        long, value_name = "N", allow_negative_numbers = true, conflicts_with = "duration",
+        long, value_name = "N", conflicts_with = "duration",
         value_parser = usage::within(1..=1_000_000_000_000u64)
     )]
     frames: Option<u64>,
     /// Largest duration, seconds of the source's stamps
-    #[arg(
-        long, value_name = "S", allow_negative_numbers = true,
-        value_parser = usage::within(0.001..=1e9)
-    )]
+    #[arg(long, value_name = "S", value_parser = usage::within(0.001..=1e9))]
     duration: Option<f64>,
     /// Seed of the textures, path and noise of a simulated source [default: a scenario's first, 1]
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(0..=u64::MAX)
-    )]
+    #[arg(long, value_name = "N", value_parser = usage::within(0..=u64::MAX))]
     seed: Option<u64>,
     #[command(flatten)]
     options: SourceOptions,

@@ -101,18 +101,12 @@ pub(crate) struct Args {
     dense: bool,
     /// Height of the camera above the floor, metres: the published scan then has obstacles below
     /// the camera, too
-    #[arg(
-        long, value_name = "M", allow_negative_numbers = true, requires = "publish",
-        value_parser = usage::within(0.01..=100.0)
-    )]
+    #[arg(long, value_name = "M", requires = "publish", value_parser = usage::within(0.01..=100.0))]
     camera_height: Option<f64>,
     /// Distance in the published scan of cells of state near, metres
     ///
     /// They have none of their own, and are unknown in the scan without this.
-    #[arg(
-        long, value_name = "M", allow_negative_numbers = true, requires = "publish",
-        value_parser = usage::within(0.01..=100.0)
-    )]
+    #[arg(long, value_name = "M", requires = "publish", value_parser = usage::within(0.01..=100.0))]
     near: Option<f64>,
     /// Compare the results with those of an earlier run
     ///

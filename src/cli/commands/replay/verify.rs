@@ -13,6 +13,7 @@ use svl::report::Row;
 use svl::source::SourceKind;
 
 /// The results of an earlier run.
+#[derive(Default)]
 pub(super) struct Earlier {
     path: PathBuf,
     /// Labels in the order of the run.
@@ -29,7 +30,7 @@ pub(super) struct Earlier {
 }
 
 /// Comparison of a replay with the earlier run.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 pub(super) struct Verification {
     against: PathBuf,
     /// Results that are equal.
@@ -74,11 +75,7 @@ impl Earlier {
     ) -> anyhow::Result<Self> {
         let mut earlier = Self {
             path: path.to_owned(),
-            labels: Vec::new(),
-            hashes: BTreeMap::new(),
-            cells: BTreeMap::new(),
-            parameters: BTreeMap::new(),
-            by_stamp: false,
+            ..Self::default()
         };
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), name, seed)?,
@@ -203,12 +200,7 @@ impl Earlier {
     ) -> anyhow::Result<Verification> {
         let mut found = Verification {
             against: self.path.clone(),
-            equal: 0,
-            differing: BTreeMap::new(),
-            only_now: 0,
-            only_then: 0,
-            with_memory: None,
-            live: None,
+            ..Verification::default()
         };
         // An algorithm that answers cells itself may differ in them alone.
         let keyed = cells

@@ -67,7 +67,7 @@ pub(crate) struct Args {
     algo: Vec<Algorithms>,
     /// At most N algorithms of each sweep, spread evenly over its grid, always the same ones
     #[arg(
-        long, value_name = "N", requires = "algo", allow_negative_numbers = true,
+        long, value_name = "N", requires = "algo",
         value_parser = usage::within(1..=MAX_ALGORITHMS)
     )]
     sample: Option<usize>,
@@ -84,10 +84,7 @@ pub(crate) struct Args {
     /// Match each pair N times; its time is the median
     ///
     /// In turns; all results must be equal.
-    #[arg(
-        long, value_name = "N", default_value_t = 1, allow_negative_numbers = true,
-        value_parser = usage::within(1..=1000usize)
-    )]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = usage::within(1..=1000usize))]
     repeat: usize,
     /// Score the truth itself
     ///

@@ -8,12 +8,11 @@ mod worker;
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
-use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
+use crate::cli::shared::stepper::{Ended, FrameStore, Open, StepSession, Stepper, open_again};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::{Context, bail};
-use std::cell::RefCell;
 use std::path::PathBuf;
 use svl::matcher::Algorithm;
 use svl::runs::{self, runs};
@@ -138,13 +137,13 @@ struct SearchArgs {
     test_seeds: Option<svl::scenario::SeedList>,
     /// Settings to try of each algorithm
     #[arg(
-        long, value_name = "N", default_value_t = 120, allow_negative_numbers = true,
+        long, value_name = "N", default_value_t = 120,
         value_parser = usage::within(4..=100_000usize)
     )]
     trials: usize,
     /// Pairs to search on, spread over all runs; few settings are run on all of them
     #[arg(
-        long, value_name = "N", default_value_t = 252, allow_negative_numbers = true,
+        long, value_name = "N", default_value_t = 252,
         value_parser = usage::within(8..=1_000_000usize)
     )]
     pairs: usize,
@@ -222,13 +221,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ));
     };
     // Before anything takes time.
-    let mut keys = match &args.script {
-        Some(script) => Keys::script(script)?,
-        None => {
-            Screen::check_terminal()?;
-            Keys::Terminal
-        }
-    };
+    let session = StepSession::new(args.script.as_deref())?;
     let filters = args.filters.models()?;
     let algorithms = args.algorithms()?;
     let tuned = open(args, name, &algorithms, quiet)?;
@@ -276,13 +269,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let files = args.filters.files(&filters);
     let mut tuner = Tuner::new(settings, worker, args.output.clone(), scenario, files);
-    let mut screen = match args.script {
-        Some(_) => Screen::in_memory()?,
-        None => Screen::from_terminal()?,
-    };
-    let ended = stepper::run(&mut stepper, &mut tuner, &mut keys, &mut screen);
-    drop(screen);
-    let ended = ended?;
+    let ended = session.run(&mut stepper, &mut tuner)?;
     print(&tuner.farewell())?;
     match ended {
         Ended::Quit => Ok(()),
@@ -309,16 +296,13 @@ fn open<'a>(
             Some(path) => Scenario::read(path)?.judge(),
             None => Judge::default(),
         };
-        let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
-        let open: Open<'a> = Box::new(move || match first.take() {
-            Some(first) => Ok(first),
-            None => Ok(source::open(request.clone(), true)?.source),
-        });
+        let first = source::open(request.clone(), quiet)?.source;
+        let again = move || Ok(source::open(request.clone(), true)?.source);
         return Ok(Tuned {
             name: name.to_owned(),
             scenario: None,
             judge,
-            open,
+            open: open_again(first, again),
             is_live: kind.is_live(),
         });
     }
@@ -337,16 +321,12 @@ fn open<'a>(
     let title = run.name();
     let register = PairRegister::new(algorithms)?;
     let run = run.registered(&scenario.name, &register, true);
-    let first = RefCell::new(Some(run));
-    let open: Open<'a> = Box::new(move || match first.take() {
-        Some(first) => Ok(Box::new(first) as Box<dyn Source>),
-        None => Ok(Box::new(open_first(true)?.0)),
-    });
+    let again = move || Ok(Box::new(open_first(true)?.0) as Box<dyn Source>);
     Ok(Tuned {
         name: title,
         scenario: Some(scenario),
         judge,
-        open,
+        open: open_again(Box::new(run), again),
         is_live: false,
     })
 }

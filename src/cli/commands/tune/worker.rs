@@ -3,7 +3,7 @@
 
 use super::shown::{FrameView, Job, LABELS, SampleView, Shown, Watched, title, watch};
 use crate::cli::shared::viewer;
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -40,10 +40,6 @@ struct State {
 }
 
 type SharedState = Arc<(Mutex<State>, Condvar)>;
-
-fn locked(shared: &SharedState) -> MutexGuard<'_, State> {
-    shared.0.lock()
-}
 
 /// The thread that runs algorithms.
 pub(super) struct TuneWorker {
@@ -105,7 +101,7 @@ impl TuneWorker {
 
     /// Asks for something else: what is under way gives way to it.
     pub(super) fn ask(&self, job: Job) {
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         state.shown.wanted += 1;
         state.job = Some(job);
         state.is_idle = false;
@@ -114,7 +110,7 @@ impl TuneWorker {
 
     /// The state to show now; messages are reported once.
     pub(super) fn shown(&self) -> Shown {
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         let shown = state.shown.clone();
         state.shown.says = None;
         shown
@@ -122,7 +118,7 @@ impl TuneWorker {
 
     /// Waits until nothing is under way.
     pub(super) fn settle(&self) {
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         while !state.is_idle {
             self.shared.1.wait(&mut state);
         }
@@ -131,7 +127,7 @@ impl TuneWorker {
 
 impl Drop for TuneWorker {
     fn drop(&mut self) {
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         state.stops = true;
         drop(state);
         self.shared.1.notify_all();
@@ -151,7 +147,7 @@ struct KeyWatch<'a> {
 
 impl Monitor for KeyWatch<'_> {
     fn go_on(&mut self, _: u64) -> bool {
-        let state = locked(self.shared);
+        let state = self.shared.0.lock();
         !(self.ends && (state.job.is_some() || state.stops))
     }
 
@@ -182,7 +178,7 @@ struct Bench {
 impl Bench {
     fn run(&mut self) {
         loop {
-            let mut state = locked(&self.shared);
+            let mut state = self.shared.0.lock();
             while state.job.is_none() && !state.stops {
                 state.is_idle = true;
                 self.shared.1.notify_all();
@@ -194,7 +190,7 @@ impl Bench {
             let number = state.shown.wanted;
             drop(state);
             if let Err(error) = self.do_job(&job, number) {
-                let mut state = locked(&self.shared);
+                let mut state = self.shared.0.lock();
                 state.shown.failure = Some(error.to_string());
                 state.shown.done = number;
             }
@@ -232,7 +228,7 @@ impl Bench {
         }
         self.rows.clear();
         {
-            let mut state = locked(&self.shared);
+            let mut state = self.shared.0.lock();
             state.shown.failure = None;
             state.shown.sample = SampleView {
                 frames: state.shown.sample.frames,
@@ -272,7 +268,7 @@ impl Bench {
     }
 
     fn say_viewer_is_gone(&self, error: &svl::Error) {
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         state.shown.has_viewer = false;
         state.shown.says = Some(format!(
             "Rerun is gone, continuing without pictures: {error}"
@@ -319,7 +315,7 @@ impl Bench {
             .map(|(row, seen)| (Arc::clone(&job.frame), row.clone(), seen.clone()));
         let delay = job.since.map(|since| since.elapsed());
         let view = FrameView::new(&job.frame, &rows, &watched);
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         state.shown.frame = Some(view);
         state.shown.done = number;
         if let Some(delay) = delay {
@@ -328,7 +324,7 @@ impl Bench {
         drop(state);
         let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
         let ms = times_ms(&rows);
-        if let Some(frame) = &mut locked(&self.shared).shown.frame {
+        if let Some(frame) = &mut self.shared.0.lock().shown.frame {
             frame.ms = ms;
         }
         if self.sampler.is_none() {
@@ -362,7 +358,7 @@ impl Bench {
         finish(vec![table])?;
         ran?;
         if failure.is_some() {
-            locked(&self.shared).shown.failure = failure;
+            self.shared.0.lock().shown.failure = failure;
         }
         Ok(rows.take())
     }
@@ -383,7 +379,7 @@ impl Bench {
     /// Reads and runs the sample, as far as nothing else is wanted.
     fn do_sample(&mut self, job: &Job) -> svl::Result<()> {
         let is_wanted = |shared: &SharedState| {
-            let state = locked(shared);
+            let state = shared.0.lock();
             state.job.is_some() || state.stops
         };
         if let Some(sampler) = &mut self.sampler {
@@ -393,7 +389,7 @@ impl Bench {
             Some(sampler) => sampler.frames().to_vec(),
             None => self.seen.iter().cloned().collect(),
         };
-        locked(&self.shared).shown.sample.frames = frames.len();
+        self.shared.0.lock().shown.sample.frames = frames.len();
         let spread = spread_order(frames.len()).into_iter().map(|i| &frames[i]);
         let known = |frame: &&Arc<Frame>| self.rows.contains_key(&frame.sequence);
         let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
@@ -418,7 +414,7 @@ impl Bench {
         }
         self.publish();
         if !is_wanted(&self.shared) && !self.rows.is_empty() {
-            let mut state = locked(&self.shared);
+            let mut state = self.shared.0.lock();
             let changes = state.shown.sample.changes.clone();
             let written = job.settings[0].algorithm.written();
             let tried = Arc::make_mut(&mut state.shown.tried);
@@ -443,7 +439,7 @@ impl Bench {
             .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
         let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
         let values = now.iter().map(|row| (row.sequence, value(row))).collect();
-        let mut state = locked(&self.shared);
+        let mut state = self.shared.0.lock();
         let sample = &mut state.shown.sample;
         sample.done = now.len();
         sample.changes = changes;

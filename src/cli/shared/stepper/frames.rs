@@ -1,7 +1,8 @@
 //! Frames of a source by their index, whatever the source: some are kept, others read again, those
 //! of cameras taken as they come.
 
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::{Condvar, Mutex};
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -14,6 +15,15 @@ const MAX_KEPT_BYTES: usize = 256 << 20;
 
 /// Opens a source from its beginning.
 pub(crate) type Open<'a> = Box<dyn Fn() -> anyhow::Result<Box<dyn Source>> + 'a>;
+
+/// Returns the source that is open already the first time, and then what `again` opens.
+pub(crate) fn open_again<'a>(
+    first: Box<dyn Source>,
+    again: impl Fn() -> anyhow::Result<Box<dyn Source>> + 'a,
+) -> Open<'a> {
+    let first = RefCell::new(Some(first));
+    Box::new(move || first.take().map_or_else(&again, Ok))
+}
 
 /// The frames of a source, by their index from 0. Of cameras the newest is taken, and those before
 /// it are there as long as they are kept.
@@ -56,10 +66,6 @@ struct Newest {
     stopped: bool,
 }
 
-fn locked(newest: &Mutex<Newest>) -> MutexGuard<'_, Newest> {
-    newest.lock()
-}
-
 impl LiveFrames {
     fn begin(mut source: Box<dyn Source>) -> Self {
         let shared = Arc::new((Mutex::new(Newest::default()), Condvar::new()));
@@ -68,7 +74,7 @@ impl LiveFrames {
             let (newest, came) = &*thread_shared;
             loop {
                 let next = source.next();
-                let mut newest = locked(newest);
+                let mut newest = newest.lock();
                 match next {
                     Ok(Some(frame)) => newest.frame = Some(frame),
                     Ok(None) => newest.ended = Some("the cameras have stopped".to_owned()),
@@ -89,7 +95,7 @@ impl LiveFrames {
     /// The newest frame, if there is one since the last; `wait`: until there is one, or an end.
     fn take(&self, wait: bool) -> (Option<Frame>, Option<String>) {
         let (newest, came) = &*self.shared;
-        let mut newest = locked(newest);
+        let mut newest = newest.lock();
         while wait && newest.frame.is_none() && newest.ended.is_none() {
             came.wait(&mut newest);
         }
@@ -99,7 +105,7 @@ impl LiveFrames {
 
 impl Drop for LiveFrames {
     fn drop(&mut self) {
-        locked(&self.shared.0).stopped = true;
+        self.shared.0.lock().stopped = true;
         if let Some(thread) = self.thread.take() {
             // It ends with the next frame, or when the cameras are silent.
             let _ = thread.join();
@@ -116,20 +122,20 @@ impl<'a> FrameStore<'a> {
         let source = open()?;
         Ok(Self {
             count: source.pairs(),
-            reads: Reads::Recorded { open, source },
-            next: Some(0),
-            kept: VecDeque::new(),
-            kept_bytes: 0,
             limit_bytes,
-            damage: None,
+            ..Self::from_reads(Reads::Recorded { open, source })
         })
     }
 
     /// Cameras.
     pub(crate) fn live(source: Box<dyn Source>) -> Self {
+        Self::from_reads(Reads::Live(LiveFrames::begin(source)))
+    }
+
+    fn from_reads(reads: Reads<'a>) -> Self {
         Self {
             count: None,
-            reads: Reads::Live(LiveFrames::begin(source)),
+            reads,
             next: Some(0),
             kept: VecDeque::new(),
             kept_bytes: 0,

@@ -7,17 +7,19 @@ mod line_edit;
 pub(crate) mod picture;
 mod screen;
 
-pub(crate) use frames::{FrameStore, Open};
-pub(crate) use keys::{Key, Keys};
+pub(crate) use frames::{FrameStore, Open, open_again};
+pub(crate) use keys::Key;
 pub(crate) use line_edit::{Edited, LineEdit};
-pub(crate) use screen::Screen;
 
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
 use crate::cli::shared::terminal::Warnings;
 use anyhow::Context;
+use keys::Keys;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::widgets::{Block, Clear, Paragraph};
+use screen::Screen;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use svl::stereo::Frame;
@@ -336,12 +338,40 @@ fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
     canvas.render_widget(Paragraph::new(lines.join("\n")).block(frame), place);
 }
 
-/// Shows frames and takes keys until the tool or the user ends it. The screen is restored when it
-/// is dropped.
-///
-/// # Errors
-/// Those of the tool; a terminal that is gone.
-pub(crate) fn run(
+/// A terminal, or a script with a screen in memory.
+pub(crate) struct StepSession(Keys);
+
+impl StepSession {
+    /// `script`: a file of keys in place of a terminal.
+    ///
+    /// # Errors
+    /// Those of the script; as [`Screen::check_terminal`].
+    pub(crate) fn new(script: Option<&Path>) -> anyhow::Result<Self> {
+        if let Some(script) = script {
+            return Ok(Self(Keys::script(script)?));
+        }
+        Screen::check_terminal()?;
+        Ok(Self(Keys::Terminal))
+    }
+
+    /// Shows frames and takes keys until the tool or the user ends it, and restores the screen.
+    ///
+    /// # Errors
+    /// Those of the tool; a terminal that is gone.
+    pub(crate) fn run(
+        mut self,
+        stepper: &mut Stepper<'_>,
+        tool: &mut dyn StepTool,
+    ) -> anyhow::Result<Ended> {
+        let mut screen = match self.0 {
+            Keys::Script(_) => Screen::in_memory()?,
+            Keys::Terminal => Screen::from_terminal()?,
+        };
+        run(stepper, tool, &mut self.0, &mut screen)
+    }
+}
+
+fn run(
     stepper: &mut Stepper<'_>,
     tool: &mut dyn StepTool,
     keys: &mut Keys,

@@ -41,7 +41,7 @@ pub struct SafeChoice {
 }
 
 /// The pixels of a cell, collected: each votes for its bin, or for several and for none.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct CellPixels {
     /// Per bin the votes for it, later those for lower bins: all votes in the lower half of the
     /// bits, those that support it in the upper.
@@ -64,13 +64,7 @@ impl CellPixels {
     pub fn new(bins: usize) -> Self {
         Self {
             counts: vec![0; bins + 1],
-            votes: 0,
-            none: 0,
-            agreed: None,
-            pixels: 0,
-            seen: 0,
-            cost: 0,
-            texture: 0,
+            ..Self::default()
         }
     }
 

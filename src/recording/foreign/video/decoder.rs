@@ -25,54 +25,15 @@ use svl_files::{DecodedImage, ffmpeg};
 /// Limit on the bytes of a picture: RGB.
 const MAX_BYTES: u64 = 3 * (MAX_SIDE * MAX_SIDE) as u64;
 
-/// The options of ffmpeg before the decoder's name.
-const INPUT: [&str; 16] = [
-    "-nostdin",
-    "-loglevel",
-    "error",
-    "-threads",
-    "1",
-    // An error is no picture, rather than a concealed one.
-    "-err_detect",
-    "explode",
-    "-ec",
-    "0",
-    "-flags",
-    "low_delay",
-    "-probesize",
-    "32",
-    "-analyzeduration",
-    "0",
-    "-c:v",
-];
+/// The options of ffmpeg before the decoder's name. An error is no picture, rather than a concealed
+/// one.
+const INPUT: &str = "-nostdin -loglevel error -threads 1 -err_detect explode -ec 0 \
+    -flags low_delay -probesize 32 -analyzeduration 0 -c:v";
 /// Those after it: each picture once, with its time and size.
-const OUTPUT: [&str; 13] = [
-    "-f",
-    "ivf",
-    "-i",
-    "pipe:0",
-    "-map",
-    "0:v:0",
-    "-vsync",
-    "passthrough",
-    "-copyts",
-    "-enc_time_base",
-    "1:1000",
-    "-autoscale",
-    "0",
-];
+const OUTPUT: &str = "-f ivf -i pipe:0 -map 0:v:0 -vsync passthrough -copyts \
+    -enc_time_base 1:1000 -autoscale 0";
 /// The last ones. Matroska has no name for RGB: the muxer accepts it as another.
-const PIXELS: [&str; 9] = [
-    "-vf",
-    "format=gray|rgb24",
-    "-c:v",
-    "rawvideo",
-    "-tag:v",
-    "I420",
-    "-f",
-    "matroska",
-    "pipe:1",
-];
+const PIXELS: &str = "-vf format=gray|rgb24 -c:v rawvideo -tag:v I420 -f matroska pipe:1";
 
 /// Checks that ffmpeg can be started.
 ///
@@ -298,8 +259,9 @@ fn feed(recording: &Recording, topic: &str, to: &SyncSender<Result<Session>>, st
 /// Starts a child, with IVF's header written.
 fn start(codec: Codec) -> Result<(Session, ChildStdin)> {
     let mut command = Command::new("ffmpeg");
-    command.args(INPUT).arg(codec.name()).args(OUTPUT);
-    command.args(ffmpeg::SCALER).args(PIXELS);
+    command.args(INPUT.split(' ')).arg(codec.name());
+    command.args(OUTPUT.split(' '));
+    command.args(ffmpeg::SCALER).args(PIXELS.split(' '));
     let (mut child, said) = ffmpeg::start("ffmpeg", command.stdin(Stdio::piped()))?;
     let (Some(mut stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
         return Err(Error::Invalid("ffmpeg has no pipes".to_owned()));

@@ -73,18 +73,13 @@ impl Shapes {
             sensor::expose(sensor, gain_db, &shot, &view, &Twist::STILL, key)
         };
         let (left, right) = rayon::join(|| expose(false), || expose(true));
+        let geometry = Geometry::Rectified(Some(self.rig));
         Ok(Frame {
             sequence: index,
             stamp_ns: self.config.stamp_ns(index),
-            name: None,
-            pair: StereoPair::new(left?, right?)?,
-            geometry: Geometry::Rectified(Some(self.rig)),
-            calibration: None,
-            recorded: None,
-            pose: None,
             truth: Some(layers.truth(size)?),
-            color: None,
             exposure: sensor.exposure(index),
+            ..Frame::new(StereoPair::new(left?, right?)?, geometry)
         })
     }
 }

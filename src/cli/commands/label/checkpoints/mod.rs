@@ -7,11 +7,9 @@ mod scenario_file;
 mod tool;
 mod view;
 
-use super::input::LabelInput;
+use super::input::{LabelInput, stepper};
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{
-    self, Ended, FrameStore, Key, Keys, Open, Reaction, Screen, StepTool, Stepper,
-};
+use crate::cli::shared::stepper::{Ended, Key, Reaction, StepSession, StepTool, Stepper};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
@@ -20,7 +18,6 @@ use draft::DraftFile;
 use ratatui::layout::Rect;
 use reported::Reported;
 use scenario_file::{NewScenario, ScenarioFile};
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::matcher::Algorithm;
@@ -85,13 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
     // Before anything takes time.
-    let mut keys = match &args.script {
-        Some(script) => Keys::script(script)?,
-        None => {
-            Screen::check_terminal()?;
-            Keys::Terminal
-        }
-    };
+    let session = StepSession::new(args.script.as_deref())?;
     let output = args.output.clone().unwrap_or_else(|| default_output(name));
     let existing = ScenarioFile::read(&output, name)?;
     if existing.is_some() {
@@ -105,13 +96,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     file.check(&opened)?;
 
-    let first = RefCell::new(Some(opened.source));
-    let open: Open<'_> = Box::new(|| match first.take() {
-        Some(first) => Ok(first),
-        // Its notes were printed when it was opened first.
-        None => Ok(source::open(request.clone(), true)?.source),
-    });
-    let mut stepper = Stepper::new(name, FrameStore::new(open)?)?;
+    let mut stepper = stepper(opened.source, &request)?;
     if stepper.frame().rig().is_none() {
         bail!(
             "{name}: has no calibration, so no algorithm reports distances to compare with yours; \
@@ -153,13 +138,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let cells = counted(draft.cells.len(), "labelled cell");
         stepper.say(format!("resumed at frame {shown} with {cells}"));
     }
-    let mut screen = match args.script {
-        Some(_) => Screen::in_memory()?,
-        None => Screen::from_terminal()?,
-    };
-    let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
-    drop(screen);
-    tool.finish(ended?)
+    let ended = session.run(&mut stepper, &mut tool)?;
+    tool.finish(ended)
 }
 
 /// The scenario of a source that names none.

@@ -2,14 +2,13 @@
 
 mod tool;
 
-use super::input::LabelInput;
+use super::input::{LabelInput, stepper};
 use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
+use crate::cli::shared::stepper::{Ended, StepSession};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use anyhow::bail;
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
 use svl::counted;
@@ -60,25 +59,13 @@ pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<(
         return from_truth(args, by_window, &request, &path, quiet);
     }
     // Before anything takes time.
-    let mut keys = match &args.script {
-        Some(script) => Keys::script(script)?,
-        None => {
-            Screen::check_terminal()?;
-            Keys::Terminal
-        }
-    };
+    let session = StepSession::new(args.script.as_deref())?;
     let labels = if path.exists() {
         FrameLabels::read(&path, args.kind)?
     } else {
         FrameLabels::new(args.kind)
     };
-    let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
-    let open: Open<'_> = Box::new(|| match first.take() {
-        Some(first) => Ok(first),
-        // Its notes were printed when it was opened first.
-        None => Ok(source::open(request.clone(), true)?.source),
-    });
-    let mut stepper = Stepper::new(name, FrameStore::new(open)?)?;
+    let mut stepper = stepper(source::open(request.clone(), quiet)?.source, &request)?;
     if let Some((last, words)) = tool::resumed(&labels) {
         stepper.go_to(last);
         stepper.say(words);
@@ -91,13 +78,7 @@ pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<(
         window: 0,
         done: Vec::new(),
     };
-    let mut screen = match args.script {
-        Some(_) => Screen::in_memory()?,
-        None => Screen::from_terminal()?,
-    };
-    let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
-    drop(screen);
-    let ended = ended?;
+    let ended = session.run(&mut stepper, &mut tool)?;
     print(&tool.said())?;
     match ended {
         Ended::Quit => Ok(()),

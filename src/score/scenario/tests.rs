@@ -1,0 +1,234 @@
+//! Scenarios that are read, and the errors of wrong ones.
+
+use super::*;
+
+fn parse(text: &str) -> Result<Scenario> {
+    Scenario::parse(text, Path::new("s.toml"))
+}
+
+const MINIMAL: &str = "name = \"m\"\ndescription = \"\"\nalgorithms = \
+                       [\"v3\"]\n[cells]\njudge = \"distance\"\n[source]\nkind = \"arena\"\n";
+
+#[test]
+fn errors_name_no_types_of_rust() {
+    for (line, words) in [
+        (
+            "[grid]\nrows = \"3\"",
+            "string \"3\", expected a whole number, 0 or more",
+        ),
+        (
+            "[grid]\nrows = -1",
+            "integer `-1`, expected a whole number, 0 or more",
+        ),
+        (
+            "[[gate]]\n[arena]\nrobot = 3",
+            "integer `3`, expected a table",
+        ),
+        ("[arena.world]\nblocks = {}", "a table, expected a list"),
+        (
+            "[arena.world]\nwidth_m = true",
+            "boolean `true`, expected a number",
+        ),
+    ] {
+        let error = parse(&format!("{MINIMAL}{line}\n"))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(words), "{line}: {error}");
+    }
+}
+
+#[test]
+fn random_worlds_have_no_keys_of_their_own_and_no_drives() {
+    let error = |text: &str| parse(text).unwrap_err().to_string();
+    let own = error(&format!(
+        "{MINIMAL}[arena]\nrandom = \"worlds\"\nsensor.gain_db = 1.0\n"
+    ));
+    assert!(own.contains("arena.sensor"), "{own}");
+    let drive = MINIMAL.replace("\"arena\"", "\"drive\"");
+    let driven = error(&format!("{drive}[arena]\nrandom = \"worlds\"\n"));
+    assert!(driven.contains("arena.random belongs to"), "{driven}");
+}
+
+#[test]
+fn omitted_keys_have_the_thesis_defaults() {
+    // A name and a source suffice.
+    let scenario = parse("name = \"m\"\n[source]\nkind = \"arena\"\n").unwrap();
+    assert_eq!(scenario.algorithms[0].label(), "v5");
+    assert_eq!(scenario.cells, CellRule::default());
+    assert_eq!((scenario.grid.columns, scenario.grid.rows), (5, 3));
+    assert_eq!(
+        scenario.source,
+        ScenarioSource::Arena {
+            config: Box::default(),
+            seeds: vec![1]
+        }
+    );
+}
+
+#[test]
+fn every_key_is_documented() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenario.md");
+    // The published crate does not include docs/.
+    let Ok(docs) = std::fs::read_to_string(docs) else {
+        return;
+    };
+    let cells = "[cells]\njudge = \"distance\"\nzz = 1\n";
+    let checkpoint = "[[checkpoint]]\nnumber = 1\nname = \"a\"\n";
+    let expected_cell = format!("{checkpoint}frames = [0, 1]\n[[checkpoint.cell]]\nzz = 1\n");
+    let sections = [
+        "zz = 1\n".to_owned(),
+        "[grid]\nzz = 1\n".to_owned(),
+        cells.to_owned(),
+        cells.replace("distance", "disparity"),
+        "source = { zz = 1 }\n".to_owned(),
+        format!("{checkpoint}zz = 1\n"),
+        expected_cell,
+        "[[gate]]\nzz = 1\n".to_owned(),
+        "[[filter]]\nzz = 1\n".to_owned(),
+        "[[stress]]\nzz = 1\n".to_owned(),
+        "[drive]\nzz = 1\n".to_owned(),
+        "[drive.steering]\nzz = 1\n".to_owned(),
+        "[arena]\nzz = 1\n".to_owned(),
+        "[arena.rig]\nzz = 1\n".to_owned(),
+        "[arena.sensor]\nzz = 1\n".to_owned(),
+        "[arena.robot]\nzz = 1\n".to_owned(),
+        "[arena.world]\nzz = 1\n".to_owned(),
+        "[arena.world]\nblocks = [{ zz = 1 }]\n".to_owned(),
+        "[arena.world]\nballs = [{ zz = 1 }]\n".to_owned(),
+        "[arena.robot]\npath = [{ zz = 1 }]\n".to_owned(),
+    ];
+    for section in sections {
+        let error = parse(&section).unwrap_err().to_string();
+        // unknown field `zz`, expected one of `columns`, `rows`, …
+        let (_, keys) = error.split_once("expected ").expect(&error);
+        let keys: Vec<_> = keys.split('`').skip(1).step_by(2).collect();
+        assert!(!keys.is_empty(), "{error}");
+        for key in keys {
+            let is_told = docs.split(|c: char| !c.is_alphanumeric() && c != '_');
+            assert!(
+                is_told.into_iter().any(|word| word == key),
+                "{section}: {key}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_embedded_arena_is_whole() {
+    let arena = Scenario::arena().unwrap();
+    assert_eq!(arena.checkpoints.len(), 6);
+}
+
+#[test]
+fn errors_name_line_and_column() {
+    let error = parse(&MINIMAL.replace("kind", "kidn"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("s.toml: line 7, column 1: unknown field `kidn`"),
+        "{error}"
+    );
+    assert!(!error.contains('\n'));
+    let error = parse("name = [").unwrap_err().to_string();
+    assert!(error.starts_with("s.toml: line 1, column 9: "), "{error}");
+}
+
+#[test]
+fn contradictions_are_named() {
+    for (from, to, word) in [
+        ("\"m\"", "\"../m\"", "name"),
+        ("[\"v3\"]", "[]", "algorithms"),
+        ("\"v3\"", "\"v33\"", "did you mean 'v3'"),
+        ("\"arena\"", "\"dataset\"", "scenes"),
+        (
+            "kind = \"arena\"",
+            "kind = \"arena\"\nseeds = [1, 1]",
+            "seeds",
+        ),
+        ("[source]", "[grid]\ncolumns = 0\n[source]", "columns"),
+    ] {
+        let error = parse(&MINIMAL.replacen(from, to, 1))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(word), "{to}: {error}");
+    }
+}
+
+#[test]
+fn cells_take_tolerances_and_distances() {
+    let cells =
+        |keys: &str| parse(&MINIMAL.replacen("\"distance\"", &format!("\"distance\"\n{keys}"), 1));
+    assert_eq!(cells("").unwrap().cells, CellRule::default());
+    let set = cells("tolerance_m = 0.05\nobstacle_m = 0.4\nclear_m = 0.9")
+        .unwrap()
+        .cells;
+    let expected = CellRule::Distance {
+        tolerance_m: 0.05,
+        tolerance_percent: 20.0,
+        obstacle_m: 0.4,
+        clear_m: 0.9,
+    };
+    assert_eq!(set, expected);
+    assert!(set.right_words().starts_with("within 0.05 m or 20 %"));
+    for (keys, words) in [
+        (
+            "tolerance_m = 0",
+            "cells.tolerance_m = 0: must be a positive number",
+        ),
+        (
+            "tolerance_percent = -5",
+            "cells.tolerance_percent = -5: must be",
+        ),
+        ("obstacle_m = inf", "cells.obstacle_m = inf: must be"),
+        ("clear_m = nan", "cells.clear_m = NaN: must be"),
+        (
+            "clear_m = 0.5",
+            "cells.obstacle_m = 0.5: must be below cells.clear_m = 0.5",
+        ),
+        ("tolerance_px = 2", "tolerance_px"),
+        ("obstacle_m = \"near\"", "expected a number"),
+    ] {
+        let error = cells(keys).unwrap_err().to_string();
+        assert!(
+            error.contains(words) && !error.contains('\n'),
+            "{keys}: {error}"
+        );
+    }
+}
+
+#[test]
+fn limits_are_checked_and_know_their_lines() {
+    let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
+    let scenario = gate("metric = \"time\"\nrelative_to = \"bm\"\nmax = 2").unwrap();
+    assert_eq!(
+        (scenario.gate[0].line, scenario.gate[0].max),
+        (8, Some(2.0))
+    );
+    for (limit, word) in [
+        ("metric = \"wrong\"", "gate in line 8: needs min or max"),
+        ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
+        ("metric = \"wrong\"\nmax = nan", "0 or more"),
+        (
+            "metric = \"wrong\"\nmin = 0.2\nmax = 0.1",
+            "min is above max",
+        ),
+        ("metric = \"time\"\nmax = 5", "relative_to"),
+        (
+            "metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"",
+            "absolute",
+        ),
+        ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
+        (
+            "metric = \"passed\"\nmin = 0.1\ncheckpoint = 1",
+            "no checkpoint 1",
+        ),
+        (
+            "metric = \"time\"\nmax = 1\nrelative_to = \"v3\"",
+            "names the algorithm itself",
+        ),
+        ("metric = \"wrnog\"\nmax = 1", "line 10"),
+    ] {
+        let error = gate(limit).unwrap_err().to_string();
+        assert!(error.contains(word), "{limit}: {error}");
+    }
+}
