@@ -15,7 +15,7 @@ table() { awk -v want="$2" '/^\|/ { if (!inside) n++; inside = 1; if (n == want)
 columns() { awk -F'|' -v want="$1" 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ want) keep[i] }
   { line = "|"; for (i = 2; i < NF; i++) if (i in keep) line = line $i "|"; print line }'; }
 # Of checkpoints, the frames that pass alone.
-fractions() { sed 's/| [✓✗]* /| /g; s,[0-9]*/[0-9]* ,,g'; }
+fractions() { grep -v ' 0/6 0/6 ' | sed 's/| [✓✗]* /| /g; s,[0-9]*/[0-9]* ,,g'; }
 table reports/arena/summary.md 2 |
   columns ' algorithm $|cells, %: (right|wrong)|obstacles: (missed|false|found)|p50' >"$work/arena"
 table reports/arena/summary.md 3 | fractions >"$work/checkpoints"
