@@ -81,9 +81,15 @@ fn page() -> String {
 
 /// The kinds of `--stress`, with their default levels.
 fn perturbations() -> String {
-    let mut section = "\n## Perturbations\n\nThe kinds of `--stress`, on grey values *v*, of the right \
-        image *r*.\n\n| kind | unit | levels | effect |\n|---|---|---|---|\n"
-        .to_owned();
+    let mut section = "
+## Perturbations
+
+The kinds of `--stress`, on grey values *v*, of the right image *r*.
+
+| kind | unit | levels | effect |
+|---|---|---|---|
+"
+    .to_owned();
     for kind in STRESSES {
         let levels = kind.levels.iter().map(f64::to_string);
         section.push_str(&format!(
