@@ -259,6 +259,17 @@ trait PairSource: Send {
         None
     }
 
+    /// The reason why the calibrations in the recording give no distances; `None` if they do, and
+    /// if there are none.
+    fn calibration_fault(&self) -> Option<String> {
+        None
+    }
+
+    /// Distortion model of the left camera, if its images are distorted.
+    fn distortion_model(&self) -> Option<&str> {
+        None
+    }
+
     /// The coordinate frame of the left images, if they name one.
     fn frame_id(&self) -> Option<&str> {
         None

@@ -198,6 +198,18 @@ impl Reader {
         self.source.calibration()?.ok()
     }
 
+    /// The reason why the calibrations in another program's recording give no distances; `None` if
+    /// they do, and if there are none.
+    pub fn calibration_fault(&self) -> Option<String> {
+        self.source.calibration_fault()
+    }
+
+    /// Distortion model of the left camera in another program's recording of raw images, as ROS
+    /// names it.
+    pub fn distortion_model(&self) -> Option<&str> {
+        self.source.distortion_model()
+    }
+
     /// Focal lengths of the left camera along x and y, pixels, in another program's recording: for
     /// raw images before rectification.
     pub fn focal_px(&self) -> Option<(f64, f64)> {

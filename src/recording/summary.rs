@@ -3,7 +3,7 @@
 use super::container::{Container, unpack_message};
 use super::foreign::{
     PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head,
-    is_image, is_video, pair_stamps, pose_summary,
+    is_image, is_picture, pair_stamps, pose_summary,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::ros1_bag::Ros1Messages;
@@ -335,7 +335,7 @@ impl SummaryScan {
     /// Takes in an image of another program. `stamp_ns`: its log time.
     fn take_in_foreign_image(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
         let head = head(channel, data);
-        let video = is_video(channel).then(|| self.videos.entry(channel.topic.clone()));
+        let video = is_picture(channel, data).then(|| self.videos.entry(channel.topic.clone()));
         let is_decodable = video.is_none_or(|video| video.or_default().take_in(channel, data));
         // An unreadable message is reported by `svl replay`, and is not counted as an image here.
         if let Ok((own_stamp_ns, frame)) = head

@@ -8,6 +8,7 @@ mod claims;
 #[path = "../common/mod.rs"]
 mod common;
 mod contract;
+mod distortion;
 mod dp;
 mod exec;
 mod expected;

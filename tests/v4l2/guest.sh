@@ -80,7 +80,7 @@ refused 1 v4l2:/dev/video0,/dev/video9 "/dev/video9: no such device; \`svl recor
 refused 1 v4l2:/dev/video0,/dev/video2 "/dev/video2: gives images in several planes"
 refused 1 v4l2:/dev/video3,/dev/video0 "/dev/video3: captures no images"
 refused 1 v4l2:/dev/null,/dev/video0 "/dev/null: is no video device"
-refused 1 "$both,size=123x45" "no GREY, YUYV or MJPG mode of 123x45 in common"
+refused 1 "$both,size=123x45" "no GREY, YUYV, UYVY or MJPG mode of 123x45 in common"
 refused 1 "$both,format=MJPG" "no MJPG mode in common"
 refused 2 "$both" "svl cannot trigger v4l2 cameras" --trigger software
 refused 2 "$both" "use --pairing stamp" --pairing trigger

@@ -4,8 +4,8 @@ use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use svl_calibrate::files;
-use svl_core::rectify::{Framing, bouguet};
+use svl_calibrate::files::{self, Hints};
+use svl_core::rectify::{Framing, bouguet, hidden_view};
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 use svl_recording::{CALIBRATION, Recording};
@@ -56,7 +56,11 @@ pub type CalibrationFiles = Vec<(String, Vec<u8>)>;
 /// Reads a calibration and its files.
 pub(super) fn read(path: &Path) -> Result<(StereoCalibration, CalibrationFiles)> {
     if path.extension() != Some(OsStr::new("mcap")) {
-        return Ok((files::read(path)?, contents(&files::inputs(path)?)?));
+        let found = files::read_with(path, &Hints::default())?;
+        for remark in found.remarks.iter().chain(&hidden_view(&found.calibration)) {
+            tracing::warn!("{}: {remark}", path.display());
+        }
+        return Ok((found.calibration, contents(&files::inputs(path)?)?));
     }
     let kept = Recording::open(path)?.calibration_files()?;
     if kept.is_empty() {

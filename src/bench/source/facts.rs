@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
+use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result};
 use svl_recording::{PairGeometry, RawCamera, Reader};
 use svl_score::judge::TrueCells;
@@ -25,9 +25,18 @@ const MAX_TIME: Duration = Duration::from_secs(2);
 pub struct SourceFacts {
     /// Width and height of an image, pixels.
     pub size_px: (usize, usize),
+    /// Number of pairs, if it is known without reading all of them.
+    pub pairs: Option<u64>,
     pub geometry: PairGeometry,
+    /// False if nothing in another program's recording says that its pairs are raw or rectified;
+    /// they count as raw.
+    pub is_geometry_known: bool,
     /// Focal lengths of the left camera along x and y, pixels: of raw images before rectification.
     pub focal_px: Option<(f64, f64)>,
+    /// Distortion model of the left camera, if its images are distorted.
+    pub distortion_model: Option<String>,
+    /// The reason why a calibration in the source cannot be used.
+    pub calibration_fault: Option<String>,
     /// The rig by which distances are computed; of raw images after rectification.
     pub rig: Option<Rig>,
     /// True if size and rig are those of all pairs that were looked at.
@@ -93,9 +102,20 @@ impl SourceFacts {
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
-        let Recorded { focal_px, topics } = recorded(&opened, name)?;
+        let Recorded {
+            focal_px,
+            topics,
+            distortion_model,
+            is_foreign,
+        } = recorded(&opened, name)?;
+        let is_rectified = rig.is_some() || first.geometry != Geometry::Raw;
+        let has_calibration = distortion_model.is_some() || opened.calibration_fault.is_some();
         Ok(Self {
             size_px: first.pair.size(),
+            is_geometry_known: !is_foreign || is_rectified || has_calibration,
+            pairs: opened.source.pairs(),
+            distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),
+            calibration_fault: opened.calibration_fault.clone(),
             geometry: match raw {
                 Some(_) => PairGeometry::Raw,
                 None => PairGeometry::from(&first.geometry),
@@ -124,24 +144,34 @@ impl SourceFacts {
     }
 }
 
-/// Focal lengths, and topics that measure distances, in a recording.
+/// Name of a camera's distortion model, if it has distortion.
+fn model(camera: &Intrinsics) -> Option<String> {
+    (camera.distortion() != [0.0; 5]).then(|| "plumb_bob".to_owned())
+}
+
+/// What a recording alone says: focal lengths, topics that measure distances, distortion model.
 #[derive(Default)]
 struct Recorded {
     focal_px: Option<(f64, f64)>,
     topics: Vec<String>,
+    distortion_model: Option<String>,
+    /// True if svl did not write it.
+    is_foreign: bool,
 }
 
 fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
     let Some(recording) = &opened.recording else {
         return Ok(Recorded {
-            focal_px: None,
             topics: FolderTruth::usual(Path::new(name)),
+            ..Recorded::default()
         });
     };
     let reader = Reader::new(recording.clone(), &Request::new("").selection())?;
     Ok(Recorded {
         focal_px: reader.focal_px(),
         topics: reader.truth_topics()?,
+        distortion_model: reader.distortion_model().map(str::to_owned),
+        is_foreign: reader.header().is_none(),
     })
 }
 
@@ -177,6 +207,16 @@ impl NearestDistance {
 }
 
 impl TruthFacts {
+    /// Its topic or pattern, or where it is.
+    pub fn name(&self) -> &str {
+        self.topic.as_deref().unwrap_or("the folder")
+    }
+
+    /// True if it scores pixels.
+    pub fn has_pixels(&self) -> bool {
+        self.error.is_none() && self.disparity_px.is_some()
+    }
+
     /// The truth of another sensor of a recording or a folder.
     fn from_topic(name: &str, topic: String, has_rig: bool, is_recording: bool) -> Self {
         let mut facts = Self {

@@ -26,6 +26,7 @@ mod resized;
 mod ros2;
 mod runs;
 mod stressed;
+mod usability;
 mod video;
 
 pub use alignment_monitor::AlignmentMonitor;
@@ -51,6 +52,7 @@ pub use request::Request;
 pub use resized::Resized;
 pub use runs::{RunSource, run_request};
 pub use stressed::StressedSource;
+pub use usability::Usability;
 pub use video::VideoSource;
 
 use svl_core::Result;

@@ -400,6 +400,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         own_calibration: reader.calibration(),
         truth,
         remarks: reader.remarks(),
+        calibration_fault: reader.calibration_fault(),
         notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem.unwrap_or("recording"))
     })
@@ -480,6 +481,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         .map(|note| format!("{}: {note}", request.name));
     Ok(Opened {
         own_calibration,
+        calibration_fault: unread.cloned(),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().chain(truth_note).collect(),
         truth: truth.map(SensorTruth::Files),

@@ -36,6 +36,8 @@ pub struct Opened {
     pub notes: Vec<String>,
     /// The calibration in a recording or folder of raw images.
     pub(super) own_calibration: Option<StereoCalibration>,
+    /// The reason why a calibration in it cannot be used.
+    pub(super) calibration_fault: Option<String>,
     /// The truth of another sensor, if one was requested.
     pub(super) truth: Option<SensorTruth>,
     /// Shortcomings of a folder, or of a recording that svl did not write.
@@ -84,6 +86,7 @@ impl Opened {
             start_ns: None,
             notes: Vec::new(),
             own_calibration: None,
+            calibration_fault: None,
             truth: None,
             remarks: Vec::new(),
         }

@@ -4,7 +4,7 @@
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
-use super::geometry::StereoParameters;
+use super::geometry::{StereoParameters, plumb_bob};
 use super::numbers::{number, rows};
 use super::unit::{self, FileUnit};
 use nalgebra::Vector3;
@@ -108,8 +108,8 @@ fn write(calibration: &StereoCalibration) -> Writing {
          stereo_camera\nversion: 0\n"
             .to_owned(),
         format!("length_unit: {}\n", unit::name(calibration.unit())),
-        one_side("left", calibration.left()),
-        one_side("right", calibration.right()),
+        one_side("left", calibration.left())?,
+        one_side("right", calibration.right())?,
         format!("rightToLeft:\n  rotation:\n{}", items("  ", &rotation)),
         format!(
             "  x: {}\n  y: {}\n  z: {}\n",
@@ -129,10 +129,10 @@ fn write(calibration: &StereoCalibration) -> Writing {
     })
 }
 
-fn one_side(side: &str, camera: &Intrinsics) -> String {
+fn one_side(side: &str, camera: &Intrinsics) -> std::result::Result<String, String> {
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
     let (width, height) = camera.size();
-    let [k1, k2, p1, p2, k3] = camera.distortion();
+    let [k1, k2, p1, p2, k3] = plumb_bob(camera)?;
     // Most BoofCV files have two terms, and not every reader expects more.
     let radial = if k3 == 0.0 {
         vec![k1, k2]
@@ -140,12 +140,12 @@ fn one_side(side: &str, camera: &Intrinsics) -> String {
         vec![k1, k2, k3]
     };
     let [fx, fy, cx, cy, p1, p2] = [fx, fy, cx, cy, p1, p2].map(number);
-    format!(
+    Ok(format!(
         "{side}:\n  model: pinhole_radial_tangential\n  version: 0\n  pinhole:\n    fx: {fx}\n    \
          fy: {fy}\n    cx: {cx}\n    cy: {cy}\n    width: {width}\n    height: {height}\n    \
          skew: 0.0\n  radial_tangential:\n    radial:\n{}    t1: {p1}\n    t2: {p2}\n",
         items("    ", &radial)
-    )
+    ))
 }
 
 fn items(indent: &str, values: &[f64]) -> String {

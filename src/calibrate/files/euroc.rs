@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, both};
-use super::geometry::{StereoParameters, read_distortion};
+use super::geometry::{StereoParameters, read_distortion, stated_model};
 use super::unit::FileUnit;
 use nalgebra::{Isometry3, Matrix4};
 use svl_core::Result;
@@ -11,8 +11,8 @@ use svl_core::stereo::{Intrinsics, motion};
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "euroc",
     title: "EuRoC's sensor.yaml",
-    conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2; T_BS: x_body = T_BS \
-                  x_camera, metres; no rectification; cam0 is the left camera",
+    conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2 or equidistant k1 k2 k3 \
+                  k4; T_BS: x_body = T_BS x_camera, metres; no rectification; cam0 is the left camera",
     endings: &["yaml"],
     pairs: &[
         ["cam0/sensor.yaml", "cam1/sensor.yaml"],
@@ -29,8 +29,8 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let [left, right] = both(documents)?;
     let unit = FileUnit::METRE.fixed(&left, hints.unit)?;
     let cameras = StereoParameters {
-        left: camera(&left)?,
-        right: camera(&right)?,
+        left: camera(&left, hints)?,
+        right: camera(&right, hints)?,
         // Both poses are relative to the body: X_right = T_BS(right)⁻¹ T_BS(left) X_left.
         right_from_left: Some(body_from_camera(&right)?.inverse() * body_from_camera(&left)?),
         rectification: None,
@@ -38,18 +38,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     cameras.loaded(&FORMAT, &right, unit, Vec::new())
 }
 
-fn camera(document: &Document) -> Result<Intrinsics> {
-    for (key, known) in [
-        ("camera_model", "pinhole"),
-        ("distortion_model", "radial-tangential"),
-    ] {
-        let model = document.text(key)?;
-        if model != known {
-            return Err(document.error(format!("'{key}' is {model}; svl reads {known}")));
-        }
+fn camera(document: &Document, hints: &Hints) -> Result<Intrinsics> {
+    let model = document.text("camera_model")?;
+    if model != "pinhole" {
+        return Err(document.error(format!("'camera_model' is {model}; svl reads pinhole")));
     }
+    let model = stated_model(document, "distortion_model", hints)?;
     let [fx, fy, cx, cy] = document.array("intrinsics")?;
-    let distortion = read_distortion(document, "distortion_coefficients")?;
+    let distortion = read_distortion(document, "distortion_coefficients", model)?;
     Intrinsics::new(
         document.size_of("resolution")?,
         (fx, fy),

@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::unit::FileUnit;
-use svl_core::stereo::StereoCalibration;
+use svl_core::stereo::{DistortionModel, StereoCalibration};
 use svl_core::{Error, Result};
 
 /// File format in which a program stores calibrations.
@@ -33,6 +33,8 @@ pub struct Hints {
     pub unit: Option<FileUnit>,
     /// Width and height of the images, pixels.
     pub size: Option<(usize, usize)>,
+    /// Distortion model, for files that do not state it.
+    pub model: Option<DistortionModel>,
 }
 
 /// A calibration read from a file.

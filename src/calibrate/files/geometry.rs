@@ -1,12 +1,13 @@
 //! Cameras from the matrices of a file, with consistency checks.
 
 use super::document::Document;
-use super::format::{CalibrationFormat, LoadedCalibration};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration};
 use super::unit::FileUnit;
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 use svl_core::Result;
 use svl_core::stereo::{
-    Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration, motion,
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
+    StereoCalibration, motion,
 };
 
 /// Rectified cameras count as one pinhole if they differ by at most this fraction of the focal
@@ -37,11 +38,13 @@ impl StereoParameters {
         format: &'static CalibrationFormat,
         document: &Document,
         unit: FileUnit,
-        remarks: Vec<String>,
+        mut remarks: Vec<String>,
     ) -> Result<LoadedCalibration> {
+        let calibration = self.calibration(document, unit)?;
+        remarks.extend(folds(&calibration));
         Ok(LoadedCalibration {
             format,
-            calibration: self.calibration(document, unit)?,
+            calibration,
             remarks,
         })
     }
@@ -92,6 +95,21 @@ impl StereoParameters {
     }
 }
 
+/// What the images lose to a distortion model that folds inside them, a line for each camera.
+pub(super) fn folds(calibration: &StereoCalibration) -> impl Iterator<Item = String> {
+    let cameras = [("left", calibration.left()), ("right", calibration.right())];
+    cameras.into_iter().filter_map(|(name, camera)| {
+        let (fold, (_, farthest)) = (camera.fold_px()?, camera.side_distances_px());
+        (fold < farthest).then(|| {
+            format!(
+                "the {name} image has no directions beyond {fold:.0} px from its principal \
+                 point, where its distortion model folds: calibrate with the board near the \
+                 image's sides"
+            )
+        })
+    })
+}
+
 /// The camera of a matrix K under `key` and its distortion.
 ///
 /// # Errors
@@ -100,7 +118,7 @@ pub(super) fn camera(
     document: &Document,
     key: &str,
     size: (usize, usize),
-    distortion: [f64; 5],
+    distortion: impl Into<Distortion>,
 ) -> Result<Intrinsics> {
     let k = document.matrix(key)?;
     pinhole(size, &k, distortion).map_err(|reason| document.error(format!("'{key}': {reason}")))
@@ -110,7 +128,7 @@ pub(super) fn camera(
 pub(super) fn pinhole(
     size: (usize, usize),
     k: &Matrix3<f64>,
-    distortion: [f64; 5],
+    distortion: impl Into<Distortion>,
 ) -> std::result::Result<Intrinsics, String> {
     if k[(0, 1)].abs() > SAME * k[(0, 0)].abs() {
         return Err(format!(
@@ -125,23 +143,73 @@ pub(super) fn pinhole(
     Intrinsics::new(size, focal, center, distortion).map_err(|e| e.to_string())
 }
 
-/// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or from more if the rest are 0.
+/// The image size that a file states, else the one that the user named.
 ///
 /// # Errors
-/// [`svl_core::Error::Format`] for coefficients that are not in the model of [`Intrinsics`].
-pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]> {
-    let numbers = document.numbers(key)?;
-    let (first, rest) = numbers.split_at(numbers.len().min(5));
-    if let Some(value) = rest.iter().find(|v| **v != 0.0) {
-        return Err(document.error(format!(
-            "'{key}' has {} coefficients, one beyond k1 k2 p1 p2 k3 being {value}; calibrate with \
-             five",
-            numbers.len()
-        )));
+/// [`svl_core::Error::Format`] if neither does, or they differ.
+pub(super) fn image_size(
+    document: &Document,
+    stated: Option<(usize, usize)>,
+    hints: &Hints,
+) -> Result<(usize, usize)> {
+    match (stated, hints.size) {
+        (Some((w, h)), Some((width, height))) if (w, h) != (width, height) => {
+            Err(document.error(format!(
+                "is for images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
+                 or calibrate for their size"
+            )))
+        }
+        (Some(size), _) | (None, Some(size)) => Ok(size),
+        (None, None) => Err(document.error(
+            "does not contain the image size; name it with `svl calibrate convert --size WxH`",
+        )),
     }
-    let mut distortion = [0.0; 5];
-    distortion[..first.len()].copy_from_slice(first);
-    Ok(distortion)
+}
+
+/// The distortion model that a file states under `key`.
+///
+/// # Errors
+/// [`svl_core::Error::Format`] for a model that svl does not know, and if the user named another.
+pub(super) fn stated_model(
+    document: &Document,
+    key: &str,
+    hints: &Hints,
+) -> Result<DistortionModel> {
+    let stated = document.text(key)?;
+    let model = stated
+        .parse::<DistortionModel>()
+        .map_err(|e| document.error(format!("'{key}': {e}")))?;
+    match hints.model {
+        Some(named) if named != model => Err(document.error(format!(
+            "states its distortion model itself, '{key}' {stated}; omit --model"
+        ))),
+        _ => Ok(model),
+    }
+}
+
+/// The distortion of the coefficients under `key`.
+///
+/// # Errors
+/// [`svl_core::Error::Format`] for another number of coefficients than the model has.
+pub(super) fn read_distortion(
+    document: &Document,
+    key: &str,
+    model: DistortionModel,
+) -> Result<Distortion> {
+    let distortion = model.with_coefficients(&document.numbers(key)?);
+    distortion.map_err(|e| document.error(format!("'{key}': {e}")))
+}
+
+/// k1, k2, p1, p2, k3, for formats that have no other model.
+pub(super) fn plumb_bob(camera: &Intrinsics) -> std::result::Result<[f64; 5], String> {
+    match camera.distortion() {
+        Distortion::PlumbBob(coefficients) => Ok(*coefficients),
+        other => Err(format!(
+            "has plumb_bob's k1 k2 p1 p2 k3 alone, and this calibration is {}; choose opencv or \
+             ros with --to",
+            other.model()
+        )),
+    }
 }
 
 /// Extrinsics from R and T.
@@ -224,22 +292,8 @@ pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<
 
 /// Parts that are lost if only the rectified cameras are written.
 pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static str> {
-    let distorted = [calibration.left(), calibration.right()]
-        .iter()
-        .any(|c| c.distortion() != [0.0; 5]);
-    let rotated = calibration.rectification().is_some_and(|r| {
-        let same = |camera: &Intrinsics, side| {
-            camera.matrix() == r.rig.intrinsics(side) && camera.size() == r.size
-        };
-        r.left.angle() + r.right.angle() > 0.0
-            || !same(calibration.left(), Side::Left)
-            || !same(calibration.right(), Side::Right)
-    });
-    let mut left_out = Vec::new();
-    if distorted || rotated {
-        left_out.push(
-            "the cameras before rectification: their distortion, focal lengths and rotations",
-        );
+    if calibration.is_rectified() {
+        return Vec::new();
     }
-    left_out
+    vec!["the cameras before rectification: their distortion, focal lengths and rotations"]
 }

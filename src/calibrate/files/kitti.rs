@@ -4,15 +4,15 @@
 use super::document::{Document, Syntax, text};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
 use super::geometry::{
-    self, StereoParameters, beyond_rectified, camera, extrinsics, only_rectified, read_distortion,
-    rectified,
+    self, StereoParameters, beyond_rectified, camera, extrinsics, image_size, only_rectified,
+    plumb_bob, read_distortion, rectified,
 };
 use super::numbers::{rows, spaced};
 use super::unit::FileUnit;
 use nalgebra::{Isometry3, Matrix3x4, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{Rectification, Rig, Side, StereoCalibration};
+use svl_core::stereo::{DistortionModel, Rectification, Rig, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
@@ -117,11 +117,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         ("P2", "P3")
     };
     let rig = projections(&document, left, right)?;
-    let size = hints.size.ok_or_else(|| {
-        document.error(
-            "does not contain the image size; name it with `svl calibrate convert --size WxH`",
-        )
-    })?;
+    let size = image_size(&document, None, hints)?;
     let cameras = rectified(&document, size, rig)?;
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let mut remarks = Vec::new();
@@ -154,7 +150,7 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration
             &document,
             key,
             document.size_of(s)?,
-            read_distortion(&document, d)?,
+            read_distortion(&document, d, DistortionModel::PlumbBob)?,
         )
     };
     let rectification = Rectification {
@@ -199,7 +195,7 @@ fn write_raw(calibration: &StereoCalibration) -> Writing {
         let lines: [(&str, Vec<f64>); 8] = [
             ("S", size(camera.size())),
             ("K", rows(&camera.matrix())),
-            ("D", camera.distortion().to_vec()),
+            ("D", plumb_bob(camera)?.to_vec()),
             ("R", rows(r.matrix())),
             ("T", rows(&t)),
             ("S_rect", size(rectification.size)),

@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax, text};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
-use super::geometry::{beyond_rectified, only_rectified, rectified};
+use super::geometry::{beyond_rectified, image_size, only_rectified, rectified};
 use super::numbers::{number, rows, spaced};
 use super::unit::FileUnit;
 use std::path::Path;
@@ -28,18 +28,21 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 /// # Errors
 /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed entry, and
 /// for a file of images of another size.
-pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
+pub fn read_calib(path: &Path, size: (usize, usize)) -> Result<Rig> {
     let document = Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?;
-    if document.has("width") && document.has("height") {
-        let (w, h) = document.size("width", "height")?;
-        if (w, h) != (width, height) {
-            return Err(document.error(format!(
-                "is for images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
-                 or calibrate for their size"
-            )));
-        }
-    }
+    let hints = Hints {
+        size: Some(size),
+        ..Hints::default()
+    };
+    image_size(&document, stated_size(&document)?, &hints)?;
     rig(&document)
+}
+
+/// The size that the file states; older files do not.
+fn stated_size(document: &Document) -> Result<Option<(usize, usize)>> {
+    let has_size = document.has("width") && document.has("height");
+    let size = has_size.then(|| document.size("width", "height"));
+    size.transpose()
 }
 
 fn rig(document: &Document) -> Result<Rig> {
@@ -51,10 +54,7 @@ fn rig(document: &Document) -> Result<Rig> {
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let document = one(documents)?;
     FileUnit::MILLIMETRE.fixed(&document, hints.unit)?;
-    let size = match hints.size {
-        Some(size) => size,
-        None => document.size("width", "height")?,
-    };
+    let size = image_size(&document, stated_size(&document)?, hints)?;
     let cameras = rectified(&document, size, rig(&document)?)?;
     // The rig is already in metres.
     cameras.loaded(&FORMAT, &document, FileUnit::METRE, Vec::new())

@@ -11,6 +11,7 @@ mod document;
 mod euroc;
 mod format;
 mod geometry;
+mod kalibr;
 mod kitti;
 mod markup;
 mod middlebury;
@@ -38,6 +39,7 @@ pub const FORMATS: &[CalibrationFormat] = &[
     ros::FORMAT,
     boofcv::FORMAT,
     euroc::FORMAT,
+    kalibr::FORMAT,
     middlebury::FORMAT,
     kitti::FORMAT,
     kitti::RAW_FORMAT,
@@ -109,7 +111,15 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
         .zip(&texts)
         .map(parse)
         .collect::<Result<_>>()?;
-    (format.read)(documents, hints)
+    let found = (format.read)(documents, hints)?;
+    let lens = found.calibration.left().distortion();
+    match hints.model {
+        Some(named) if named != lens.model() && !lens.is_none() => Err(Error::format(
+            path,
+            format!("{} has {} alone; omit --model", format.title, lens.model()),
+        )),
+        _ => Ok(found),
+    }
 }
 
 /// Writes a calibration in the format of the file name extension. Returns the parts that the format

@@ -6,19 +6,24 @@
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written};
-use super::geometry::{StereoParameters, camera, extrinsics, read_distortion, rig};
+use super::geometry::{
+    StereoParameters, camera, extrinsics, image_size, read_distortion, rig, stated_model,
+};
 use super::numbers::{listed, rows};
 use super::unit::{self, FileUnit};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
 use svl_core::Result;
-use svl_core::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
+use svl_core::stereo::{
+    Distortion, DistortionModel, Intrinsics, Rectification, Side, StereoCalibration,
+};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "opencv",
     title: "OpenCV's FileStorage",
-    conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 \
-                  P1 P2 as from stereoRectify; the unit under length_unit, a key of svl's",
+    conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3 and up to 14 \
+                  coefficients; x_right = R x_left + T; R1 R2 P1 P2 as from stereoRectify; the \
+                  unit under length_unit and equidistant under distortion_model, keys of svl's",
     endings: &["yml", "yaml"],
     pairs: &[["intrinsics.yml", "extrinsics.yml"]],
     single: true,
@@ -27,6 +32,11 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     read,
     write: Some(write),
 };
+
+/// A key of svl's for models other than OpenCV's own, and that of OpenCV's sample
+/// `camera_calibration`.
+const MODEL: &str = "distortion_model";
+const FISHEYE: &str = "fisheye_model";
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     // There is at least one: paths are never empty.
@@ -38,34 +48,32 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     if document.has("camera_matrix|cameraMatrix") {
         return Err(document.error("contains one camera; svl needs both, K1 D1 K2 D2, and R and T"));
     }
-    let size = match hints.size {
-        Some(size) => size,
-        None if document.has("image_size|imageSize") => document.size_of("image_size|imageSize")?,
-        None if document.has("image_width") => document.size("image_width", "image_height")?,
-        None => {
-            return Err(document.error(
-                "has no 'image_width' and 'image_height'; name them with `svl calibrate convert \
-                 --size WxH`",
-            ));
-        }
+    let stated = if document.has("image_size|imageSize") {
+        Some(document.size_of("image_size|imageSize")?)
+    } else if document.has("image_width") {
+        Some(document.size("image_width", "image_height")?)
+    } else {
+        None
     };
+    let size = image_size(document, stated, hints)?;
     // OpenCV assumes one size; svl writes a second one if they differ.
     let right_size = if document.has("image_size2") {
         document.size_of("image_size2")?
     } else {
         size
     };
+    let model = model(document, hints)?;
     let left = camera(
         document,
         "K1|M1|cameraMatrix1",
         size,
-        read_distortion(document, "D1|distCoeffs1")?,
+        read_distortion(document, "D1|distCoeffs1", model)?,
     )?;
     let right = camera(
         document,
         "K2|M2|cameraMatrix2",
         right_size,
-        read_distortion(document, "D2|distCoeffs2")?,
+        read_distortion(document, "D2|distCoeffs2", model)?,
     )?;
     let rectification = document
         .has("P1")
@@ -79,7 +87,23 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         right_from_left,
         rectification,
     };
-    cameras.loaded(&FORMAT, document, unit, Vec::new())
+    let four = document.numbers("D1|distCoeffs1")?.len() == 4;
+    let is_stated = hints.model.is_some() || document.has(MODEL) || document.has(FISHEYE);
+    let remark = "four coefficients were read as k1 k2 p1 p2; for a file of cv2.fisheye, convert \
+                  it with `svl calibrate convert --model equidistant`";
+    let remarks = (four && !is_stated).then(|| remark.to_owned());
+    cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect())
+}
+
+/// The distortion model: OpenCV's own, by the number of coefficients, unless the file or the user
+/// states another.
+fn model(document: &Document, hints: &Hints) -> Result<DistortionModel> {
+    if document.has(MODEL) {
+        return stated_model(document, MODEL, hints);
+    }
+    let is_fisheye = document.has(FISHEYE) && document.number(FISHEYE)? != 0.0;
+    let stated = is_fisheye.then_some(DistortionModel::Equidistant);
+    Ok(hints.model.or(stated).unwrap_or_default())
 }
 
 fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectification> {
@@ -107,6 +131,9 @@ fn write(calibration: &StereoCalibration) -> Writing {
         text += &format!("image_size2: [ {width}, {height} ]\n");
     }
     text += &format!("length_unit: {}\n", unit::name(calibration.unit()));
+    if let Distortion::Equidistant(_) = left.distortion() {
+        text += &format!("{MODEL}: {}\n", left.distortion().model());
+    }
     let motion = calibration.right_from_left();
     let mut matrices = vec![
         ("K1", fixed(&left.matrix())),
@@ -148,5 +175,6 @@ fn fixed<const R: usize, const C: usize>(matrix: &nalgebra::SMatrix<f64, R, C>) 
 }
 
 fn distortion_matrix(camera: &Intrinsics) -> DMatrix<f64> {
-    DMatrix::from_row_slice(1, 5, &camera.distortion())
+    let coefficients = camera.distortion().coefficients();
+    DMatrix::from_row_slice(1, coefficients.len(), coefficients)
 }

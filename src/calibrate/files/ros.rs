@@ -3,7 +3,7 @@
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, both};
-use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig};
+use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig, stated_model};
 use super::numbers::{listed, rows};
 use super::unit::FileUnit;
 use nalgebra::{Matrix3x4, Rotation3};
@@ -13,8 +13,9 @@ use svl_core::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
     title: "ROS's camera_info",
-    conventions: "camera_matrix K, plumb_bob k1 k2 p1 p2 k3, rectification_matrix R, \
-                  projection_matrix P, metres; the extrinsics are only in R and P",
+    conventions: "camera_matrix K, distortion_model plumb_bob, rational_polynomial or \
+                  equidistant, rectification_matrix R, projection_matrix P, metres; the \
+                  extrinsics are only in R and P",
     endings: &["yaml"],
     pairs: &[["left.yaml", "right.yaml"]],
     single: false,
@@ -37,7 +38,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         ))
     })?;
     let rotation = |document: &Document| document.rotation("rectification_matrix");
-    let intrinsics = (one(&left)?, one(&right)?);
+    let intrinsics = (one(&left, hints)?, one(&right, hints)?);
     let size = intrinsics.0.size();
     let rectification = Rectification {
         size,
@@ -54,20 +55,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     cameras.loaded(&FORMAT, &left, unit, Vec::new())
 }
 
-fn one(document: &Document) -> Result<Intrinsics> {
-    let model = document.text("distortion_model")?;
-    // rational_polynomial with its last coefficients 0 is plumb_bob; `read_distortion` checks that.
-    if model != "plumb_bob" && model != "rational_polynomial" {
-        return Err(document.error(format!(
-            "'distortion_model' is {model}; svl reads plumb_bob"
-        )));
-    }
+fn one(document: &Document, hints: &Hints) -> Result<Intrinsics> {
+    let model = stated_model(document, "distortion_model", hints)?;
     let size = document.size("image_width", "image_height")?;
     camera(
         document,
         "camera_matrix",
         size,
-        read_distortion(document, "distortion_coefficients")?,
+        read_distortion(document, "distortion_coefficients", model)?,
     )
 }
 
@@ -110,6 +105,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
 
 fn camera_info(name: &str, camera: &Intrinsics, r: &Rotation3<f64>, p: &Matrix3x4<f64>) -> String {
     let (width, height) = camera.size();
+    let coefficients = camera.distortion().coefficients();
     let matrix = |name: &str, rows: usize, columns: usize, values: &[f64]| {
         format!(
             "{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]\n",
@@ -119,8 +115,13 @@ fn camera_info(name: &str, camera: &Intrinsics, r: &Rotation3<f64>, p: &Matrix3x
     [
         format!("image_width: {width}\nimage_height: {height}\ncamera_name: {name}\n"),
         matrix("camera_matrix", 3, 3, &rows(&camera.matrix())),
-        "distortion_model: plumb_bob\n".to_owned(),
-        matrix("distortion_coefficients", 1, 5, &camera.distortion()),
+        format!("distortion_model: {}\n", camera.distortion().model()),
+        matrix(
+            "distortion_coefficients",
+            1,
+            coefficients.len(),
+            coefficients,
+        ),
         matrix("rectification_matrix", 3, 3, &rows(r.matrix())),
         matrix("projection_matrix", 3, 4, &rows(p)),
     ]

@@ -5,8 +5,8 @@
 //! rectified one, `Quad` contains the images of the corners (0, 0), (w, 0), (w, h), (0, h).
 //!
 //! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are not valid XML names, and XML libraries
-//! reject them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, the unit
-//! of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a reader
+//! reject them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, other
+//! distortion models are named by an attribute `model`, the unit of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a reader
 //! of annex E ignores them. In files svl writes, the board's frame is the left camera's.
 //!
 //! **The annex's example contradicts itself.** By its poses the cameras are rotated by 90° about
@@ -19,13 +19,15 @@
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
-use super::geometry::{StereoParameters, pinhole};
+use super::geometry::{StereoParameters, pinhole, stated_model};
 use super::numbers::number;
 use super::unit::{self, FileUnit};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 use svl_core::Result;
-use svl_core::stereo::{Intrinsics, Rectification, Rig, Side, StereoCalibration, motion};
+use svl_core::stereo::{
+    Distortion, DistortionModel, Intrinsics, Rectification, Rig, Side, StereoCalibration, motion,
+};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "xml",
@@ -50,7 +52,7 @@ const SAME: f64 = 1e-6;
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let document = &one(documents)?;
-    let (left, right) = (camera(document, 0)?, camera(document, 1)?);
+    let (left, right) = (camera(document, 0, hints)?, camera(document, 1, hints)?);
     // Both poses belong to one board: X_right = P_right P_left⁻¹ X_left.
     let by_poses = pose(document, 1)? * pose(document, 0)?.inverse();
     let mut remarks = Vec::new();
@@ -104,18 +106,28 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     cameras.loaded(&FORMAT, document, unit, remarks)
 }
 
-fn camera(document: &Document, i: usize) -> Result<Intrinsics> {
+fn camera(document: &Document, i: usize, hints: &Hints) -> Result<Intrinsics> {
     let at = |key: &str| format!("Camera.{i}.{key}");
-    let [k1, k2, p1, p2] = document.counted(&at("Distortion.dist"))?;
-    let k3 = at("Distortion.dist4");
-    let k3 = if document.has(&k3) {
-        document.number(&k3)?
+    let model = at("Distortion.model");
+    let model = if document.has(&model) {
+        stated_model(document, &model, hints)?
     } else {
-        0.0
+        DistortionModel::PlumbBob
     };
+    let coefficients = (0..)
+        .map(|i| at(&format!("Distortion.dist{i}")))
+        .take_while(|key| document.has(key))
+        .map(|key| document.number(&key))
+        .collect::<Result<Vec<_>>>()?;
+    let key = at("Distortion");
+    if coefficients.is_empty() {
+        return Err(document.error(format!("no '{key}.dist0', which the thesis's XML has")));
+    }
+    let distortion = model.with_coefficients(&coefficients);
+    let distortion = distortion.map_err(|e| document.error(format!("'{key}': {e}")))?;
     let k = Matrix3::from_row_slice(&document.counted::<9>(&at("Intrinsic.intr"))?);
     let size = document.size(&at("ImageSize.x"), &at("ImageSize.y"))?;
-    pinhole(size, &k, [k1, k2, p1, p2, k3])
+    pinhole(size, &k, distortion)
         .map_err(|reason| document.error(format!("'{}': {reason}", at("Intrinsic"))))
 }
 
@@ -236,7 +248,7 @@ fn write(calibration: &StereoCalibration) -> Writing {
     let cameras = [calibration.left(), calibration.right()];
     for (camera, pose) in cameras.into_iter().zip(&poses) {
         text += "  <Camera>\n";
-        text += &element("Distortion", "dist", &camera.distortion());
+        text += &lens(camera.distortion());
         let (width, height) = camera.size();
         text += &format!("    <ImageSize x=\"{width}\" y=\"{height}\"/>\n");
         text += &element("Intrinsic", "intr", camera.matrix().transpose().as_slice());
@@ -250,6 +262,15 @@ fn write(calibration: &StereoCalibration) -> Writing {
     }
     text += "</VSCalibrationData>\n";
     Ok(Written::complete(text))
+}
+
+/// The distortion; annex E has k1 k2 p1 p2 without the name of a model.
+fn lens(distortion: &Distortion) -> String {
+    let element = element("Distortion", "dist", distortion.coefficients());
+    match distortion.model() {
+        DistortionModel::PlumbBob => element,
+        model => element.replace("/>", &format!(" model=\"{model}\"/>")),
+    }
 }
 
 fn element(name: &str, prefix: &str, values: &[f64]) -> String {

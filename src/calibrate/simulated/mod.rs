@@ -10,7 +10,7 @@ pub use picture::{Look, Rays, render};
 use super::{Board, StereoView};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
 use svl_core::Result;
-use svl_core::stereo::{Intrinsics, LengthUnit, StereoCalibration, StereoPair};
+use svl_core::stereo::{Distortion, Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 
 /// Pairs per second.
 pub const RATE_HZ: f64 = 10.0;
@@ -49,8 +49,15 @@ impl MovingBoard {
     /// # Errors
     /// None; those of the constructors.
     pub fn new(seed: u64) -> Result<Self> {
+        Self::before(truth()?, seed)
+    }
+
+    /// The same board in front of other cameras.
+    ///
+    /// # Errors
+    /// None; those of the constructors.
+    pub fn before(truth: StereoCalibration, seed: u64) -> Result<Self> {
         let board = Board::new((9, 6), Some(SIDE_M))?;
-        let truth = truth()?;
         let rays = [Rays::new(truth.left()), Rays::new(truth.right())];
         let mut random = fastrand::Rng::with_seed(seed);
         let poses = (0..POSES)
@@ -150,8 +157,17 @@ fn pose(board: &Board, truth: &StereoCalibration, random: &mut fastrand::Rng) ->
             within(-0.7, 0.7),
             within(-0.5, 0.5),
         );
-        let depth = within(0.35, 0.75);
-        let position = Vector3::new(within(-0.5, 0.6) * depth, within(-0.4, 0.4) * depth, depth);
+        let is_fisheye = matches!(truth.left().distortion(), Distortion::Equidistant(_));
+        let (rotation, position) = if is_fisheye {
+            let ray = Vector3::new(within(-2.0, 2.2), within(-1.5, 1.5), 1.0).normalize();
+            // At the edge, a board is visible only if it faces the cameras.
+            let facing = UnitQuaternion::rotation_between(&Vector3::z(), &ray).unwrap_or_default();
+            (facing * rotation, ray * within(0.2, 0.5))
+        } else {
+            let depth = within(0.35, 0.75);
+            let aside = Vector3::new(within(-0.5, 0.6) * depth, within(-0.4, 0.4) * depth, depth);
+            (rotation, aside)
+        };
         let pose =
             Isometry3::from_parts(Translation3::from(position - rotation * middle), rotation);
         if view(board, truth, &pose, MARGIN_PX).is_some() {

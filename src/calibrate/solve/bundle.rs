@@ -7,10 +7,11 @@ use nalgebra::{
 };
 use svl_core::stereo::Intrinsics;
 
-/// Number of parameters of a camera's intrinsics, and of a rigid motion: rotation vector, then
-/// translation.
-pub(super) const INTRINSICS: usize = 9;
+/// Number of parameters of a rigid motion: rotation vector, then translation.
 pub(super) const MOTION: usize = 6;
+/// Limit on the parameters of a camera's intrinsics, and of these and its motion.
+const MAX_INTRINSICS: usize = 12;
+const MAX_CAMERA: usize = MAX_INTRINSICS + MOTION;
 
 /// The corners of one view in one image. Those that are not `used` are outliers.
 #[derive(Clone, Debug)]
@@ -93,14 +94,20 @@ pub(super) struct PoseBlock {
 }
 
 impl BundleProblem {
-    /// Number of parameters of all cameras: 9 for the first, then 9 and 6 for each other.
+    /// Number of parameters of each camera's intrinsics. All cameras have one distortion model.
+    pub fn intrinsics(&self) -> usize {
+        self.cameras[0].intrinsics.parameter_names().count()
+    }
+
+    /// Number of parameters of all cameras: intrinsics of the first, then intrinsics and motion of
+    /// each other.
     pub fn parameters(&self) -> usize {
-        INTRINSICS + (self.cameras.len() - 1) * (INTRINSICS + MOTION)
+        self.begin(self.cameras.len())
     }
 
     /// Index of a camera's first parameter.
-    pub fn begin(camera: usize) -> usize {
-        camera * INTRINSICS + camera.saturating_sub(1) * MOTION
+    pub fn begin(&self, camera: usize) -> usize {
+        camera * self.intrinsics() + camera.saturating_sub(1) * MOTION
     }
 
     /// Observed minus predicted pixel of every corner, used or not; `None` if the prediction is
@@ -142,7 +149,7 @@ impl BundleProblem {
     }
 
     pub fn normal(&self, loss: LossFunction) -> NormalEquations {
-        let n = self.parameters();
+        let (n, intrinsics) = (self.parameters(), self.intrinsics());
         let (mut cameras, mut cameras_right) = (DMatrix::zeros(n, n), DVector::zeros(n));
         let block = |view: &PosedView| {
             let mut block = PoseBlock {
@@ -156,17 +163,17 @@ impl BundleProblem {
                 // the frame of this camera: the chain rule from this camera's frame to the pose.
                 let by_pose = adjoint(&self.cameras[camera].from_first);
                 // The first camera is the origin: only its intrinsics are unknown.
-                let own = INTRINSICS + if camera == 0 { 0 } else { MOTION };
-                let begin = Self::begin(camera);
+                let own = intrinsics + if camera == 0 { 0 } else { MOTION };
+                let begin = self.begin(camera);
                 let mut target = cameras.view_mut((begin, begin), (own, own));
                 target += a.view((0, 0), (own, own));
                 let mut target = cameras_right.rows_mut(begin, own);
                 target += b.rows(0, own);
-                let right = b.fixed_rows::<MOTION>(INTRINSICS);
-                let mixed = a.fixed_columns::<MOTION>(INTRINSICS) * by_pose;
+                let right = b.fixed_rows::<MOTION>(intrinsics);
+                let mixed = a.fixed_columns::<MOTION>(intrinsics) * by_pose;
                 let mut target = block.mixed.rows_mut(begin, own);
                 target += mixed.rows(0, own);
-                block.pose += by_pose.transpose() * mixed.fixed_rows::<MOTION>(INTRINSICS);
+                block.pose += by_pose.transpose() * mixed.fixed_rows::<MOTION>(intrinsics);
                 block.right += by_pose.transpose() * right;
             }
             block
@@ -186,7 +193,10 @@ impl BundleProblem {
         view: &PosedView,
         camera: usize,
         loss: LossFunction,
-    ) -> (SMatrix<f64, 15, 15>, SVector<f64, 15>) {
+    ) -> (
+        SMatrix<f64, MAX_CAMERA, MAX_CAMERA>,
+        SVector<f64, MAX_CAMERA>,
+    ) {
         let seen_by = &self.cameras[camera];
         let pose = seen_by.from_first * view.pose;
         let (mut a, mut b) = (SMatrix::zeros(), SVector::zeros());
@@ -207,19 +217,19 @@ impl BundleProblem {
     /// The problem after a step of the cameras' parameters and of each pose; `None` for invalid
     /// intrinsics.
     pub fn moved(&self, cameras: &DVector<f64>, poses: &[Vector6<f64>]) -> Option<Self> {
-        let mut next = self.clone();
+        let (mut next, intrinsics) = (self.clone(), self.intrinsics());
         for (i, camera) in next.cameras.iter_mut().enumerate() {
-            let begin = Self::begin(i);
+            let begin = self.begin(i);
             let mut parameters = camera.intrinsics.parameters();
             parameters
                 .iter_mut()
-                .zip(cameras.rows(begin, INTRINSICS).iter())
+                .zip(cameras.rows(begin, intrinsics).iter())
                 .for_each(|(p, step)| *p += step);
-            camera.intrinsics = camera.intrinsics.with_parameters(parameters).ok()?;
+            camera.intrinsics = camera.intrinsics.with_parameters(&parameters).ok()?;
             if i > 0 {
                 camera.from_first = motion(
                     cameras
-                        .fixed_rows::<MOTION>(begin + INTRINSICS)
+                        .fixed_rows::<MOTION>(begin + intrinsics)
                         .into_owned(),
                 ) * camera.from_first;
             }
@@ -232,22 +242,26 @@ impl BundleProblem {
 }
 
 /// The pixel of a point in the camera frame, with its derivatives by the intrinsics and by a small
-/// motion of the point.
-fn linearize(intrinsics: &Intrinsics, point: &Point3<f64>) -> (Point2<f64>, SMatrix<f64, 2, 15>) {
+/// motion of the point, one a column; the rest of the columns are 0.
+fn linearize(
+    intrinsics: &Intrinsics,
+    point: &Point3<f64>,
+) -> (Point2<f64>, SMatrix<f64, 2, MAX_CAMERA>) {
+    let count = intrinsics.parameter_names().count();
     let (x, y) = (point.x / point.z, point.y / point.z);
     let (pixel, by_direction, by_intrinsics) = intrinsics.linearize(Vector2::new(x, y));
     // ∂(X/Z, Y/Z) by a rotation and a translation of the point after the motion.
     let by_rotation = Matrix2x3::new(-x * y, 1.0 + x * x, -y, -(1.0 + y * y), x * y, x);
     let by_translation = Matrix2x3::new(1.0, 0.0, -x, 0.0, 1.0, -y) / point.z;
-    let mut derivative = SMatrix::<f64, 2, 15>::zeros();
+    let mut derivative = SMatrix::<f64, 2, MAX_CAMERA>::zeros();
     derivative
-        .fixed_columns_mut::<INTRINSICS>(0)
+        .fixed_columns_mut::<MAX_INTRINSICS>(0)
         .copy_from(&by_intrinsics);
     derivative
-        .fixed_columns_mut::<3>(INTRINSICS)
+        .fixed_columns_mut::<3>(count)
         .copy_from(&(by_direction * by_rotation));
     derivative
-        .fixed_columns_mut::<3>(INTRINSICS + 3)
+        .fixed_columns_mut::<3>(count + 3)
         .copy_from(&(by_direction * by_translation));
     (pixel, derivative)
 }

@@ -1,8 +1,9 @@
 //! The solution of an adjusted pair: standard deviations, residuals, vertical misalignment.
 
-use super::bundle::{BundleProblem, INTRINSICS, LossFunction, MOTION, PosedCamera, PosedView};
+use super::bundle::{BundleProblem, LossFunction, MOTION, PosedCamera, PosedView};
 use super::solution::{
-    self, CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,
+    self, CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Parameters, Solution,
+    ViewFit,
 };
 use crate::Board;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
@@ -35,11 +36,11 @@ pub(super) fn solution(
     check_focal_lengths(&bundle, &deviations)?;
 
     let [first, second] = [0, 1].map(|i| &bundle.cameras[i]);
-    let begin = BundleProblem::begin(1);
+    let (begin, intrinsics) = (bundle.begin(1), bundle.intrinsics());
     let from_first = second.from_first;
     let [left, right] = [first.intrinsics, second.intrinsics];
     let calibration = StereoCalibration::new(left, right, from_first, board.unit())?;
-    let extrinsics = begin + INTRINSICS;
+    let extrinsics = begin + intrinsics;
     let pair = covariance
         .fixed_view::<MOTION, MOTION>(extrinsics, extrinsics)
         .into_owned();
@@ -55,7 +56,7 @@ pub(super) fn solution(
     let corners = |side: fn(&Fit) -> &Vec<Corner>| -> Vec<Corner> {
         fits().flat_map(|fit| side(fit).iter().copied()).collect()
     };
-    let lens_deviations = |begin: usize| &deviations[begin..][..INTRINSICS];
+    let lens_deviations = |begin: usize| &deviations[begin..][..intrinsics];
     let left = camera(&left, lens_deviations(0), &corners(|fit| &fit.left));
     let right = camera(&right, lens_deviations(begin), &corners(|fit| &fit.right));
     let misalignments: Vec<f64> = fits().flat_map(|fit| rows.misalignments(fit)).collect();
@@ -71,7 +72,7 @@ pub(super) fn solution(
         rms_px: (squares / (numbers.max(2) / 2) as f64).sqrt(),
         corner_deviation_px: variance.sqrt(),
         epipolar: epipolar_error(&misalignments),
-        correlations: correlations(&covariance),
+        correlations: correlations(&covariance, &first.intrinsics),
         views,
         calibration,
     })
@@ -95,7 +96,7 @@ fn squared_residuals(bundle: &BundleProblem) -> (f64, usize) {
 fn check_focal_lengths(bundle: &BundleProblem, deviations: &[f64]) -> Result<()> {
     for (i, name) in ["left", "right"].into_iter().enumerate() {
         let (fx, fy) = bundle.cameras[i].intrinsics.focal_px();
-        let begin = BundleProblem::begin(i);
+        let begin = bundle.begin(i);
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
             if deviation.is_nan() || deviation > UNCERTAIN * focal {
                 return Err(parallel(bundle, Some((name, focal, deviation))));
@@ -148,11 +149,12 @@ fn parallel(bundle: &BundleProblem, focal: Option<(&str, f64, f64)>) -> Error {
 }
 
 fn camera(intrinsics: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> CameraEstimate {
-    let values = intrinsics.parameters();
-    let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = std::array::from_fn(|i| Estimated {
-        value: values[i],
-        deviation: deviations[i],
+    let values = intrinsics.parameters().into_iter().zip(deviations);
+    let estimates = values.map(|(value, deviation)| Estimated {
+        value,
+        deviation: *deviation,
     });
+    let parameters = intrinsics.parameter_names().zip(estimates).collect();
     let (width, height) = intrinsics.size();
     let mut seen = [[false; FIELDS.0]; FIELDS.1];
     for Corner { seen: (x, y), .. } in corners.iter().filter(|corner| corner.used) {
@@ -166,15 +168,8 @@ fn camera(intrinsics: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> Ca
     let coverage = seen.as_flattened().iter().filter(|seen| **seen).count() as f64
         / (FIELDS.0 * FIELDS.1) as f64;
     CameraEstimate {
-        fx,
-        fy,
-        cx,
-        cy,
-        k1,
-        k2,
-        p1,
-        p2,
-        k3,
+        model: intrinsics.distortion().model().name(),
+        parameters: Parameters(parameters),
         rms_px: rms(corners),
         coverage,
     }
@@ -231,9 +226,7 @@ fn baseline(from_first: &Isometry3<f64>, covariance: &Matrix6<f64>) -> Estimated
     }
 }
 
-fn correlations(covariance: &DMatrix<f64>) -> Vec<Correlation> {
-    const INTRINSICS_NAMES: [&str; INTRINSICS] =
-        ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
+fn correlations(covariance: &DMatrix<f64>, camera: &Intrinsics) -> Vec<Correlation> {
     const MOTIONS: [&str; MOTION] = [
         "rotation about x",
         "rotation about y",
@@ -242,11 +235,8 @@ fn correlations(covariance: &DMatrix<f64>) -> Vec<Correlation> {
         "translation y",
         "translation z",
     ];
-    let named = |side: &'static str| {
-        INTRINSICS_NAMES
-            .iter()
-            .map(move |name| format!("{side} {name}"))
-    };
+    let named =
+        |side: &'static str| (camera.parameter_names()).map(move |name| format!("{side} {name}"));
     let names: Vec<String> = named("left")
         .chain(named("right"))
         .chain(MOTIONS.map(str::to_owned))

@@ -15,7 +15,8 @@ mod solution;
 mod start;
 
 pub use solution::{
-    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,
+    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Parameters, Solution,
+    ViewFit,
 };
 
 use super::{Board, StereoView};
@@ -23,7 +24,7 @@ use bundle::{BundleProblem, ImageCorners, PosedCamera, PosedView};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use outliers::{RejectedView, adjust_robustly};
 use svl_core::statistics::upper_median;
-use svl_core::stereo::Intrinsics;
+use svl_core::stereo::{DistortionModel, Intrinsics};
 use svl_core::{Error, Result};
 
 /// Fewest views that determine all parameters (Zhang, section 3.1).
@@ -35,21 +36,32 @@ struct ViewSelection<'a> {
     refused: Vec<Option<String>>,
 }
 
-/// Calibrates two cameras of images of `size` (width, height) from `views` of a board.
+/// Calibrates two cameras of images of `size` (width, height) from `views` of a board, with a
+/// distortion model for both.
 ///
 /// # Errors
 /// [`Error::Invalid`] if a view has another number of corners than the board, if fewer than three
 /// views agree, or if they do not determine the parameters, as with boards that are all parallel.
 /// The message tells what to add.
-pub fn solve(board: &Board, size: (usize, usize), views: &[StereoView]) -> Result<Solution> {
+pub fn solve(
+    board: &Board,
+    size: (usize, usize),
+    model: DistortionModel,
+    views: &[StereoView],
+) -> Result<Solution> {
     let corners: Vec<Point3<f64>> = board.corners().collect();
     let mut selection = ViewSelection {
         views,
         refused: vec![None; views.len()],
     };
     selection.check_corners(size, corners.len())?;
-    let left = calibrate_camera(&corners, size, &mut selection, "left", |view| &view.left)?;
-    let right = calibrate_camera(&corners, size, &mut selection, "right", |view| &view.right)?;
+    let mut camera = |name, pixels: fn(&StereoView) -> &Vec<Point2<f64>>| {
+        calibrate_camera(&corners, (size, model), &mut selection, name, pixels)
+    };
+    let (left, right) = (
+        camera("left", |view| &view.left)?,
+        camera("right", |view| &view.right)?,
+    );
     let bundle = calibrate_pair(left, right, &mut selection)?;
     measure::solution(board, bundle, selection.refused)
 }
@@ -119,11 +131,11 @@ impl ViewSelection<'_> {
     }
 }
 
-/// The homographies of one camera's views of the board, with the number of the view; refuses views
-/// whose corners are in disorder.
+/// The homographies of one camera's views of the board, undistorted by `lens` if there is one, with
+/// the number of the view; refuses views whose corners are in disorder.
 fn homographies(
     board: &[Point3<f64>],
-    size: (usize, usize),
+    (size, lens): ((usize, usize), Option<&Intrinsics>),
     selection: &mut ViewSelection<'_>,
     name: &str,
     pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
@@ -131,11 +143,16 @@ fn homographies(
     let views = selection.views;
     let mut homographies: Vec<(usize, Matrix3<f64>, f64)> = Vec::new();
     for id in selection.used().collect::<Vec<_>>() {
-        match start::homography(board, pixels(&views[id])) {
+        let found = match lens {
+            None => start::homography(board, pixels(&views[id])),
+            Some(lens) => start::undistorted_homography(lens, board, pixels(&views[id])),
+        };
+        match found {
             Some((h, off)) => homographies.push((id, h, off)),
             None => {
+                let edge = lens.map_or("", |_| ", or it is 90° off the axis");
                 selection.refused[id] = Some(format!(
-                    "the {name} image's corners lie on one line or are out of order"
+                    "the {name} image's corners lie on one line or are out of order{edge}"
                 ))
             }
         }
@@ -186,18 +203,27 @@ fn posed_views(
 /// Calibrates one camera alone from the views that are not refused.
 fn calibrate_camera(
     board: &[Point3<f64>],
-    size: (usize, usize),
+    (size, model): ((usize, usize), DistortionModel),
     selection: &mut ViewSelection<'_>,
     name: &str,
     pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
 ) -> Result<BundleProblem> {
-    let homographies = homographies(board, size, selection, name, &pixels);
+    let undetermined = || undetermined(&format!("{name} camera"));
+    let fisheye = match model {
+        DistortionModel::Equidistant => {
+            let views = selection.used().map(|id| &pixels(&selection.views[id])[..]);
+            let views = views.collect::<Vec<_>>();
+            Some(start::fisheye(size, board, &views).ok_or_else(undetermined)?)
+        }
+        DistortionModel::PlumbBob | DistortionModel::RationalPolynomial => None,
+    };
+    let lens = (size, fisheye.as_ref());
+    let homographies = homographies(board, lens, selection, name, &pixels);
     selection.require_enough()?;
-    let intrinsics = start::intrinsics(
-        size,
-        &homographies.iter().map(|(_, h)| *h).collect::<Vec<_>>(),
-    );
-    let intrinsics = intrinsics.ok_or_else(|| undetermined(&format!("{name} camera")))?;
+    let matrices = homographies.iter().map(|(_, h)| *h).collect::<Vec<_>>();
+    let intrinsics = fisheye.or_else(|| start::intrinsics(size, &matrices));
+    let intrinsics = intrinsics.and_then(|camera| start::with_model(&camera, model));
+    let intrinsics = intrinsics.ok_or_else(undetermined)?;
     let views = posed_views(board, &intrinsics, &homographies, selection, name, &pixels);
     selection.require_enough()?;
     let cameras = vec![PosedCamera {
@@ -209,9 +235,8 @@ fn calibrate_camera(
         cameras,
         views,
     };
-    for RejectedView { view, reason } in adjust_robustly(&mut bundle, &[name])
-        .ok_or_else(|| undetermined(&format!("{name} camera")))?
-    {
+    let rejected = adjust_robustly(&mut bundle, &[name]).ok_or_else(undetermined)?;
+    for RejectedView { view, reason } in rejected {
         selection.refused[view.id] = Some(reason);
     }
     selection.require_enough()?;

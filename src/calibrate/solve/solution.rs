@@ -1,6 +1,6 @@
 //! The result of a calibration, with standard deviations.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::fmt::{Display, Formatter};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 
@@ -51,15 +51,10 @@ pub struct Solution {
 /// The intrinsics of one camera, [`svl_core::stereo::Intrinsics`]; lengths in pixels.
 #[derive(Clone, Debug, Serialize)]
 pub struct CameraEstimate {
-    pub fx: Estimated,
-    pub fy: Estimated,
-    pub cx: Estimated,
-    pub cy: Estimated,
-    pub k1: Estimated,
-    pub k2: Estimated,
-    pub p1: Estimated,
-    pub p2: Estimated,
-    pub k3: Estimated,
+    /// Name of the distortion model.
+    pub model: &'static str,
+    #[serde(flatten)]
+    pub parameters: Parameters,
     /// Same as [`Solution::rms_px`], over this camera's corners.
     pub rms_px: f64,
     /// Fraction of the image's 8x6 fields that contain a used corner, 0..=1.
@@ -119,20 +114,22 @@ pub struct Corner {
     pub used: bool,
 }
 
-impl CameraEstimate {
-    /// Names and estimates, in the order of [`svl_core::stereo::Intrinsics::parameters`].
-    pub fn parameters(&self) -> [(&'static str, Estimated); 9] {
-        [
-            ("fx", self.fx),
-            ("fy", self.fy),
-            ("cx", self.cx),
-            ("cy", self.cy),
-            ("k1", self.k1),
-            ("k2", self.k2),
-            ("p1", self.p1),
-            ("p2", self.p2),
-            ("k3", self.k3),
-        ]
+/// Names and estimates, in the order of [`svl_core::stereo::Intrinsics::parameters`]. Serialized as
+/// a map.
+#[derive(Clone, Debug)]
+pub struct Parameters(pub Vec<(&'static str, Estimated)>);
+
+impl Parameters {
+    /// The estimate of that name.
+    pub fn get(&self, name: &str) -> Option<Estimated> {
+        let mut parameters = self.0.iter();
+        parameters.find_map(|(other, estimated)| (*other == name).then_some(*estimated))
+    }
+}
+
+impl Serialize for Parameters {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, estimated)| (name, estimated)))
     }
 }
 

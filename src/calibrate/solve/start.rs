@@ -5,7 +5,8 @@ use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix2, Matrix3, Point2, Point3, Rotation3, SMatrix, SVector,
     SymmetricEigen, Translation3, UnitQuaternion, Vector2, Vector3,
 };
-use svl_core::stereo::Intrinsics;
+use svl_core::statistics::upper_median;
+use svl_core::stereo::{Distortion, DistortionModel, Intrinsics};
 
 /// Limit on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;
@@ -113,7 +114,90 @@ pub(super) fn intrinsics(
     // A field of view of 45°: the adjustment converges from far off.
     let (fx, fy, cx, cy) = found.unwrap_or((1.2, 1.2, 0.0, 0.0));
     let center_px = (cx * scale + centre.0, cy * scale + centre.1);
-    Intrinsics::new(size, (fx * scale, fy * scale), center_px, [0.0; 5]).ok()
+    Intrinsics::new(size, (fx * scale, fy * scale), center_px, Distortion::NONE).ok()
+}
+
+/// Numbers of focal lengths that [`fisheye`] tries, and the least and greatest of them as fractions
+/// of the image's longer side: fields of view of 230° and 40°.
+const FOCAL_LENGTHS: u32 = 24;
+const FOCAL_RANGE: (f64, f64) = (0.25, 1.4);
+
+/// An `equidistant` camera whose undistorted images of the boards are nearest to homographies, with
+/// a centred principal point and without coefficients: a search over focal lengths. Zhang's closed
+/// form needs straight lines, which a fisheye's image has not.
+pub(super) fn fisheye(
+    size: (usize, usize),
+    board: &[Point3<f64>],
+    views: &[&[Point2<f64>]],
+) -> Option<Intrinsics> {
+    let side = size.0.max(size.1) as f64;
+    let center_px = ((size.0 as f64 - 1.0) / 2.0, (size.1 as f64 - 1.0) / 2.0);
+    let lens = Distortion::Equidistant([0.0; 4]);
+    let ratio = (FOCAL_RANGE.1 / FOCAL_RANGE.0).ln() / f64::from(FOCAL_LENGTHS - 1);
+    let cameras = (0..FOCAL_LENGTHS).filter_map(|i| {
+        let focal = side * FOCAL_RANGE.0 * (ratio * f64::from(i)).exp();
+        Intrinsics::new(size, (focal, focal), center_px, lens).ok()
+    });
+    let fit = |camera: &Intrinsics| {
+        let distances = views.iter().map(|pixels| {
+            let found = undistorted_homography(camera, board, pixels);
+            // A view that the camera cannot see is as bad as one that is far off.
+            found.map_or(f64::MAX, |(_, off)| off)
+        });
+        upper_median(distances)
+    };
+    let fits = cameras.filter_map(|camera| Some((fit(&camera)?, camera)));
+    let (_, camera) = fits.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+    Some(camera)
+}
+
+/// Fewest corners that determine a homography well, and the angle from the axis up to which corners
+/// are used, radians: farther out, an error of a pixel is large on a plane.
+const MIN_CORNERS: usize = 8;
+const MAX_ANGLE: f64 = 1.3;
+
+/// The homography from the board's plane to the image of an ideal lens of that camera, and the RMS
+/// distance of the corners from their images in the camera's own, pixels. `None` as for
+/// [`homography`].
+pub(super) fn undistorted_homography(
+    camera: &Intrinsics,
+    board: &[Point3<f64>],
+    pixels: &[Point2<f64>],
+) -> Option<(Matrix3<f64>, f64)> {
+    let (size, focal, center) = (camera.size(), camera.focal_px(), camera.center_px());
+    let ideal = Intrinsics::new(size, focal, center, Distortion::NONE).ok()?;
+    let seen = board.iter().zip(pixels).filter_map(|(point, pixel)| {
+        let direction = camera.direction(*pixel)?;
+        (direction.norm() < MAX_ANGLE.tan()).then(|| (*point, ideal.pixel(direction)))
+    });
+    let (points, flat): (Vec<_>, Vec<_>) = seen.unzip();
+    if points.len() < MIN_CORNERS.min(board.len()) {
+        return None;
+    }
+    let (h, _) = homography(&points, &flat)?;
+    let off = reprojected(camera, board, pixels, &pose(&ideal, &h)?)?;
+    Some((h, off))
+}
+
+/// RMS distance of a board's corners from their images, pixels; `None` if one is behind the camera.
+fn reprojected(
+    camera: &Intrinsics,
+    board: &[Point3<f64>],
+    pixels: &[Point2<f64>],
+    pose: &Isometry3<f64>,
+) -> Option<f64> {
+    let squared = |(point, pixel): (&Point3<f64>, &Point2<f64>)| {
+        Some((camera.project(&(pose * point))? - pixel).norm_squared())
+    };
+    let sum = board.iter().zip(pixels).map(squared).sum::<Option<f64>>()?;
+    Some((sum / board.len() as f64).sqrt())
+}
+
+/// The same camera with that distortion model, all of whose coefficients are 0.
+pub(super) fn with_model(camera: &Intrinsics, model: DistortionModel) -> Option<Intrinsics> {
+    let lens = model.with_coefficients(&[]).ok()?;
+    let (size, focal, center) = (camera.size(), camera.focal_px(), camera.center_px());
+    Intrinsics::new(size, focal, center, lens).ok()
 }
 
 /// Zhang's section 3.1 without skew: fx, fy, cx, cy.
@@ -188,9 +272,7 @@ pub(super) fn seen_pose(
         .map(|pixel| camera.direction(*pixel).map(Point2::from))
         .collect::<Option<Vec<_>>>()?;
     // The directions are already undistorted, so a pinhole with K = I remains.
-    let pinhole = camera
-        .with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        .ok()?;
+    let pinhole = Intrinsics::new(camera.size(), (1.0, 1.0), (0.0, 0.0), Distortion::NONE).ok()?;
     pose(&pinhole, &homography(board, &directions)?.0)
 }
 

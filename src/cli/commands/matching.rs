@@ -6,16 +6,19 @@ use crate::cli::shared::usage;
 use anyhow::Context;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
-use svl::calibrate::files::read_calib;
+use svl::calibrate::files::{Hints, LoadedCalibration, read_with};
 use svl::depth::{GridSettings, Stixels};
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
+use svl::rectify::Rectifier;
 use svl::report::evidence::EvidencePage;
-use svl::stereo::{CellState, DepthGrid, DisparityMap, Reason, RectifiedPair, Rig, StereoPair};
+use svl::stereo::{
+    CellState, DepthGrid, DisparityMap, Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair,
+};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -67,8 +70,10 @@ pub(crate) struct Args {
     /// HTML page that shows why each cell of v5 is known, or is not
     #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
     evidence: Option<PathBuf>,
-    /// Middlebury's calibration, for distances
-    #[arg(long, value_name = "calib.txt")]
+    /// Calibration, for distances; of raw cameras, the images are rectified first
+    ///
+    /// Any format that `svl calibrate convert` reads. Write two files as left.yaml,right.yaml.
+    #[arg(long, value_name = "FILE")]
     calib: Option<PathBuf>,
     /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
     #[arg(
@@ -117,10 +122,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(note) = note {
         print_error(note);
     }
-    let calib = args.calib.as_deref();
-    let rig = calib
-        .map(|path| read_calib(path, pair.size()))
-        .transpose()?;
+    let (pair, color, rig) = match &args.calib {
+        Some(path) => rectified(pair, color, path)?,
+        None => (pair, color, None),
+    };
     let context = MatchContext {
         color: color.as_ref(),
         rig,
@@ -159,6 +164,38 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
+/// The pair and its colours, rectified unless the calibration is of rectified cameras, and the
+/// rig.
+fn rectified(
+    pair: StereoPair,
+    color: Option<[Rgb; 2]>,
+    path: &Path,
+) -> anyhow::Result<(StereoPair, Option<[Rgb; 2]>, Option<Rig>)> {
+    let hints = Hints {
+        size: Some(pair.size()),
+        ..Hints::default()
+    };
+    let LoadedCalibration {
+        calibration,
+        remarks,
+        ..
+    } = read_with(path, &hints)?;
+    for remark in remarks {
+        print_error(&format!("{}: {remark}", path.display()));
+    }
+    if calibration.is_rectified() {
+        return Ok((pair, color, calibration.rig()));
+    }
+    let rectifier = Rectifier::new(&calibration).with_context(|| path.display().to_string())?;
+    let [mut left, mut right] = [Gray::filled(1, 1, 0)?, Gray::filled(1, 1, 0)?];
+    let applied = rectifier.apply(&pair, &mut left, &mut right);
+    applied.with_context(|| path.display().to_string())?;
+    let color = color.map(|color| rectifier.apply_color(&color));
+    let color = color.transpose()?;
+    let rig = rectifier.rig().copied();
+    Ok((StereoPair::new(left, right)?, color, rig))
+}
+
 /// Checks that the options go together.
 fn check(args: &Args, has_evidence: bool) -> anyhow::Result<()> {
     if args.evidence.is_some() && !has_evidence {
@@ -167,7 +204,7 @@ fn check(args: &Args, has_evidence: bool) -> anyhow::Result<()> {
         return Err(usage::wrong(words));
     }
     if files::has_ending(&args.output, "ply") && args.calib.is_none() {
-        let cure = "a point cloud needs --calib calib.txt, for distances";
+        let cure = "a point cloud needs --calib FILE, for distances";
         return Err(usage::wrong(format!("{}: {cure}", args.output.display())));
     }
     Ok(())

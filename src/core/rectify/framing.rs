@@ -3,16 +3,18 @@
 
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
-use crate::stereo::MAX_SIDE;
+use crate::stereo::{MAX_RADIUS, MAX_SIDE, StereoCalibration};
 use nalgebra::{Point2, Vector2};
+use std::f64::consts::FRAC_PI_3;
 
 /// Size and crop of rectified images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Framing {
     /// Width and height; `None` for those of the cameras.
     pub size: Option<(usize, usize)>,
-    /// As OpenCV's `alpha`. 0: only valid pixels. 1: all pixels of the cameras' images, with black
-    /// borders. Values between interpolate.
+    /// As OpenCV's `alpha`. 0: only valid pixels, and at most 60° from the axis to each side. 1:
+    /// all pixels of the cameras' images, with black borders, and at most 75°. Values between
+    /// interpolate.
     pub alpha: f64,
 }
 
@@ -52,7 +54,9 @@ impl Framing {
         let [left, right] = views.each_ref().map(visible_region);
         let (left, right) = (left?, right?);
         let within = left.within.intersection(&right.within);
+        let within = within.intersection(&Rectangle::within_angle(MAX_ANGLE));
         let around = left.around.union(&right.around);
+        let around = around.intersection(&Rectangle::within_angle(MAX_ANGLE_OF_ALL));
         let extent = Vector2::new((width - 1) as f64, (height - 1) as f64);
         let empty = !(within.size().x > 0.0 && within.size().y > 0.0);
         // A valid rectangle exists only in the common field of view; alpha = 1 does not need one.
@@ -79,6 +83,11 @@ impl Framing {
     }
 }
 
+/// Largest angles between the axis and a side of a rectified image, radians, for `alpha` 0 and 1. A
+/// plane shows an angle θ magnified by 1/cos² θ: 4 and 15 times as large as the centre.
+const MAX_ANGLE: f64 = FRAC_PI_3;
+const MAX_ANGLE_OF_ALL: f64 = 5.0 * FRAC_PI_3 / 4.0;
+
 /// A rectangle in the rectified plane, as `(X/Z, Y/Z)`.
 #[derive(Clone, Copy)]
 struct Rectangle {
@@ -87,6 +96,15 @@ struct Rectangle {
 }
 
 impl Rectangle {
+    /// All that is at most that angle off the axis, horizontally and vertically.
+    fn within_angle(angle: f64) -> Self {
+        let corner = Vector2::repeat(angle.tan());
+        Self {
+            least: -corner,
+            most: corner,
+        }
+    }
+
     fn size(&self) -> Vector2<f64> {
         self.most - self.least
     }
@@ -119,18 +137,30 @@ struct VisibleRegion {
 }
 
 /// Follows the border of the camera's image, pixel by pixel.
+///
+/// # Errors
+/// [`Error::Rig`] if a whole side has no direction in front of the rectified camera.
 fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
     let (width, height) = view.size();
     let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
     let column = |x: f64| (0..height).filter_map(move |y| view.direction(Point2::new(x, y as f64)));
     let row = |y: f64| (0..width).filter_map(move |x| view.direction(Point2::new(x as f64, y)));
-    let sides = [
+    let mut sides: [Vec<_>; 4] = [
         column(0.0).collect(),
         row(0.0).collect(),
         column(right).collect(),
         row(bottom).collect(),
     ];
-    if sides.iter().any(|side: &Vec<_>| side.is_empty()) {
+    if view.sees_beyond_the_plane() {
+        // A side at 90° from the axis or beyond: the plane has no end there.
+        let ends = [-Vector2::x(), -Vector2::y(), Vector2::x(), Vector2::y()];
+        for (side, end) in sides.iter_mut().zip(ends) {
+            if side.is_empty() {
+                side.push(end * MAX_RADIUS);
+            }
+        }
+    }
+    if sides.iter().any(Vec::is_empty) {
         let why = "its distortion model is undefined there, or the cameras diverge too far";
         return Err(Error::Rig(format!(
             "a whole side of a camera's image cannot be rectified: {why}"
@@ -155,4 +185,80 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
             most: Vector2::new(x(&all, f64::max), y(&all, f64::max)),
         },
     })
+}
+
+/// What the rectified images do not show of wide cameras, as a line for the user; `None` if they
+/// show nearly all, or have no rectification.
+pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
+    let by = calibration.rectification()?;
+    let focal = by.rig.focal_px();
+    let shown = [by.size.0, by.size.1].map(|side| 2.0 * (side as f64 / 2.0 / focal).atan());
+    let (horizontal, vertical) = calibration.left().field_of_view()?;
+    let hides = |seen: f64, shown: f64| seen > 2.0 * MAX_ANGLE && seen > 1.05 * shown;
+    if !hides(horizontal, shown[0]) && !hides(vertical, shown[1]) {
+        return None;
+    }
+    let [horizontal, vertical, width, height] =
+        [horizontal, vertical, shown[0], shown[1]].map(|angle| angle.to_degrees().round());
+    let most = (2.0 * MAX_ANGLE_OF_ALL).to_degrees().round();
+    Some(format!(
+        "the cameras see {horizontal}° x {vertical}°, the rectified images show {width}° x \
+         {height}°: a plane shows less than 180°, and `--alpha 1` up to {most}°"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bouguet;
+    use super::*;
+    use crate::stereo::{Distortion, Intrinsics, LengthUnit};
+    use nalgebra::Isometry3;
+
+    /// Two fisheyes side by side with a field of view of that many degrees across 640 pixels.
+    fn fisheyes(degrees: f64) -> StereoCalibration {
+        let focal = 320.0 / (degrees / 2.0).to_radians();
+        let lens = Distortion::Equidistant([0.0; 4]);
+        let camera = Intrinsics::new((640, 480), (focal, focal), (319.5, 239.5), lens).unwrap();
+        let apart = Isometry3::translation(-0.1, 0.0, 0.0);
+        StereoCalibration::new(camera, camera, apart, LengthUnit::Metres).unwrap()
+    }
+
+    #[test]
+    fn wide_lenses_are_shown_up_to_a_limit() {
+        for (degrees, alpha, shown) in [
+            // The height limits it.
+            (100.0, 0.0, 91.3),
+            (150.0, 0.0, 120.0),
+            (180.0, 0.0, 120.0),
+            (200.0, 0.0, 120.0),
+            (150.0, 1.0, 150.0),
+            (180.0, 1.0, 150.0),
+            (200.0, 1.0, 150.0),
+        ] {
+            let calibration = fisheyes(degrees);
+            let framing = Framing { alpha, size: None };
+            let by = bouguet(&calibration, &framing).unwrap();
+            let across = 2.0 * (320.0 / by.rig.focal_px()).atan().to_degrees();
+            assert!((across - shown).abs() < 0.5, "{degrees} {alpha}: {across}");
+            let center = by.rig.center_px();
+            assert!((center.0 - 319.5).abs() < 0.01 && (center.1 - 239.5).abs() < 0.01);
+            let hidden = hidden_view(&calibration.with_rectification(by));
+            assert_eq!(
+                hidden.is_some(),
+                degrees > shown + 1.0,
+                "{degrees} {alpha}: {hidden:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_hidden_is_said() {
+        let calibration = fisheyes(200.0);
+        let by = bouguet(&calibration, &Framing::default()).unwrap();
+        assert_eq!(
+            hidden_view(&calibration.with_rectification(by)).unwrap(),
+            "the cameras see 200° x 150°, the rectified images show 120° x 105°: a plane shows \
+             less than 180°, and `--alpha 1` up to 150°"
+        );
+    }
 }

@@ -37,6 +37,6 @@ mod rotated_camera;
 pub use alignment::{Alignment, AlignmentMeter, Misfit};
 pub use bouguet::bouguet;
 pub use features::PointMatch;
-pub use framing::Framing;
+pub use framing::{Framing, hidden_view};
 pub use rectifier::Rectifier;
 pub use remap::Remap;

@@ -1,6 +1,6 @@
 //! A camera of a pair with its rectifying rotation.
 
-use crate::stereo::Intrinsics;
+use crate::stereo::{Distortion, Intrinsics, MAX_RADIUS};
 use nalgebra::{Point2, Rotation3, Vector2, Vector3};
 
 /// A camera whose directions are in the rectified frame, as `(X/Z, Y/Z)`.
@@ -18,7 +18,7 @@ impl RotatedCamera {
         Self {
             camera,
             rotation,
-            fold_r2: fold_r2(&camera),
+            fold_r2: camera.distortion().max_radius().powi(2),
         }
     }
 
@@ -38,34 +38,20 @@ impl RotatedCamera {
         (seen.norm_squared() < self.fold_r2).then(|| self.camera.pixel(seen))
     }
 
+    /// True if pixels may be 90° or more off the axis, where no direction is on a plane.
+    pub(super) fn sees_beyond_the_plane(&self) -> bool {
+        matches!(self.camera.distortion(), Distortion::Equidistant(_))
+    }
+
     /// Width and height of the camera's image.
     pub(super) fn size(&self) -> (usize, usize) {
         self.camera.size()
     }
 }
 
-/// Largest radius of a direction (87 degrees off the axis); no useful image shows more.
-const MAX_RADIUS: f64 = 20.0;
-
 fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
     let on_plane = v.xy() / v.z;
     (v.z > 0.0 && on_plane.norm_squared() < MAX_RADIUS * MAX_RADIUS).then_some(on_plane)
-}
-
-/// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops growing, the distortion model
-/// folds back onto pixels it already covered.
-fn fold_r2(camera: &Intrinsics) -> f64 {
-    let [k1, k2, _, _, k3] = camera.distortion();
-    let growth = |r: f64| {
-        let r2 = r * r;
-        1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
-    };
-    // The derivative of the radial model; a root search on a grid is exact enough for a bound.
-    let steps = (0..=10_000).map(|step| f64::from(step) * MAX_RADIUS / 10_000.0);
-    steps
-        .into_iter()
-        .find(|&r| growth(r) <= 0.0)
-        .map_or(MAX_RADIUS * MAX_RADIUS, |r| r * r)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
-use super::{Intrinsics, Rig};
+use super::{Intrinsics, Rig, Side};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
@@ -27,8 +27,9 @@ impl StereoCalibration {
     /// down, z forward), `T` in `unit`.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless it is finite, the baseline is not zero, and the right camera is on the
-    /// right.
+    /// [`Error::Rig`] unless it is finite, the baseline is not zero, the right camera is on the
+    /// right, both cameras have one distortion model or none, and the models reach at least the
+    /// nearest sides of the images before they fold ([`Intrinsics::fold_px`]).
     pub fn new(
         left: Intrinsics,
         right: Intrinsics,
@@ -48,6 +49,18 @@ impl StereoCalibration {
                 place.x
             )));
         }
+        let [left_lens, right_lens] = [left, right].map(|camera| *camera.distortion());
+        if left_lens.model() != right_lens.model() && !left_lens.is_none() && !right_lens.is_none()
+        {
+            return Err(Error::Rig(format!(
+                "the left camera's distortion is {}, the right one's {}; calibrate both with one \
+                 model",
+                left_lens.model(),
+                right_lens.model()
+            )));
+        }
+        check_fold("left", &left)?;
+        check_fold("right", &right)?;
         Ok(Self {
             left,
             right,
@@ -91,10 +104,41 @@ impl StereoCalibration {
         self.rectification.as_ref()
     }
 
+    /// True if the images are rectified already: no distortion, and a rectification that turns and
+    /// scales nothing.
+    pub fn is_rectified(&self) -> bool {
+        let is_same = |by: &Rectification, camera: &Intrinsics, side| {
+            camera.distortion().is_none()
+                && camera.matrix() == by.rig.intrinsics(side)
+                && camera.size() == by.size
+        };
+        self.rectification.as_ref().is_some_and(|by| {
+            by.left.angle() + by.right.angle() == 0.0
+                && is_same(by, &self.left, Side::Left)
+                && is_same(by, &self.right, Side::Right)
+        })
+    }
+
     /// The rectified rig; `None` without a rectification or if the unit is not metres.
     pub fn rig(&self) -> Option<Rig> {
         let rectification = self.rectification.as_ref()?;
         (self.unit == LengthUnit::Metres).then_some(rectification.rig)
+    }
+}
+
+/// # Errors
+/// [`Error::Rig`] if most of the image is beyond the fold of the distortion model.
+fn check_fold(name: &str, camera: &Intrinsics) -> Result<()> {
+    let ((nearest, _), (width, height)) = (camera.side_distances_px(), camera.size());
+    match camera.fold_px() {
+        Some(fold) if fold < nearest => Err(Error::Rig(format!(
+            "the {name} camera's {} {:?} folds {fold:.0} px from the principal point, inside the \
+             image of {width}x{height}: calibrate again with the board near the image's sides; \
+             for a file of cv2.fisheye, `svl calibrate convert --model equidistant`",
+            camera.distortion().model(),
+            camera.distortion().coefficients()
+        ))),
+        _ => Ok(()),
     }
 }
 

@@ -1,25 +1,23 @@
-//! Camera intrinsics: pinhole and lens distortion (Brown 1971; OpenCV `plumb_bob`).
+//! Camera intrinsics: a pinhole and lens distortion.
 
+use super::distortion::{Distortion, MAX_RADIUS};
 use crate::error::{Error, Result};
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
 
-/// A pinhole camera with Brown's distortion model (Close-range camera calibration, 1971), as in
-/// OpenCV's `plumb_bob`.
-///
-/// With `(x, y) = (X/Z, Y/Z)` and `r² = x² + y²`, the lens maps the point to `x' = x (1 + k1 r² +
-/// k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`, `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2
-/// y²) + 2 p2 x y`, which is pixel `(fx x' + cx, fy y' + cy)`.
+/// A pinhole camera with a lens: the direction `(X/Z, Y/Z)`, distorted to `(x', y')`, is pixel
+/// `(fx x' + cx, fy y' + cy)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     size: (usize, usize),
     focal_px: (f64, f64),
     center_px: (f64, f64),
-    distortion: [f64; 5],
+    distortion: Distortion,
 }
 
 impl Intrinsics {
     /// `size`: width and height in pixels. `focal_px`: fx and fy. `center_px`: the principal point,
-    /// pixel centres at integers. `distortion`: k1, k2, p1, p2, k3, all 0 for an ideal lens.
+    /// pixel centres at integers. `distortion`: a [`Distortion`], or `plumb_bob`'s k1, k2, p1, p2,
+    /// k3, all 0 for an ideal lens.
     ///
     /// # Errors
     /// [`Error::Rig`] unless all are finite, the focal lengths positive and the image of at least
@@ -28,12 +26,12 @@ impl Intrinsics {
         size: (usize, usize),
         focal_px: (f64, f64),
         center_px: (f64, f64),
-        distortion: [f64; 5],
+        distortion: impl Into<Distortion>,
     ) -> Result<Self> {
-        let numbers = [focal_px.0, focal_px.1, center_px.0, center_px.1]
-            .into_iter()
-            .chain(distortion);
-        let finite = numbers.into_iter().all(f64::is_finite);
+        let distortion = distortion.into();
+        let coefficients = distortion.coefficients();
+        let numbers = [focal_px.0, focal_px.1, center_px.0, center_px.1];
+        let finite = (numbers.iter().chain(coefficients)).all(|number| number.is_finite());
         if finite && focal_px.0 > 0.0 && focal_px.1 > 0.0 && size.0 > 0 && size.1 > 0 {
             Ok(Self {
                 size,
@@ -44,7 +42,7 @@ impl Intrinsics {
         } else {
             Err(Error::Rig(format!(
                 "image of {}x{} pixels, focal lengths {focal_px:?} px, principal point \
-                 {center_px:?} px, distortion {distortion:?} (all must be finite, size and focal \
+                 {center_px:?} px, distortion {coefficients:?} (all must be finite, size and focal \
                  lengths positive)",
                 size.0, size.1
             )))
@@ -66,24 +64,43 @@ impl Intrinsics {
         self.center_px
     }
 
-    /// k1, k2, p1, p2, k3.
-    pub fn distortion(&self) -> [f64; 5] {
-        self.distortion
+    pub fn distortion(&self) -> &Distortion {
+        &self.distortion
     }
 
-    /// fx, fy, cx, cy, k1, k2, p1, p2, k3.
-    pub fn parameters(&self) -> [f64; 9] {
-        let ((fx, fy), (cx, cy), [k1, k2, p1, p2, k3]) =
-            (self.focal_px, self.center_px, self.distortion);
-        [fx, fy, cx, cy, k1, k2, p1, p2, k3]
+    /// Names of the numbers that a calibration estimates: fx, fy, cx, cy, then
+    /// [`DistortionModel::coefficient_names`](super::DistortionModel::coefficient_names).
+    pub fn parameter_names(&self) -> impl Iterator<Item = &'static str> {
+        let coefficients = self.distortion.model().coefficient_names();
+        ["fx", "fy", "cx", "cy"]
+            .into_iter()
+            .chain(coefficients.iter().copied())
     }
 
-    /// A camera with an image of the same size and these [`Intrinsics::parameters`].
+    /// The values of [`Intrinsics::parameter_names`].
+    pub fn parameters(&self) -> Vec<f64> {
+        let ((fx, fy), (cx, cy)) = (self.focal_px, self.center_px);
+        let count = self.distortion.model().coefficient_names().len();
+        [&[fx, fy, cx, cy], &self.distortion.coefficients()[..count]].concat()
+    }
+
+    /// A camera with an image of the same size, the same model and these
+    /// [`Intrinsics::parameters`].
     ///
     /// # Errors
-    /// Those of [`Intrinsics::new`].
-    pub fn with_parameters(&self, [fx, fy, cx, cy, k1, k2, p1, p2, k3]: [f64; 9]) -> Result<Self> {
-        Self::new(self.size, (fx, fy), (cx, cy), [k1, k2, p1, p2, k3])
+    /// Those of [`Intrinsics::new`], and [`Error::Rig`] for fewer than four numbers.
+    ///
+    /// # Panics
+    /// For more numbers than the camera has parameters.
+    pub fn with_parameters(&self, parameters: &[f64]) -> Result<Self> {
+        let [fx, fy, cx, cy, coefficients @ ..] = parameters else {
+            let count = parameters.len();
+            return Err(Error::Rig(format!(
+                "{count} parameters; a camera has more than four"
+            )));
+        };
+        let distortion = self.distortion.with_first(coefficients);
+        Self::new(self.size, (*fx, *fy), (*cx, *cy), distortion)
     }
 
     /// K.
@@ -99,92 +116,83 @@ impl Intrinsics {
 
     /// Pixel that views the direction `(X/Z, Y/Z)`.
     pub fn pixel(&self, direction: Vector2<f64>) -> Point2<f64> {
-        let distorted = self.distort(direction);
+        self.pixel_of_distorted(self.distortion.distort(direction))
+    }
+
+    fn pixel_of_distorted(&self, distorted: Vector2<f64>) -> Point2<f64> {
         Point2::new(
             self.focal_px.0 * distorted.x + self.center_px.0,
             self.focal_px.1 * distorted.y + self.center_px.1,
         )
     }
 
+    /// The distorted image coordinates of a pixel, in units of the focal lengths.
+    fn distorted(&self, pixel: Point2<f64>) -> Vector2<f64> {
+        Vector2::new(
+            (pixel.x - self.center_px.0) / self.focal_px.0,
+            (pixel.y - self.center_px.1) / self.focal_px.1,
+        )
+    }
+
     /// [`Intrinsics::pixel`] with its derivatives: by the direction, and by the
-    /// [`Intrinsics::parameters`].
+    /// [`Intrinsics::parameters`], one a column; the rest of the columns are 0.
     pub fn linearize(
         &self,
         direction: Vector2<f64>,
-    ) -> (Point2<f64>, Matrix2<f64>, SMatrix<f64, 2, 9>) {
-        let (fx, fy) = self.focal_px;
-        let (x, y) = (direction.x, direction.y);
-        let (r2, xy) = (x * x + y * y, 2.0 * x * y);
-        let (r4, r6) = (r2 * r2, r2 * r2 * r2);
-        let distorted = self.distort(direction);
-        let mut by_direction = self.jacobian(direction);
-        by_direction.row_mut(0).scale_mut(fx);
-        by_direction.row_mut(1).scale_mut(fy);
-        #[rustfmt::skip]
-        let by_parameters = SMatrix::from_row_slice(&[
-            distorted.x, 0.0, 1.0, 0.0,
-            fx * x * r2, fx * x * r4, fx * xy, fx * (r2 + 2.0 * x * x), fx * x * r6,
-            0.0, distorted.y, 0.0, 1.0,
-            fy * y * r2, fy * y * r4, fy * (r2 + 2.0 * y * y), fy * xy, fy * y * r6,
-        ]);
-        let pixel = Point2::new(
-            fx * distorted.x + self.center_px.0,
-            fy * distorted.y + self.center_px.1,
-        );
+    ) -> (Point2<f64>, Matrix2<f64>, SMatrix<f64, 2, 12>) {
+        let (distorted, mut by_direction, mut by_coefficients) =
+            self.distortion.linearize(direction);
+        for (row, focal) in [self.focal_px.0, self.focal_px.1].into_iter().enumerate() {
+            by_direction.row_mut(row).scale_mut(focal);
+            by_coefficients.row_mut(row).scale_mut(focal);
+        }
+        let mut by_parameters = SMatrix::<f64, 2, 12>::zeros();
+        by_parameters[(0, 0)] = distorted.x;
+        by_parameters[(1, 1)] = distorted.y;
+        by_parameters[(0, 2)] = 1.0;
+        by_parameters[(1, 3)] = 1.0;
+        let mut columns = by_parameters.fixed_columns_mut::<8>(4);
+        columns.copy_from(&by_coefficients);
+        let pixel = self.pixel_of_distorted(distorted);
         (pixel, by_direction, by_parameters)
     }
 
     /// Direction `(X/Z, Y/Z)` that a pixel views; `None` where the distortion model, extrapolated
-    /// beyond its fit, folds back and no direction leads to the pixel.
+    /// beyond its fit, folds back and no direction leads to the pixel, and 90° or more off the
+    /// axis.
     pub fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
-        let target = Vector2::new(
-            (pixel.x - self.center_px.0) / self.focal_px.0,
-            (pixel.y - self.center_px.1) / self.focal_px.1,
-        );
-        let mut direction = target;
-        for _ in 0..MAX_STEPS {
-            let off = self.distort(direction) - target;
-            if off.norm() < CLOSE {
-                return Some(direction);
-            }
-            direction -= self.jacobian(direction).try_inverse()? * off;
-        }
-        None
+        self.distortion.undistort(self.distorted(pixel))
     }
 
-    /// The distorted image of a direction, both in units of the focal length.
-    fn distort(&self, Vector2 { data, .. }: Vector2<f64>) -> Vector2<f64> {
-        let [[x, y]] = data.0;
-        let [k1, k2, p1, p2, k3] = self.distortion;
-        let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        Vector2::new(
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        )
+    /// Horizontal and vertical field of view through the principal point, radians; `None` where the
+    /// distortion model ends inside the image.
+    pub fn field_of_view(&self) -> Option<(f64, f64)> {
+        let angle = |x: f64, y: f64| self.distortion.angle(self.distorted(Point2::new(x, y)));
+        let ((width, height), (cx, cy)) = (self.size, self.center_px);
+        let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
+        let horizontal = angle(0.0, cy)? + angle(right, cy)?;
+        Some((horizontal, angle(cx, 0.0)? + angle(cx, bottom)?))
     }
 
-    /// Derivative of [`Intrinsics::distort`].
-    fn jacobian(&self, at: Vector2<f64>) -> Matrix2<f64> {
-        let (x, y) = (at.x, at.y);
-        let [k1, k2, p1, p2, k3] = self.distortion;
-        let r2 = x * x + y * y;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        // Twice the derivative of `radial` by r².
-        let slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
-        let mixed = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y;
-        Matrix2::new(
-            radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
-            mixed,
-            mixed,
-            radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+    /// Distance from the principal point at which the distortion model folds, pixels: beyond it, two
+    /// directions share a pixel. `None` if it does not fold.
+    pub fn fold_px(&self) -> Option<f64> {
+        let fold = self.distortion.max_radius();
+        let reached = self.distortion.distort(Vector2::new(fold, 0.0)).norm();
+        (fold < MAX_RADIUS).then(|| reached * (self.focal_px.0 * self.focal_px.1).sqrt())
+    }
+
+    /// Distances from the principal point to the nearest and to the farthest side of the image,
+    /// pixels.
+    pub fn side_distances_px(&self) -> (f64, f64) {
+        let ((width, height), (cx, cy)) = (self.size, self.center_px);
+        let sides = [cx, cy, width as f64 - 1.0 - cx, height as f64 - 1.0 - cy];
+        (
+            sides.into_iter().fold(f64::MAX, f64::min),
+            sides.into_iter().fold(0.0, f64::max),
         )
     }
 }
-
-/// Convergence threshold in units of the focal length: far below a thousandth of a pixel.
-const CLOSE: f64 = 1e-10;
-const MAX_STEPS: usize = 50;
 
 #[cfg(test)]
 mod tests {
@@ -206,16 +214,6 @@ mod tests {
     }
 
     #[test]
-    fn the_derivative_is_that_of_the_lens() {
-        let (camera, at, step) = (wide(), Vector2::new(0.3, -0.2), 1e-6);
-        for (axis, unit) in [Vector2::x(), Vector2::y()].into_iter().enumerate() {
-            let difference = (camera.distort(at + unit * step) - camera.distort(at - unit * step))
-                / (2.0 * step);
-            assert!((camera.jacobian(at).column(axis) - difference).norm() < 1e-8);
-        }
-    }
-
-    #[test]
     fn the_derivatives_are_those_of_the_pixel() {
         let (camera, at, step) = (wide(), Vector2::new(0.3, -0.2), 1e-6);
         let (pixel, by_direction, by_parameters) = camera.linearize(at);
@@ -232,7 +230,7 @@ mod tests {
             let moved = |step: f64| {
                 let mut parameters = camera.parameters();
                 parameters[i] += step;
-                camera.with_parameters(parameters).unwrap().pixel(at)
+                camera.with_parameters(&parameters).unwrap().pixel(at)
             };
             let difference = (moved(step) - moved(-step)) / (2.0 * step);
             assert!(

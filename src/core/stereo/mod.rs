@@ -12,6 +12,7 @@
 
 mod calibration;
 mod disparity;
+mod distortion;
 mod frame;
 mod grid;
 mod identity;
@@ -25,6 +26,8 @@ mod row;
 
 pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
 pub use disparity::{DisparityMap, ExtraPlanes};
+pub(crate) use distortion::MAX_RADIUS;
+pub use distortion::{Distortion, DistortionModel};
 pub use frame::{
     Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Surface, Truth, TruthDensity,
     TruthKind, TruthOrigin, Visibility,

@@ -33,7 +33,7 @@ pub const DRIVER: Driver = Driver {
             unit: "",
             range: Range::Choice {
                 default: "auto",
-                options: &["auto", "GREY", "YUYV", "MJPG"],
+                options: &["auto", "GREY", "YUYV", "UYVY", "MJPG"],
             },
             description: "pixel format; auto: the simplest",
         },

@@ -46,7 +46,10 @@ impl Foreign {
     pub(super) fn why_no_rig(&self, error: String) -> String {
         match &self.frames {
             [Some(left), Some(right)] if self.lacks_baseline() => {
-                self.baseline.metres(left, right).err().unwrap_or(error)
+                let why = self.baseline.metres(left, right).err();
+                // P has one, of the wrong sign.
+                why.filter(|_| !self.has_reversed_baseline())
+                    .unwrap_or(error)
             }
             _ => error,
         }
@@ -73,8 +76,31 @@ impl Foreign {
     /// True if the baseline is that of the static transforms.
     pub(super) fn needs_baseline(&self) -> bool {
         match &self.cameras {
-            [Some(left), Some(right)] => left.lacks_baseline(right),
+            [Some(left), Some(right)] => left.needs_baseline(right),
             _ => false,
+        }
+    }
+
+    fn has_reversed_baseline(&self) -> bool {
+        match &self.cameras {
+            [Some(left), Some(right)] => left.has_reversed_baseline(right),
+            _ => false,
+        }
+    }
+
+    /// Warns of projections with the sign of another convention.
+    pub(super) fn warn_of_sign(&self) {
+        if let Some(metres) = self.baseline_m.filter(|_| self.has_reversed_baseline())
+            && self
+                .both()
+                .is_ok_and(|[left, right]| camera::rig(left, right, Some(metres)).is_ok())
+        {
+            let [left, right] = &self.images;
+            tracing::warn!(
+                "{}: {left} and {right}: by P the right camera is to the left, by /tf_static \
+                 {metres:.4} m to the right, which is used",
+                self.name
+            );
         }
     }
 

@@ -4,7 +4,10 @@ use super::{head, json, realsense};
 use crate::messages::Channel;
 use crate::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
-use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
+use svl_core::stereo::{
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration,
+    rotation,
+};
 
 /// Schemas of calibration messages.
 pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
@@ -16,6 +19,13 @@ const ROW_TOLERANCE_PX: f64 = 0.1;
 
 /// Baselines, metres: what is shorter is rounding, what is longer is in millimetres.
 const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
+
+/// Offsets of P that are rounding: a fraction of the focal length.
+const ROUNDING: f64 = 1e-6;
+
+/// Greatest relative difference of the baselines in P and in the static transforms, if the sign of
+/// the one in P is reversed.
+const BASELINE_TOLERANCE: f64 = 0.1;
 
 /// Focal lengths and principal points of K and P that differ by no more are equal, up to rounding:
 /// pixels.
@@ -243,14 +253,35 @@ impl Calibration {
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }
 
+    /// Name of the distortion model; `None` if all coefficients are 0.
+    pub(super) fn distortion_model(&self) -> Option<&str> {
+        let is_distorted = self.d.iter().any(|coefficient| *coefficient != 0.0);
+        is_distorted.then_some(&self.model)
+    }
+
     /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.
         let is_zero = |calibration: &&Self| match calibration.p[..] {
-            [focal, _, _, offset, ..] => offset.abs() <= 1e-6 * focal.max(1.0),
+            [focal, _, _, offset, ..] => offset.abs() <= ROUNDING * focal.max(1.0),
             _ => false,
         };
         [self, right].iter().all(is_zero)
+    }
+
+    /// True if the two P put the right camera to the left of the left one.
+    pub(super) fn has_reversed_baseline(&self, right: &Self) -> bool {
+        match (&self.p[..], &right.p[..]) {
+            ([focal, _, _, left, ..], [_, _, _, right, ..]) => {
+                right - left > ROUNDING * focal.max(1.0)
+            }
+            _ => false,
+        }
+    }
+
+    /// True if the baseline has to come from the static transforms.
+    pub(super) fn needs_baseline(&self, right: &Self) -> bool {
+        self.lacks_baseline(right) || self.has_reversed_baseline(right)
     }
 
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
@@ -270,6 +301,9 @@ impl Calibration {
     /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
     /// that projects to other pixels than K.
     pub(super) fn is_of_raw_camera(&self) -> bool {
+        if self.is_rectified_by_depthai() {
+            return false;
+        }
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
         // of a product of rotations.
@@ -279,7 +313,26 @@ impl Calibration {
                 .iter()
                 .zip(identity)
                 .any(|(a, b)| (a - b).abs() > 1e-9);
-        turned || self.is_projected_anew() || self.d.iter().any(|coefficient| *coefficient != 0.0)
+        turned || self.is_projected_anew() || self.is_distorted()
+    }
+
+    /// True if it has a coefficient, or is a fisheye, whose coefficients may be 0.
+    fn is_distorted(&self) -> bool {
+        let is_fisheye = matches!(self.model.parse(), Ok(DistortionModel::Equidistant));
+        let is_known = self.focal_px(true).is_some();
+        self.d.iter().any(|coefficient| *coefficient != 0.0) || is_fisheye && is_known
+    }
+
+    /// True of the rectified images of depthai-ros: it sets the distortion to 0 and the diagonal of
+    /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that
+    /// diagonal.
+    fn is_rectified_by_depthai(&self) -> bool {
+        let [a, b, c, d, e, f, g, h, i] = self.r[..] else {
+            return false;
+        };
+        [a, e, i] == [1.0; 3]
+            && [b, c, d, f, g, h].iter().any(|v| *v != 0.0)
+            && self.d.iter().all(|coefficient| *coefficient == 0.0)
     }
 
     /// True if P projects to other pixels than K does.
@@ -293,19 +346,19 @@ impl Calibration {
         self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
     }
 
+    fn distortion(&self) -> Result<Distortion, String> {
+        // A camera that was never calibrated names no model.
+        let model = if self.model.is_empty() {
+            Ok(DistortionModel::PlumbBob)
+        } else {
+            self.model.parse::<DistortionModel>()
+        };
+        let distortion = model.and_then(|model| model.with_coefficients(&self.d));
+        distortion.map_err(|e| e.to_string())
+    }
+
     pub(super) fn camera(&self) -> Result<Intrinsics, String> {
-        // Models with more coefficients equal plumb_bob if the rest are 0.
-        let (lens, rest) = self.d.split_at(self.d.len().min(5));
-        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
-            || rest.iter().any(|c| *c != 0.0)
-        {
-            return Err(format!(
-                "its distortion model '{}' is not one that svl knows (plumb_bob)",
-                self.model
-            ));
-        }
-        let mut distortion = [0.0; 5];
-        distortion[..lens.len()].copy_from_slice(lens);
+        let distortion = self.distortion()?;
         let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
             return Err(format!(
                 "its K has {} numbers, 9 make a camera",
@@ -331,7 +384,8 @@ impl Calibration {
     }
 }
 
-/// The rig of two rectified cameras. `baseline_m` is used if their P have none.
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none, or that of the
+/// other sign, as DepthAI's, whose first camera is the right one.
 ///
 /// # Errors
 /// The reason why there is none.
@@ -340,10 +394,17 @@ pub(super) fn rig(
     right: &Calibration,
     baseline_m: Option<f64>,
 ) -> Result<Rig, String> {
-    let baseline_m = baseline_m.filter(|_| left.lacks_baseline(right));
+    let baseline_m = baseline_m.filter(|_| left.needs_baseline(right));
     let (left, mut right) = (left.projection()?, right.projection()?);
     if let Some(baseline_m) = baseline_m {
-        right[(0, 3)] = -right[(0, 0)] * baseline_m;
+        let offset = right[(0, 0)] * baseline_m;
+        let reversed = right[(0, 3)] - left[(0, 3)];
+        let is_same = (reversed - offset).abs() <= BASELINE_TOLERANCE * offset;
+        if is_same {
+            right[(0, 3)] = left[(0, 3)] - offset;
+        } else if reversed <= ROUNDING * right[(0, 0)] {
+            right[(0, 3)] = -offset;
+        }
     }
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
     if let Ok(rig) = &rig
@@ -358,7 +419,11 @@ pub(super) fn rig(
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
-            format!("{e}: --left and --right name their topics")
+            format!(
+                "{e}: --left and --right name their topics, or a /tf_static with the cameras' \
+                 frames shows that only the sign of P is wrong (DepthAI: \
+                 i_reverse_stereo_socket_order)"
+            )
         } else {
             e.to_string()
         }
@@ -515,6 +580,39 @@ mod tests {
     }
 
     #[test]
+    fn the_sign_of_the_baseline_is_that_of_the_transforms() {
+        let left = camera(500.0, 120.0, 0.0);
+        let reversed = camera(500.0, 120.0, 50.0);
+        assert!(left.has_reversed_baseline(&reversed) && left.needs_baseline(&reversed));
+        let found = rig(&left, &reversed, Some(0.101)).unwrap();
+        assert!((found.baseline_m() - 0.101).abs() < 1e-12);
+        // Another length: one of the two is wrong in more than its sign.
+        for metres in [None, Some(0.2)] {
+            let error = rig(&left, &reversed, metres).unwrap_err();
+            assert!(error.contains("i_reverse_stereo_socket_order"), "{error}");
+        }
+        let sound = camera(500.0, 120.0, -50.0);
+        assert!(!left.has_reversed_baseline(&sound) && !left.needs_baseline(&sound));
+        assert_eq!(rig(&left, &sound, Some(0.2)).unwrap().baseline_m(), 0.1);
+    }
+
+    #[test]
+    fn depthai_s_rectified_images_are_no_raw_ones() {
+        // The raw K, the rectified P, and a rotation of which the diagonal alone was reset.
+        let mut rectified = camera(500.0, 120.0, 0.0);
+        rectified.k[0] = 510.0;
+        rectified.r = vec![1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0];
+        assert!(!rectified.is_of_raw_camera());
+        let raw = Calibration {
+            d: vec![0.1],
+            ..rectified.clone()
+        };
+        assert!(raw.is_of_raw_camera());
+        rectified.r[4] = 0.9999;
+        assert!(rectified.is_of_raw_camera());
+    }
+
+    #[test]
     fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
         let info = |binning, (x, y, width, height)| ros::CameraInfo {
             width: 640,
@@ -579,34 +677,40 @@ mod tests {
     #[test]
     fn raw_cameras_with_all_their_numbers_can_be_rectified() {
         let left = Calibration {
-            d: vec![-0.28, 0.07],
+            d: vec![-0.28, 0.07, 0.0, 0.0],
             ..camera(500.0, 120.0, 0.0)
         };
         let right = camera(500.0, 120.0, -50.0);
         let found = calibration(&left, &right, None).unwrap();
         assert_eq!(
-            (found.left().distortion(), found.rig().unwrap().baseline_m()),
-            ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
+            (
+                *found.left().distortion(),
+                found.rig().unwrap().baseline_m()
+            ),
+            (Distortion::PlumbBob([-0.28, 0.07, 0.0, 0.0, 0.0]), 0.1)
         );
-        let fisheye = Calibration {
-            model: "equidistant".into(),
+        let with = |model: &str, d: &[f64]| Calibration {
+            model: model.into(),
+            d: d.to_vec(),
             ..left.clone()
         };
-        assert!(
-            calibration(&fisheye, &right, None)
-                .unwrap_err()
-                .contains("'equidistant'")
+        let error =
+            |left: Calibration, right: &Calibration| calibration(&left, right, None).unwrap_err();
+        let (fisheye, rational) = (
+            with("equidistant", &[0.1, 0.0, 0.0, 0.0]),
+            with("rational_polynomial", &[0.1; 8]),
         );
-        let rational = Calibration {
-            model: "rational_polynomial".into(),
-            d: vec![0.1; 8],
-            ..left.clone()
+        for camera in [&fisheye, &rational] {
+            let found = calibration(camera, &right, None).unwrap();
+            assert_eq!(found.left().distortion().coefficients(), camera.d);
+        }
+        let mixed = Calibration {
+            d: vec![0.1; 5],
+            ..right.clone()
         };
-        assert!(
-            calibration(&rational, &right, None)
-                .unwrap_err()
-                .contains("rational_polynomial")
-        );
+        assert!(error(fisheye, &mixed).contains("equidistant, the right one's plumb_bob"));
+        assert!(error(with("ftheta", &[]), &right).contains("'ftheta' is not supported"));
+        assert!(error(with("equidistant", &[0.1; 3]), &right).contains("3 coefficients"));
         let zeros = Calibration {
             model: "rational_polynomial".into(),
             d: vec![0.0; 8],

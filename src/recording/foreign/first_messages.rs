@@ -73,6 +73,11 @@ impl FirstMessages {
         }
     }
 
+    /// True of each camera whose images are pictures of a video.
+    pub(super) fn are_videos(&self) -> [bool; 2] {
+        self.images.are_videos
+    }
+
     /// Decides the bit depth.
     ///
     /// # Errors
@@ -89,6 +94,7 @@ struct FirstImages {
     largest: [Vec<u16>; 2],
     /// True if they have 8 bits: then there is nothing to decide.
     are_of_8_bits: bool,
+    are_videos: [bool; 2],
 }
 
 impl FirstImages {
@@ -101,12 +107,13 @@ impl FirstImages {
         let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
             return;
         };
-        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+        // Videos are decoded to 8 bits.
+        if video::is_picture(channel, data) {
+            self.are_videos[side] = true;
+            self.are_of_8_bits = true;
             return;
         }
-        // Videos are decoded to 8 bits.
-        if video::is_video(channel) {
-            self.are_of_8_bits = true;
+        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
             return;
         }
         // An unreadable one is reported when its turn comes.

@@ -36,7 +36,7 @@ pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 pub use video::VideoSummary;
-pub(super) use video::{VideoScan, is_video};
+pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
@@ -144,11 +144,13 @@ impl Foreign {
                 }
             }
         }
+        let are_videos = first.are_videos();
         first.end(&mut foreign, selection)?;
+        foreign.warn_of_sign();
         foreign.poses = PoseReader::open(recording, &channels)?;
-        for (topic, video) in foreign.images.iter().zip(&mut foreign.videos) {
-            let is_it = |channel: &&&Channel| channel.topic == *topic && is_video(channel);
-            if channels.iter().any(|channel| is_it(&channel)) {
+        let topics = foreign.images.iter().zip(are_videos);
+        for ((topic, is_video), video) in topics.zip(&mut foreign.videos) {
+            if is_video {
                 *video = Some(VideoTopic::open(recording, topic)?);
             }
         }
@@ -233,6 +235,10 @@ impl Foreign {
     ) -> std::result::Result<(Option<u64>, ReadImage), String> {
         let Some(video) = &mut self.videos[side as usize] else {
             let (stamp, image) = image::decode(channel, data)?;
+            // The pictures of a live topic.
+            if image.is_err() && is_picture(channel, data) {
+                return Err("a video, which svl reads from a bag: record it first".to_owned());
+            }
             return Ok((stamp, image.map(PairImage::Image)));
         };
         let number = self.counts[side as usize] - 1;
@@ -467,6 +473,21 @@ impl PairSource for Foreign {
 
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         self.are_raw().then(|| self.stereo_calibration())
+    }
+
+    fn calibration_fault(&self) -> Option<String> {
+        if self.cameras.iter().all(Option::is_none) {
+            return None;
+        }
+        match self.calibration() {
+            Some(calibration) => calibration.err(),
+            None => self.rig().err(),
+        }
+    }
+
+    fn distortion_model(&self) -> Option<&str> {
+        let left = self.cameras[0].as_ref().filter(|_| self.are_raw())?;
+        left.distortion_model()
     }
 
     fn frame_id(&self) -> Option<&str> {

@@ -69,6 +69,7 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
     let pairs: Vec<_> = pairs
         .filter(|&[left, right]| both_named || are_sides(left, right))
         .collect();
+    let pairs = best_variants(pairs);
     match (pairs[..].split_first(), &topics[..]) {
         // Exactly one: two pairs, such as stereo cameras in front and behind, are ambiguous.
         (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
@@ -85,12 +86,69 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
     }
 }
 
-/// The topics of images in alphabetical order, without those that repeat another in grey.
+/// Words of topics that say how an image was processed, not which camera it is of.
+const PROCESSING: [&str; 11] = [
+    "image",
+    "raw",
+    "rect",
+    "rectified",
+    "color",
+    "colour",
+    "gray",
+    "grey",
+    "mono",
+    "compressed",
+    "unrectified",
+];
+
+/// Among pairs of the same cameras, the one to use: rectified before raw, grey before colour,
+/// processed before raw. Pairs of different cameras are left.
+fn best_variants(mut pairs: Vec<[&str; 2]>) -> Vec<[&str; 2]> {
+    let camera = |topic: &str| {
+        let topic = topic.to_lowercase();
+        let words = topic.split(|c: char| !c.is_alphanumeric());
+        let words = words.filter(|word| !word.is_empty() && !PROCESSING.contains(word));
+        words.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let cameras = |pair: &[&str; 2]| pair.map(camera);
+    let rank = |[left, _]: &[&str; 2]| {
+        let left = left.to_lowercase();
+        let has = |known: &[&str]| {
+            let mut words = left.split(|c: char| !c.is_alphanumeric());
+            words.any(|word| known.contains(&word))
+        };
+        let is_rectified = has(&["rect", "rectified"]);
+        (!is_rectified, has(&["color", "colour"]), has(&["raw"]))
+    };
+    let are_same = pairs
+        .windows(2)
+        .all(|two| cameras(&two[0]) == cameras(&two[1]));
+    if let Some(best) = pairs.iter().map(rank).min()
+        && are_same
+    {
+        pairs.retain(|pair| rank(pair) == best);
+    }
+    pairs
+}
+
+/// True if a topic of compressed images or videos is the copy of another that image_transport
+/// makes: `image/compressed` of `image`.
+pub(super) fn is_copy(channel: &Channel, channels: &[&Channel]) -> bool {
+    let is_compressed = channel.schema.ends_with("CompressedImage") || video::is_video(channel);
+    let original = channel.topic.rsplit_once('/');
+    let is_it = |(original, _): (&str, &str)| channels.iter().any(|other| other.topic == original);
+    is_compressed && original.is_some_and(is_it)
+}
+
+/// The topics of images in alphabetical order, without those that repeat another: in colour, or as
+/// image_transport's copy.
 fn image_topics<'a>(channels: &[&'a Channel], selection: &Selection) -> Vec<&'a str> {
     let images: Vec<_> = channels
         .iter()
         .filter(|channel| is_image(channel))
         .collect();
+    let copies = images.iter().filter(|channel| is_copy(channel, channels));
+    let copies: Vec<_> = copies.map(|channel| channel.topic.as_str()).collect();
     let mut topics: Vec<&str> = images
         .iter()
         .map(|channel| channel.topic.as_str())
@@ -114,7 +172,8 @@ fn image_topics<'a>(channels: &[&'a Channel], selection: &Selection) -> Vec<&'a 
             .flatten()
             .any(|named| named == topic)
     };
-    topics.retain(|topic| is_named(topic) || !is_repeated(topic));
+    let repeats = |topic: &str| is_repeated(topic) || copies.contains(&topic);
+    topics.retain(|topic| is_named(topic) || !repeats(topic));
     topics
 }
 
@@ -226,7 +285,8 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
-/// The calibration topic for the image topic `topic`: the one that shares the longest namespace.
+/// The calibration topic for the image topic `topic`: the one that shares the longest namespace,
+/// and of one namespace the one of its processing: `camera_info_rect` for `image_rect`.
 pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
     let calibrations = channels
         .iter()
@@ -238,11 +298,21 @@ pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
             .rsplit_once('/')
             .map_or(0, |(folder, _)| folder.len() + 1)
     };
-    let fits = |channel: &&Channel| topic.starts_with(&channel.topic[..folder(channel)]);
+    // Also one below the image: image/camera_info.
+    let below = format!("{topic}/");
+    let fits = |channel: &&Channel| below.starts_with(&channel.topic[..folder(channel)]);
+    // Length of the processing in the names of both; 0 of a calibration of any image.
+    let processing = |channel: &&Channel| {
+        let folder = folder(channel);
+        let info = channel.topic[folder..].strip_prefix("camera_info")?;
+        let image = topic.get(folder..)?.strip_prefix("image")?;
+        image.starts_with(info).then_some(info.len())
+    };
     // Ties are decided by name, so that the order in the file does not matter.
-    let found = calibrations
-        .filter(fits)
-        .max_by_key(|channel| (folder(channel), std::cmp::Reverse(&channel.topic)));
+    let found = calibrations.filter(fits).max_by_key(|channel| {
+        let name = std::cmp::Reverse(&channel.topic);
+        (folder(channel), processing(channel), name)
+    });
     found.map(|channel| channel.topic.clone())
 }
 
@@ -303,6 +373,107 @@ mod tests {
                 "{left} {right}"
             );
         }
+    }
+
+    #[test]
+    fn the_best_variant_of_one_pair_is_used() {
+        let sides = |topics: &[&str]| -> Vec<String> {
+            let both = topics.iter().flat_map(|topic| {
+                let sides = ["left", "right"];
+                sides.map(|side| topic.replace('#', side))
+            });
+            both.collect()
+        };
+        let best = |topics: &[&str]| {
+            let topics = sides(topics);
+            let topics: Vec<_> = topics.iter().map(String::as_str).collect();
+            chosen(&topics, &Selection::default()).map(|[left, _]| left)
+        };
+        for (topics, expected) in [
+            (
+                &["/#/image_raw", "/#/image_rect", "/#/image_rect_color"][..],
+                "/left/image_rect",
+            ),
+            (
+                &["/#/image_raw", "/#/image_color", "/#/image_mono"],
+                "/left/image_mono",
+            ),
+            (
+                &[
+                    "/zed/#/color/rect/image",
+                    "/zed/#/gray/rect/image",
+                    "/zed/#/gray/raw/image",
+                ],
+                "/zed/left/gray/rect/image",
+            ),
+            (
+                &["/#_raw/image_raw", "/#/image_rect_color"],
+                "/left/image_rect_color",
+            ),
+        ] {
+            assert_eq!(best(topics).as_deref(), Ok(expected), "{topics:?}");
+        }
+        // Of other cameras, of another size, and of one rank.
+        for topics in [
+            ["/front/#/image_raw", "/back/#/image_rect"],
+            ["/#/image_raw", "/#/image_resize"],
+            ["/#/image_rect_mono", "/#/image_rect_gray"],
+        ] {
+            assert!(
+                best(&topics).unwrap_err().starts_with("which images"),
+                "{topics:?}"
+            );
+        }
+    }
+
+    fn channel_of(topic: &str, schema: &str) -> Channel {
+        Channel {
+            topic: topic.to_owned(),
+            schema: schema.to_owned(),
+            encoding: "cdr".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_compressed_copy_is_used_without_its_original_alone() {
+        let compressed = "sensor_msgs/msg/CompressedImage";
+        let copies = ["/left/image/compressed", "/right/image/compressed"];
+        let mut channels = copies.map(|topic| channel_of(topic, compressed)).to_vec();
+        let chosen = |channels: &[Channel]| {
+            choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).unwrap()
+        };
+        assert_eq!(chosen(&channels), copies);
+        let originals = ["/left/image", "/right/image"];
+        let raw = originals.map(|topic| channel_of(topic, "sensor_msgs/msg/Image"));
+        channels.extend(raw);
+        assert_eq!(chosen(&channels), originals);
+    }
+
+    #[test]
+    fn a_calibration_is_of_the_processing_of_its_images() {
+        let found = |infos: &[&str], topic: &str| {
+            let schema = "sensor_msgs/msg/CameraInfo";
+            let channels: Vec<_> = infos.iter().map(|info| channel_of(info, schema)).collect();
+            calibration(&channels.iter().collect::<Vec<_>>(), topic)
+        };
+        let isaac = [
+            "/left/camera_info",
+            "/left/camera_info_rect",
+            "/left/camera_info_resize",
+        ];
+        for (topic, expected) in [
+            ("/left/image_rect", "/left/camera_info_rect"),
+            ("/left/image_rect_color", "/left/camera_info_rect"),
+            ("/left/image_rect/compressed", "/left/camera_info_rect"),
+            ("/left/image_resize", "/left/camera_info_resize"),
+            ("/left/image_raw", "/left/camera_info"),
+            ("/left/mono", "/left/camera_info"),
+        ] {
+            assert_eq!(found(&isaac, topic).as_deref(), Some(expected), "{topic}");
+        }
+        let zed = ["/left/rect/camera_info", "/left/rect/image/camera_info"];
+        assert_eq!(found(&zed, "/left/rect/image").as_deref(), Some(zed[1]));
+        assert_eq!(found(&zed[1..], "/left/rect/image_2"), None);
     }
 
     #[test]

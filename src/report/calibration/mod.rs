@@ -44,6 +44,7 @@ mod tests {
     use super::*;
     use nalgebra::{Isometry3, Point2, Point3, Vector3};
     use svl_calibrate::{Board, StereoView, solve};
+    use svl_core::stereo::DistortionModel;
 
     /// Six views by two cameras without noise; the last one's corners are counted backwards on the
     /// right.
@@ -78,7 +79,7 @@ mod tests {
             })
             .collect();
         views[5].right.reverse();
-        solve(&board, (640, 480), &views).unwrap()
+        solve(&board, (640, 480), DistortionModel::PlumbBob, &views).unwrap()
     }
 
     #[test]

@@ -58,8 +58,8 @@ pub(super) fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
 pub(super) fn intrinsics(solution: &Solution) -> Table {
     let mut table = Table::new("Cameras", "cameras").with_columns(["left", "right"]);
     let cameras = [&solution.left, &solution.right];
-    let [left, right] = cameras.map(CameraEstimate::parameters);
-    for (i, ((name, left), (_, right))) in left.into_iter().zip(right).enumerate() {
+    let [left, right] = cameras.map(|camera| camera.parameters.0.iter());
+    for (i, ((name, left), (_, right))) in left.zip(right).enumerate() {
         let unit = if i < 4 { ", px" } else { "" };
         table.push(
             format!("{name}{unit}"),

@@ -14,6 +14,9 @@ pub(super) struct CalibrationView<'a> {
     intrinsics: Table,
     extrinsics: Table,
     correlations: Vec<String>,
+    model: &'static str,
+    /// Names of its coefficients.
+    lens: String,
     cameras: Vec<CameraFigure>,
     /// Magnification of the residuals.
     magnified: f64,
@@ -73,6 +76,14 @@ impl<'a> CalibrationView<'a> {
             identity,
             ..
         } = page;
+        let lens = solution
+            .left
+            .parameters
+            .0
+            .iter()
+            .skip(4)
+            .map(|(name, _)| *name);
+        let lens: Vec<_> = lens.collect();
         let magnified = magnified(solution);
         let circles = [1.0, 3.0].map(|n| n * solution.corner_deviation_px);
         let all = [
@@ -86,6 +97,8 @@ impl<'a> CalibrationView<'a> {
             intrinsics: intrinsics(solution),
             extrinsics: extrinsics(solution),
             correlations: correlations(solution),
+            model: solution.left.model,
+            lens: lens.join(" "),
             cameras: vec![
                 camera_view(page, magnified, "Left", &solution.left, |fit| &fit.left),
                 camera_view(page, magnified, "Right", &solution.right, |fit| &fit.right),

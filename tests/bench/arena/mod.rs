@@ -2,6 +2,7 @@
 //! checkpoints against both.
 
 mod config;
+mod lenses;
 mod perturbed;
 mod pictures;
 mod scenario;

@@ -1,6 +1,7 @@
 //! `svl info`.
 
 use super::fixture::{Fixture, assert_says};
+use crate::recording::bag::{self, ros_image};
 
 #[test]
 fn says_what_a_recording_holds() {
@@ -100,6 +101,50 @@ fn the_first_pairs_answer_the_first_questions() {
     assert_says(&fixture.run("info mav0"), &lines);
     fixture.write("empty/notes.txt", "");
     fixture.fails("info empty => 1: empty");
+}
+
+#[test]
+fn the_first_line_says_if_svl_can_use_it() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("arena.toml", 3);
+    fixture.run("record arena.toml -o own.mcap");
+    fixture.run("record own.mcap --ros2 -o ros.mcap");
+    fixture.run("record board --frames 1 -o board.mcap");
+    fixture.write_euroc("57.0");
+    fixture.run("record mav0 --calib none -o raw.mcap");
+    fixture.write_pair("plain/left/1.pgm", "plain/right/1.pgm", (64, 48), 3);
+    fixture.run("record plain -o plain.mcap");
+    let bytes = fixture.bytes("own.mcap");
+    fixture.write("cut.mcap", &bytes[..bytes.len() * 9 / 10]);
+    let pixels = [7; 64];
+    let cameras = ["/cam0/image", "/cam1/image", "/cam2/image"];
+    let images = cameras.map(|topic| ros_image(topic, 1_000_000_000, (8, 8), "mono8", &pixels));
+    bag::write(&fixture.path(""), &images);
+
+    let names = "own.mcap ros.mcap board.mcap mav0 raw.mcap plain plain.mcap cut.mcap bag.mcap";
+    let first = |name: &str| {
+        let text = fixture.run(&format!("info {name}"));
+        let lines = text.lines().take_while(|line| !line.starts_with(name));
+        let line: Vec<_> = lines.map(str::trim).collect();
+        format!("{name}: {}", line.join(" "))
+    };
+    let lines: Vec<_> = names.split(' ').map(first).collect();
+    insta::assert_snapshot!(lines.join("\n"));
+
+    let usability = fixture.json("info mav0 --json")["usability"].take();
+    let expected = serde_json::json!({
+        "is_usable": true, "pairs": 2, "geometry": "raw", "distortion_model": "plumb_bob",
+        "is_calibrated": true, "truths": [], "missing": []
+    });
+    assert_eq!(usability, expected);
+    let usability = fixture.json("info bag.mcap --json")["usability"].take();
+    assert_eq!(usability["is_usable"], false);
+    assert!(
+        usability["missing"][0]
+            .as_str()
+            .unwrap()
+            .contains("--left TOPIC")
+    );
 }
 
 #[test]

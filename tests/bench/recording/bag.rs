@@ -41,7 +41,18 @@ impl Message {
 
 /// Writes the messages in this order, in small chunks.
 pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
-    write_as(mcap::WriteOptions::new(), folder, messages)
+    write_as(mcap::WriteOptions::new(), folder, messages, |_| {
+        String::new()
+    })
+}
+
+/// Same as [`write`], with the QoS of each topic's publisher as rosbag2 stores it.
+pub(crate) fn write_with_qos(
+    folder: &Path,
+    messages: &[Message],
+    qos: impl Fn(&str) -> String,
+) -> PathBuf {
+    write_as(mcap::WriteOptions::new(), folder, messages, qos)
 }
 
 /// Same as [`write`], like ROS 2's own recorder: without compression and without checksums.
@@ -55,10 +66,16 @@ pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
             .calculate_summary_section_crc(false),
         folder,
         messages,
+        |_| String::new(),
     )
 }
 
-fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) -> PathBuf {
+fn write_as(
+    options: mcap::WriteOptions,
+    folder: &Path,
+    messages: &[Message],
+    qos: impl Fn(&str) -> String,
+) -> PathBuf {
     let path = folder.join("bag.mcap");
     let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
     let mut writer = options
@@ -70,8 +87,11 @@ fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) ->
         let schema = writer
             .add_schema(message.schema, "some", b"definition")
             .unwrap();
+        let qos = Some(qos(message.topic)).filter(|qos| !qos.is_empty());
+        let metadata = qos.map(|qos| ("offered_qos_profiles".to_owned(), qos));
+        let metadata = metadata.into_iter().collect();
         let channel_id = writer
-            .add_channel(schema, message.topic, message.encoding, &Default::default())
+            .add_channel(schema, message.topic, message.encoding, &metadata)
             .unwrap();
         let header = mcap::records::MessageHeader {
             channel_id,

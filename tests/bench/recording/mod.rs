@@ -6,6 +6,7 @@ mod bag_folders;
 mod calibration_stamps;
 mod damage;
 mod disk;
+mod drivers;
 mod encodings;
 mod extended;
 mod foreign_bags;

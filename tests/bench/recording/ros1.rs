@@ -181,6 +181,11 @@ fn write(folder: &Path, bytes: &[u8]) -> PathBuf {
     path
 }
 
+/// Writes the messages as a ROS 1 bag with chunks in LZ4.
+pub(super) fn write_messages(folder: &Path, messages: &[Message]) -> PathBuf {
+    write(folder, &bag(messages, "lz4", lz4).bytes)
+}
+
 /// Pairs with a calibration, a lidar beside the camera, and a depth camera.
 fn messages() -> Vec<Message> {
     let stamp = pairs()[2].log_time - 1_234_567;

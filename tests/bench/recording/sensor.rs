@@ -51,6 +51,19 @@ pub(super) fn cloud(frame: &str, stamp: u64, points: &[[f32; 3]]) -> Message {
     cloud_with(frame, stamp, points, false, 12 * points.len() as u32)
 }
 
+/// Same as [`cloud`], on another topic.
+pub(super) fn cloud_on(
+    topic: &'static str,
+    frame: &str,
+    stamp: u64,
+    points: &[[f32; 3]],
+) -> Message {
+    Message {
+        topic,
+        ..cloud(frame, stamp, points)
+    }
+}
+
 fn cloud_with(
     frame: &str,
     stamp: u64,

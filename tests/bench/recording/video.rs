@@ -20,7 +20,12 @@ const PERIOD_NS: u64 = 50_000_000;
 type Build = fn(&'static str, u64, &str, &[u8]) -> Message;
 
 /// The pictures of a video, coded one by one.
-fn coded(size: (usize, usize), codec: &str, images: &[Gray], b_frames: u32) -> Vec<Vec<u8>> {
+pub(super) fn coded(
+    size: (usize, usize),
+    codec: &str,
+    images: &[Gray],
+    b_frames: u32,
+) -> Vec<Vec<u8>> {
     let frames = format!("{}x{}", size.0, size.1);
     let options = match codec {
         "h264" => format!("-c:v libx264 -qp 0 -bf {b_frames} -x264-params aud=1:scenecut=0"),

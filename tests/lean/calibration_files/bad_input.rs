@@ -6,7 +6,7 @@ use crate::common::assert_says;
 /// Reads `format`'s file with `from` replaced by `to` in it, or in the first of two.
 fn broken(format: &str, from: &str, to: &str) -> String {
     let folder = Folder::new();
-    folder.write(format, &raw()).unwrap();
+    folder.write(format, &sample(format)).unwrap();
     let name = file_of(format).split(',').next_back().unwrap();
     let text = std::fs::read_to_string(folder.path(name)).unwrap();
     assert!(text.contains(from), "{format}: no {from} in\n{text}");
@@ -49,7 +49,11 @@ const WRONG: &str = r#"
     opencv: 430.0 -> 43.0 => P1 | one focal length
     opencv: length_unit: m -> length_unit: furlong => 'furlong'
     opencv: data: [ -> data: [[ => : line
-    ros: plumb_bob -> equidistant => distortion_model | equidistant
+    ros: plumb_bob -> equidistant => distortion_coefficients | 5 coefficients | equidistant has 4
+    ros: plumb_bob -> ftheta => 'distortion_model' | 'ftheta' is not supported
+    kalibr: pinhole -> omni => 'cam0.camera_model' is omni | pinhole-equi
+    kalibr: radtan -> fov => 'cam0.distortion_model' | 'fov' is not supported
+    kalibr: radtan -> equidistant => the left camera's distortion is equidistant | one model
     ros: image_height: 480 -> image_height: 480.5 => image_height | 480.5
     ros: camera_matrix -> camera_matrlx => no 'camera_matrix'
     ros: 457.6, 0.0 -> 457.6, 0.5 => camera_matrix | skew
@@ -85,7 +89,7 @@ fn errors_name_the_key() {
 fn a_truncated_file_is_an_error_or_complete() {
     let folder = Folder::new();
     for (format, file) in FILES {
-        folder.write(format, &raw()).unwrap();
+        folder.write(format, &sample(format)).unwrap();
         let hints = Hints {
             size: Some((752, 480)),
             ..Hints::default()

@@ -35,7 +35,7 @@ fn annex_e_is_read_as_it_is_printed() {
     assert_eq!(c.left().size(), (240, 320));
     assert_eq!(c.left().focal_px(), (566.065_612_793_0, 566.676_574_707_0));
     assert_eq!(
-        c.right().distortion(),
+        c.right().distortion().coefficients(),
         [
             -0.238_349_586_7,
             0.588_825_583_5,
@@ -149,7 +149,7 @@ fn opencv_s_reference_of_the_chessboard() {
     let c = files::read_with(&path, &unit("squares"))
         .unwrap()
         .calibration;
-    assert_eq!(c.left().distortion()[4], 0.16343305509208755);
+    assert_eq!(c.left().distortion().coefficients()[4], 0.16343305509208755);
     assert!((c.baseline() - 3.32822).abs() < 1e-5);
     assert_eq!(
         c.rectification().unwrap().rig.focal_px(),

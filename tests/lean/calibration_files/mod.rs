@@ -2,12 +2,16 @@
 
 mod bad_input;
 mod known;
+mod lenses;
 mod round_trip;
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
 use svl_calibrate::files::{self, Hints, LoadedCalibration};
-use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration};
+use svl_core::stereo::{
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
+    StereoCalibration,
+};
 
 /// A pair of raw cameras with their rectification.
 fn raw() -> StereoCalibration {
@@ -24,6 +28,24 @@ fn raw() -> StereoCalibration {
         0.11,
         LengthUnit::Metres,
     )
+}
+
+/// [`raw`] as a format can hold it: Kalibr's has no k3.
+fn sample(format: &str) -> StereoCalibration {
+    let c = raw();
+    if format != "kalibr" {
+        return c;
+    }
+    let [left, right] = [c.left(), c.right()].map(|camera| {
+        let first = &camera.distortion().coefficients()[..4];
+        let lens = DistortionModel::PlumbBob.with_coefficients(first).unwrap();
+        Intrinsics::new(camera.size(), camera.focal_px(), camera.center_px(), lens).unwrap()
+    });
+    let calibration = StereoCalibration::new(left, right, *c.right_from_left(), c.unit()).unwrap();
+    match c.rectification() {
+        Some(by) => calibration.with_rectification(by.clone()),
+        None => calibration,
+    }
 }
 
 /// Two cameras rotated by these Euler angles against their rectification.
@@ -125,11 +147,12 @@ fn assert_same(a: &StereoCalibration, b: &StereoCalibration) {
 }
 
 /// Names of the formats and of a file of each.
-const FILES: [(&str, &str); 7] = [
+const FILES: [(&str, &str); 8] = [
     ("xml", "c.xml"),
     ("opencv", "c.yml"),
     ("ros", "left.yaml,right.yaml"),
     ("boofcv", "boofcv.yaml"),
+    ("kalibr", "camchain.yaml"),
     ("middlebury", "calib.txt"),
     ("kitti", "kitti.txt"),
     ("kitti-raw", "kitti-raw.txt"),

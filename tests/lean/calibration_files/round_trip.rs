@@ -4,45 +4,78 @@ use super::*;
 use crate::common::{assert_says, cases};
 use proptest::prelude::*;
 
-fn distortion() -> impl Strategy<Value = [f64; 5]> {
-    (-0.5..0.5, -1.0..1.0, -0.01..0.01, -1e-9..1e-9, -1.0..1.0)
-        .prop_map(|(k1, k2, p1, p2, k3)| [k1, k2, p1, p2, k3])
+/// Lenses of each model that do not fold, one model for both cameras.
+fn lenses() -> impl Strategy<Value = [Distortion; 2]> {
+    let coefficients = || prop::collection::vec(0.0..0.3, 14);
+    let counts = prop::sample::select(vec![
+        (DistortionModel::PlumbBob, 4),
+        (DistortionModel::PlumbBob, 5),
+        (DistortionModel::RationalPolynomial, 8),
+        (DistortionModel::RationalPolynomial, 12),
+        (DistortionModel::RationalPolynomial, 14),
+        (DistortionModel::Equidistant, 4),
+    ]);
+    (counts, coefficients(), coefficients()).prop_map(|((model, count), left, right)| {
+        [left, right].map(|mut all: Vec<f64>| {
+            // The denominator stays far below the numerator.
+            for small in all.iter_mut().skip(5) {
+                *small *= 1e-3;
+            }
+            model.with_coefficients(&all[..count]).unwrap()
+        })
+    })
 }
 
 fn camera() -> impl Strategy<Value = Intrinsics> {
-    (
-        200.0..2000.0,
-        0.9..1.1,
-        200.0..500.0,
-        150.0..400.0,
-        distortion(),
-    )
-        .prop_map(|(fx, ratio, cx, cy, distortion)| {
-            Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), distortion).unwrap()
-        })
+    (200.0..2000.0, 0.9..1.1, 200.0..500.0, 150.0..400.0).prop_map(|(fx, ratio, cx, cy)| {
+        Intrinsics::new((752, 480), (fx, fx * ratio), (cx, cy), Distortion::NONE).unwrap()
+    })
 }
 
 fn calibrations() -> impl Strategy<Value = StereoCalibration> {
     let turns = prop::array::uniform6(-0.05..0.05f64);
-    (camera(), camera(), turns, 0.01..2.0, any::<bool>()).prop_map(
-        |(left, right, turns, baseline, metres)| {
+    (
+        camera(),
+        camera(),
+        lenses(),
+        turns,
+        0.01..2.0,
+        any::<bool>(),
+    )
+        .prop_map(|(left, right, lenses, turns, baseline, metres)| {
+            let with = |camera: Intrinsics, lens: Distortion| {
+                let (size, focal, center) = (camera.size(), camera.focal_px(), camera.center_px());
+                Intrinsics::new(size, focal, center, lens).unwrap()
+            };
+            let (left, right) = (with(left, lenses[0]), with(right, lenses[1]));
             let unit = if metres {
                 LengthUnit::Metres
             } else {
                 LengthUnit::Squares
             };
             calibration(left, right, turns, baseline, unit)
-        },
-    )
+        })
 }
 
 /// The part of a calibration that a format can represent; `None` if it rejects the calibration.
 fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
     let metres = c.unit() == LengthUnit::Metres;
+    let is_plumb_bob = c.left().distortion().model() == DistortionModel::PlumbBob;
+    let is_kalibr = [c.left(), c.right()]
+        .iter()
+        .all(|camera| match camera.distortion() {
+            Distortion::PlumbBob([.., k3]) => *k3 == 0.0,
+            other => other.model() == DistortionModel::Equidistant,
+        });
     match format {
         "xml" | "opencv" => Some(c.clone()),
-        "boofcv" => Some(unrectified(c)),
-        "ros" | "kitti-raw" => c.rectification().filter(|_| metres).map(|_| c.clone()),
+        "boofcv" => is_plumb_bob.then(|| unrectified(c)),
+        "kalibr" => (metres && is_kalibr).then(|| unrectified(c)),
+        "ros" => c.rectification().filter(|_| metres).map(|_| c.clone()),
+        "kitti-raw" => {
+            let rectification = c.rectification().filter(|_| metres && is_plumb_bob);
+            rectification.map(|_| c.clone())
+        }
         _ => c.rectification().filter(|_| metres).map(|_| rectified(c)),
     }
 }
@@ -76,19 +109,22 @@ fn losses_of_a_format_are_reported() {
     let folder = Folder::new();
     for (format, word) in [
         ("boofcv", "rectification"),
+        ("kalibr", "rectification"),
         ("middlebury", "distortion"),
         ("kitti", "distortion"),
     ] {
-        let left_out = folder.write(format, &raw()).unwrap();
+        let left_out = folder.write(format, &sample(format)).unwrap();
         assert!(
             left_out.len() == 1 && left_out[0].contains(word),
             "{format}: {left_out:?}"
         );
         assert_eq!(
             folder.write(format, &rectified(&raw())).unwrap().len(),
-            usize::from(format == "boofcv")
+            usize::from(["boofcv", "kalibr"].contains(&format))
         );
     }
+    let k3 = folder.write("kalibr", &raw()).unwrap_err().to_string();
+    assert_says(&k3, &["radtan k1 k2 p1 p2", "plumb_bob with 5", "--to"]);
     for (format, word) in [
         ("ros", "has none"),
         ("middlebury", "no rectification"),

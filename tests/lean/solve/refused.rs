@@ -5,6 +5,7 @@ use crate::common::cases;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use proptest::prelude::*;
 use svl_calibrate::{Board, StereoView, solve};
+use svl_core::stereo::DistortionModel;
 
 const SIZE: (usize, usize) = (640, 480);
 
@@ -34,7 +35,9 @@ fn view(place: Vector3<f64>, turn: Vector3<f64>) -> StereoView {
 }
 
 fn message(views: &[StereoView]) -> String {
-    let message = solve(&board(), SIZE, views).unwrap_err().to_string();
+    let message = solve(&board(), SIZE, DistortionModel::PlumbBob, views)
+        .unwrap_err()
+        .to_string();
     assert!(!message.contains('\n'), "{message}");
     message
 }
@@ -96,7 +99,7 @@ fn not_numbers_lines_and_points_are_refused() {
         .iter_mut()
         .for_each(|p| *p = Point2::new(5.0, 5.0));
     views.extend([not_finite, far, line, point]);
-    let solution = solve(&board(), SIZE, &views).unwrap();
+    let solution = solve(&board(), SIZE, DistortionModel::PlumbBob, &views).unwrap();
     let reasons: Vec<_> = solution.refused().collect();
     assert_eq!(
         reasons.iter().map(|(id, _)| *id).collect::<Vec<_>>(),
@@ -128,12 +131,12 @@ fn a_view_of_another_board_and_an_image_of_nothing() {
         "{message}"
     );
     views.truncate(3);
-    assert!(solve(&board(), (0, 0), &views).is_err());
+    assert!(solve(&board(), (0, 0), DistortionModel::PlumbBob, &views).is_err());
 }
 
 #[test]
 fn swapped_cameras_are_reported() {
-    let simulated = Simulated::new(2, Some(0.2), 0);
+    let simulated = Simulated::new(DistortionModel::PlumbBob, 2, Some(0.2), 0);
     let views: Vec<_> = simulated
         .views
         .into_iter()
@@ -143,7 +146,7 @@ fn swapped_cameras_are_reported() {
         })
         .collect();
     let size = simulated.truth.left().size();
-    let message = solve(&simulated.board, size, &views)
+    let message = solve(&simulated.board, size, DistortionModel::PlumbBob, &views)
         .unwrap_err()
         .to_string();
     assert!(message.contains("swap left and right"), "{message}");
@@ -153,10 +156,11 @@ fn swapped_cameras_are_reported() {
 fn reasons_describe_what_happened() {
     let (mut reversed, mut slipped) = (0, 0);
     for seed in 0..20 {
-        let simulated = Simulated::new(seed, Some(0.3), 2);
+        let simulated = Simulated::new(DistortionModel::PlumbBob, seed, Some(0.3), 2);
         let solution = solve(
             &simulated.board,
             simulated.truth.left().size(),
+            DistortionModel::PlumbBob,
             &simulated.views,
         )
         .unwrap();
@@ -204,7 +208,7 @@ proptest! {
             StereoView { left, right }
         };
         let views = points.chunks(18).map(view).collect::<Vec<_>>();
-        if let Ok(solution) = solve(&board, SIZE, &views) {
+        if let Ok(solution) = solve(&board, SIZE, DistortionModel::PlumbBob, &views) {
             let shown = format!("{solution:?}");
             prop_assert!(!shown.contains("NaN"));
         }

@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use svl_calibrate::{Board, StereoView};
-use svl_core::stereo::{Intrinsics, LengthUnit, StereoCalibration};
+use svl_core::stereo::{Distortion, DistortionModel, Intrinsics, LengthUnit, StereoCalibration};
 
 pub struct Simulated {
     pub truth: StereoCalibration,
@@ -40,12 +40,22 @@ fn turn(x_deg: f64, y_deg: f64, z_deg: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(Vector3::new(x_deg, y_deg, z_deg).map(f64::to_radians))
 }
 
-fn lens(rng: &mut Rng, (width, height): (usize, usize), focal: f64) -> Intrinsics {
+fn lens(
+    rng: &mut Rng,
+    model: DistortionModel,
+    (width, height): (usize, usize),
+    focal: f64,
+) -> Intrinsics {
     let (w, h) = (width as f64, height as f64);
     let fx = focal * uniform(rng, 0.98, 1.02);
     let focal_px = (fx, fx * uniform(rng, 0.995, 1.005));
     let off = |rng: &mut Rng, side: f64| (side - 1.0) / 2.0 + side * uniform(rng, -0.03, 0.03);
     let center_px = (off(rng, w), off(rng, h));
+    if model == DistortionModel::Equidistant {
+        let [k1, k2, k3, k4] = [0.05, 0.02, 0.005, 0.001].map(|most| uniform(rng, -most, most));
+        let distortion = Distortion::Equidistant([k1, k2, k3, k4]);
+        return Intrinsics::new((width, height), focal_px, center_px, distortion).unwrap();
+    }
     let k1 = uniform(rng, -0.35, 0.1);
     let k2 = -k1 * uniform(rng, 0.1, 0.5);
     let tangential = [0, 1].map(|_| uniform(rng, -0.002, 0.002));
@@ -54,20 +64,35 @@ fn lens(rng: &mut Rng, (width, height): (usize, usize), focal: f64) -> Intrinsic
         (width, height),
         focal_px,
         center_px,
-        [k1, k2, tangential[0], tangential[1], k3],
+        distortion(rng, model, [k1, k2, tangential[0], tangential[1], k3]),
     )
     .unwrap()
 }
 
+/// `plumb_bob`, or these coefficients over a denominator.
+fn distortion(rng: &mut Rng, model: DistortionModel, plumb_bob: [f64; 5]) -> Distortion {
+    if model == DistortionModel::PlumbBob {
+        return plumb_bob.into();
+    }
+    let below = [0.3, 0.1, 0.02].map(|most| uniform(rng, 0.0, most));
+    model
+        .with_coefficients(&[&plumb_bob[..], &below].concat())
+        .unwrap()
+}
+
 impl Simulated {
-    /// Baselines of 4 to 30 cm, converging cameras, 10 to 25 views with `noise_px`, `spoilt` of
+    /// Fields of view of 35° to 71°, of `equidistant` 115° to 175°. Baselines of 4 to 30 cm, converging cameras, 10 to 25 views with `noise_px`, `spoilt` of
     /// them wrong.
-    pub fn new(seed: u64, noise_px: Option<f64>, spoilt: usize) -> Self {
+    pub fn new(model: DistortionModel, seed: u64, noise_px: Option<f64>, spoilt: usize) -> Self {
         let rng = &mut Rng::with_seed(seed);
         let noise_px = noise_px.unwrap_or_else(|| uniform(rng, 0.1, 1.0));
         let size = [(640, 480), (752, 480), (1280, 960)][rng.usize(..3)];
-        let focal = uniform(rng, 0.7, 1.6) * size.0 as f64;
-        let (left, right) = (lens(rng, size, focal), lens(rng, size, focal));
+        let (least, most) = match model {
+            DistortionModel::Equidistant => (0.33, 0.5),
+            _ => (0.7, 1.6),
+        };
+        let focal = uniform(rng, least, most) * size.0 as f64;
+        let (left, right) = (lens(rng, model, size, focal), lens(rng, model, size, focal));
         let baseline = uniform(rng, 0.04, 0.30);
         let apart = 3.0 * baseline * focal / size.0 as f64;
         let near = apart.max(0.25);
@@ -204,7 +229,15 @@ fn view(
         .corners()
         .fold(Vector3::zeros(), |sum, p| sum + p.coords)
         / board.corners().count() as f64;
-    let pose = Isometry3::from_parts(Translation3::from(seen.push(1.0) * distance), rotation);
+    let pose = match truth.left().distortion() {
+        // At the edge of a fisheye, a board is visible only if it faces the camera.
+        Distortion::Equidistant(_) => {
+            let ray = seen.push(1.0).normalize();
+            let facing = UnitQuaternion::rotation_between(&Vector3::z(), &ray)?;
+            Isometry3::from_parts(Translation3::from(ray * distance), facing * rotation)
+        }
+        _ => Isometry3::from_parts(Translation3::from(seen.push(1.0) * distance), rotation),
+    };
     let mut image = |camera: &Intrinsics, place: &Isometry3<f64>| {
         let pixel = |point: Point3<f64>| {
             let point = place * (pose * (point - centre));

@@ -12,11 +12,12 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, MIN_VIEWS, Solution, files, solve};
 use svl::outputs::Outputs;
-use svl::rectify::{Framing, bouguet};
+use svl::rectify::{Framing, bouguet, hidden_view};
 use svl::report::calibration;
 use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;
 use svl::source::{Opened, Request};
+use svl::stereo::DistortionModel;
 
 /// Calibrate two cameras from images of a chessboard
 ///
@@ -41,6 +42,7 @@ Examples:
   svl calibrate board v4l2:/dev/video0,/dev/video2 -o calib.xml
   svl calibrate board calib-report --yes -o again.xml
       again, from the accepted pairs
+  svl calibrate board pictures/ --model equidistant -o fisheye.yaml
   svl calibrate board board --square-m 0.03 --yes -o simulated.xml
       without any camera")]
 pub(super) struct Args {
@@ -57,6 +59,10 @@ pub(super) struct Args {
         value_parser = usage::within(1e-4..=100.0)
     )]
     square_m: Option<f64>,
+    /// Distortion model of both cameras: plumb_bob; rational_polynomial, for wide lenses;
+    /// equidistant, for fisheyes
+    #[arg(long, value_name = "MODEL", default_value_t)]
+    model: DistortionModel,
     /// Accept every pair that helps, without asking
     #[arg(short, long)]
     yes: bool,
@@ -179,7 +185,7 @@ fn calibrate(
     if collected.views.len() < MIN_VIEWS {
         return Err(kept(collected.too_few(&args.source, &board)));
     }
-    let solution = solve(&board, collected.size, &collected.views);
+    let solution = solve(&board, collected.size, args.model, &collected.views);
     let mut solution = solution.map_err(|error| kept(error.into()))?;
     match bouguet(&solution.calibration, &Framing::default()) {
         Ok(rectification) => {
@@ -187,6 +193,9 @@ fn calibrate(
         }
         // Intrinsics and extrinsics are still useful without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}"),
+    }
+    if let Some(hidden) = hidden_view(&solution.calibration) {
+        tracing::warn!("{hidden}");
     }
     for left_out in files::write(&args.output, &solution.calibration)? {
         tracing::warn!("{}: {left_out}", args.output.display());

@@ -6,8 +6,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
 use svl::outputs::{Outputs, distinct};
-use svl::rectify::{Framing, bouguet};
-use svl::stereo::{Intrinsics, LengthUnit};
+use svl::rectify::{Framing, bouguet, hidden_view};
+use svl::stereo::{DistortionModel, Intrinsics, LengthUnit};
 
 /// Write a calibration in the format of another program
 ///
@@ -34,6 +34,9 @@ pub(super) struct Args {
     /// Width and height of A's images in pixels, where A does not state them
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(usize, usize)>,
+    /// Distortion model of A, where A does not state it: equidistant for a file of cv2.fisheye
+    #[arg(long)]
+    model: Option<DistortionModel>,
     /// Compute the rectification (Bouguet's method), for formats that need one and an A without or
     /// with another
     #[arg(long)]
@@ -112,6 +115,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         format: args.from,
         unit: args.unit,
         size: args.size,
+        model: args.model,
     };
     distinct(inputs.iter().map(PathBuf::as_path))?;
     let [read, to_write] = [&inputs, &outputs].map(|paths| paths.iter().map(PathBuf::as_path));
@@ -180,7 +184,7 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
             )?;
         }
     }
-    for remark in remarks {
+    for remark in remarks.iter().chain(&hidden_view(calibration)) {
         writeln!(text, "  note: {remark}")?;
     }
     Ok(text)
@@ -189,9 +193,12 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
 fn camera_line(camera: &Intrinsics) -> String {
     let ((width, height), (fx, fy), (cx, cy)) =
         (camera.size(), camera.focal_px(), camera.center_px());
-    let [k1, k2, p1, p2, k3] = camera.distortion();
+    let lens = camera.distortion();
+    let coefficients = lens.coefficients().iter();
+    let coefficients = coefficients.map(|c| format!(" {c:.5}")).collect::<String>();
     format!(
-        "{width}x{height}, focal lengths {fx:.3} {fy:.3} px, centre ({cx:.3}, {cy:.3}), k1 \
-         {k1:.5} k2 {k2:.5} p1 {p1:.6} p2 {p2:.6} k3 {k3:.5}"
+        "{width}x{height}, focal lengths {fx:.3} {fy:.3} px, centre ({cx:.3}, {cy:.3}), \
+         {}{coefficients}",
+        lens.model()
     )
 }

@@ -15,6 +15,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         is_constant,
         nearest,
         truths,
+        ..
     } = facts;
     let others = if *is_constant {
         ""

@@ -13,10 +13,13 @@ use svl::recording::{
     Topic, UnpairedImages, VideoSummary, is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
-use svl::source::{Heard, Request, SourceFacts, SourceKind};
+use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
 use svl::{counted, interrupt};
 
 /// Show the contents of a recording, and check its integrity
+///
+/// The first line says if svl can use it: pairs, raw or rectified, calibration, truth, what is
+/// missing and the cure.
 ///
 /// Also shows, from the first pairs, the size of the images, focal length and baseline, the nearest
 /// distance by the default range of disparities, and the number of cells that each ground truth
@@ -70,6 +73,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         (Err(error), None) => return Err(error.into()),
     };
     let info = Info {
+        usability: usability(
+            &name,
+            summary.as_ref(),
+            first_pairs.as_ref().ok_or(&no_pairs),
+        ),
         summary,
         live,
         first_pairs,
@@ -82,9 +90,35 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
+/// Can svl use the source `name`? By its first pairs, or the reason why it has none.
+fn usability(
+    name: &str,
+    summary: Option<&RecordingSummary>,
+    facts: Result<&SourceFacts, &Option<String>>,
+) -> Usability {
+    let mut usability = match facts {
+        Ok(facts) => {
+            let pairs = summary.map(|summary| summary.pairs);
+            Usability::from_facts(pairs.or(facts.pairs), facts)
+        }
+        Err(reason) => {
+            let reason = reason.as_deref().unwrap_or("has no pairs");
+            let prefix = format!("{name}: ");
+            Usability::without_pairs(reason.strip_prefix(&prefix).unwrap_or(reason))
+        }
+    };
+    if summary.is_some_and(|summary| !summary.is_intact()) {
+        let cure = format!("a damaged file: `svl recover {name} -o OUT.mcap`");
+        usability.missing.push(cure);
+    }
+    usability
+}
+
 /// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct Info {
+    /// Can svl use it?
+    usability: Usability,
     #[serde(flatten)]
     summary: Option<RecordingSummary>,
     /// In place of a file, what was heard of live topics.
@@ -101,7 +135,7 @@ impl Info {
         let why_none = self.no_pairs.iter();
         let why_none = why_none.map(|reason| format!("images     {reason}"));
         let facts = facts.unwrap_or_else(|| why_none.collect());
-        match (&self.summary, &self.first_pairs) {
+        let rest = match (&self.summary, &self.first_pairs) {
             (Some(summary), _) => {
                 let begin = match &self.live {
                     Some(heard) => heard_lines(name, heard),
@@ -114,7 +148,16 @@ impl Info {
                 format!("{name}\n{}", aligned(&lines, width()))
             }
             (None, None) => String::new(),
-        }
+        };
+        format!("{}{rest}", self.first_line())
+    }
+
+    /// The answer to "can svl use this?", broken at the last column.
+    fn first_line(&self) -> String {
+        let line = self.usability.to_string();
+        let (head, words) = line.split_once(": ").unwrap_or((&line, ""));
+        let head = format!("{head}: ");
+        wrapped(&head, head.len(), words, width())
     }
 }
 

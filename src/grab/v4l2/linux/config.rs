@@ -89,7 +89,7 @@ mod tests {
             ("a,b,size=0x9", "size=0x9 is not WxH in pixels, each 1 to"),
             (
                 "a,b,format=RGB3",
-                "format=RGB3 is not one of auto, GREY, YUYV, MJPG",
+                "format=RGB3 is not one of auto, GREY, YUYV, UYVY, MJPG",
             ),
             ("a,b,", "no option ''"),
         ] {

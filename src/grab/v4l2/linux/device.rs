@@ -189,7 +189,7 @@ impl V4l2Device {
             ));
         }
         // Some drivers report 0 bytes per line, or those of another format.
-        let packed = width * if format == PixelFormat::Yuyv { 2 } else { 1 };
+        let packed = width * format.bytes();
         Ok(Layout {
             format,
             width,

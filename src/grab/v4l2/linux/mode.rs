@@ -10,20 +10,31 @@ pub(super) enum PixelFormat {
     Grey,
     /// YUV 4:2:2, luma and chroma alternating; svl uses the luma.
     Yuyv,
+    /// The same with the chroma first, as of GMSL cameras.
+    Uyvy,
     /// A JPEG per image.
     Mjpeg,
 }
 
 impl PixelFormat {
-    const ALL: [Self; 3] = [Self::Grey, Self::Yuyv, Self::Mjpeg];
+    const ALL: [Self; 4] = [Self::Grey, Self::Yuyv, Self::Uyvy, Self::Mjpeg];
 
     /// The kernel's FourCC.
     pub(super) fn code(self) -> u32 {
         u32::from_le_bytes(match self {
             Self::Grey => *b"GREY",
             Self::Yuyv => *b"YUYV",
+            Self::Uyvy => *b"UYVY",
             Self::Mjpeg => *b"MJPG",
         })
+    }
+
+    /// Bytes of a pixel in its row; 1 of a JPEG, which has no rows.
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::Yuyv | Self::Uyvy => 2,
+            Self::Grey | Self::Mjpeg => 1,
+        }
     }
 
     pub(super) fn from_name(name: &str) -> Option<Self> {
@@ -41,6 +52,7 @@ impl fmt::Display for PixelFormat {
         f.write_str(match self {
             Self::Grey => "GREY",
             Self::Yuyv => "YUYV",
+            Self::Uyvy => "UYVY",
             Self::Mjpeg => "MJPG",
         })
     }
@@ -100,7 +112,9 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (u
             });
             let format = wish
                 .format
-                .map_or("GREY, YUYV or MJPG".to_owned(), |format| format.to_string());
+                .map_or("GREY, YUYV, UYVY or MJPG".to_owned(), |format| {
+                    format.to_string()
+                });
             let cure = "`svl record --list` lists their modes";
             let reason = format!("the cameras have no {format} mode{size} in common; {cure}");
             Error::camera("v4l2", reason)
@@ -193,7 +207,7 @@ mod tests {
         );
         let error = choose(ANY, [&grey, &yuyv]).unwrap_err().to_string();
         assert!(
-            error.contains("no GREY, YUYV or MJPG mode in common"),
+            error.contains("no GREY, YUYV, UYVY or MJPG mode in common"),
             "{error}"
         );
         let wish = Wish {

@@ -18,23 +18,24 @@ impl Layout {
     /// The luma of an image, or a short description of its damage.
     pub(super) fn read(&self, data: &[u8]) -> Result<Gray, String> {
         match self.format {
-            PixelFormat::Grey => self.unpack(data, 1),
-            PixelFormat::Yuyv => self.unpack(data, 2),
+            PixelFormat::Grey | PixelFormat::Yuyv => self.unpack(data, 0),
+            PixelFormat::Uyvy => self.unpack(data, 1),
             PixelFormat::Mjpeg => brightness(data, (self.width, self.height)),
         }
     }
 
-    /// Every `step`-th byte of each row.
-    fn unpack(&self, data: &[u8], step: usize) -> Result<Gray, String> {
+    /// Byte `luma` of each pixel.
+    fn unpack(&self, data: &[u8], luma: usize) -> Result<Gray, String> {
         let Self {
             width,
             height,
             stride,
-            ..
+            format,
         } = *self;
+        let step = format.bytes();
         let rows = strided_rows(data, width * step, height, stride)
             .map_err(|expected| format!("{} of {expected} bytes", data.len()))?;
-        let pixels = every_byte(rows, step, 0);
+        let pixels = every_byte(rows, step, luma);
         Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
     }
 }
@@ -121,6 +122,13 @@ mod tests {
                 .read(&data[..data.len() - 33])
                 .is_err()
         );
+    }
+
+    #[test]
+    fn brightness_of_uyvy() {
+        let row = |y: usize| (0..SIZE.0).flat_map(move |x| [200, grey(x, y)]);
+        let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
+        shows_the_picture(&layout(PixelFormat::Uyvy, 128).read(&data).unwrap(), 0);
     }
 
     #[test]

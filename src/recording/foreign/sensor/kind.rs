@@ -123,6 +123,22 @@ pub(super) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
     }
 }
 
+/// True for an image in mono16, whose samples may be depths or brightness.
+pub(super) fn is_mono16(channel: &Channel, data: &[u8]) -> bool {
+    let is_it = |encoding: &str| encoding.eq_ignore_ascii_case("mono16");
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/Image", _) => {
+            let image = ros::read(channel, data, ros::image);
+            image.is_ok_and(|(_, image)| is_it(image.encoding))
+        }
+        ("foxglove.RawImage", "protobuf") => {
+            let image: Result<messages::RawImage, _> = decode_protobuf(data);
+            image.is_ok_and(|image| is_it(&image.encoding))
+        }
+        _ => false,
+    }
+}
+
 impl MeasuredKind {
     pub(super) fn is_depth(&self) -> bool {
         matches!(self.decode, Decode::Depth(_))

@@ -52,7 +52,8 @@ pub struct TruthTopic {
 }
 
 /// The topics whose messages measure distances, except those of the pairs, decided by the first
-/// message of each: image topics only if they are depths.
+/// message of each: image topics only if they are depths. `mono16` is one by name alone, as it is
+/// also that of infrared cameras.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`].
@@ -60,6 +61,9 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
     let channels = recording.channels()?;
     let is_candidate = |channel: &&&Channel| {
         !pairs.contains(&channel.topic.as_str())
+            && !topics::is_copy(channel, &channels)
+            // ZED's confidence map has the pixel format of its depth image.
+            && !channel.topic.contains("confidence")
             // A disparity map as an image has the same pixel format as a depth image.
             && (!channel.topic.contains("disparity") || channel.schema.ends_with("DisparityImage"))
             // A result in a bag of svl's.
@@ -83,12 +87,17 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
                 && unknown.remove(&channel.topic)
                 && let Ok(kind) = kind::find(channel)
                 && kind.read(channel, log_time, &data).is_ok()
+                && (is_named_depth(&channel.topic) || !kind::is_mono16(channel, &data))
             {
                 found.insert(channel.topic.clone());
             }
         }
     }
     Ok(found.into_iter().collect())
+}
+
+fn is_named_depth(topic: &str) -> bool {
+    topic.to_lowercase().contains("depth")
 }
 
 impl TruthTopic {

@@ -374,8 +374,11 @@ fn pinhole(
     size: (usize, usize),
 ) -> std::result::Result<(Intrinsics, UnitQuaternion<f64>), String> {
     let raw = calibration.camera();
-    if let (Ok(camera), false) = (&raw, is_rectified) {
-        return Ok((*camera, UnitQuaternion::identity()));
+    match raw {
+        Ok(camera) if !is_rectified => return Ok((camera, UnitQuaternion::identity())),
+        // Without its distortion, points would be beside their pixels.
+        Err(why) if !is_rectified && calibration.distortion_model().is_some() => return Err(why),
+        _ => {}
     }
     let p = calibration.projection()?;
     let camera = Intrinsics::new(

@@ -18,6 +18,18 @@ pub(crate) fn is_video(channel: &Channel) -> bool {
     SCHEMAS.contains(&channel.schema.as_str())
 }
 
+/// True if a message is a picture of a video: also a CompressedImage whose format is a codec, as
+/// Isaac ROS's encoder writes it.
+pub(crate) fn is_picture(channel: &Channel, data: &[u8]) -> bool {
+    let is_coded = || {
+        let image = ros::read(channel, data, ros::compressed_image);
+        image.is_ok_and(|image| Codec::from_format(image.format).is_ok())
+    };
+    is_video(channel) || (channel.schema == COMPRESSED_IMAGE && is_coded())
+}
+
+const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";
+
 /// Coding of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Codec {
@@ -92,6 +104,14 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
         ("ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr" | "ros1") => {
             of_ros(ros::read(channel, data, ros::ffmpeg_packet)?)
         }
+        (COMPRESSED_IMAGE, "cdr" | "ros1") => {
+            let image = ros::read(channel, data, ros::compressed_image)?;
+            Ok(Packet {
+                stamp: image::ros_stamp(channel, image.stamp)?,
+                codec: Codec::from_format(image.format),
+                data: image.data.into(),
+            })
+        }
         (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
     }
 }
@@ -99,6 +119,36 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
 #[cfg(test)]
 mod tests {
     use super::Codec::{self, H264, H265};
+    use super::*;
+
+    #[test]
+    fn a_compressed_image_is_a_picture_by_its_format() {
+        let channel = Channel {
+            topic: "/left/image_compressed".to_owned(),
+            schema: COMPRESSED_IMAGE.to_owned(),
+            encoding: "cdr".to_owned(),
+        };
+        // An empty header and no data.
+        let message = |format: &str| {
+            let mut data = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];
+            data.extend((format.len() as u32 + 1).to_le_bytes());
+            data.extend(format.as_bytes());
+            data.push(0);
+            data.resize(data.len().next_multiple_of(4), 0);
+            data.extend([0; 4]);
+            data
+        };
+        let is_it = |format: &str| is_picture(&channel, &message(format));
+        assert!(is_it("h264") && is_it("h265"));
+        assert!(!is_it("jpeg") && !is_it("mono8; png compressed ") && !is_it(""));
+        assert!(!is_picture(&channel, &[0, 1, 0, 0]));
+        let data = message("h264");
+        let packet = packet(&channel, &data).unwrap();
+        assert_eq!(
+            (packet.stamp, packet.codec),
+            (Some(7_000_000_000), Ok(H264))
+        );
+    }
 
     #[test]
     fn the_codec_is_in_the_name_of_the_encoder() {

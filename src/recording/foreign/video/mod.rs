@@ -7,7 +7,7 @@ mod matroska;
 mod message;
 mod order;
 
-pub(crate) use message::is_video;
+pub(crate) use message::{is_picture, is_video};
 
 use super::pixels::MessageImage;
 use crate::Recording;

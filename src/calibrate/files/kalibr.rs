@@ -1,0 +1,115 @@
+//! Kalibr's `camchain.yaml`: a chain of cameras, of which the first two are the pair.
+
+use super::document::{Document, Syntax};
+use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
+use super::geometry::{StereoParameters, in_metres, read_distortion, stated_model};
+use super::numbers::{listed, rows};
+use super::unit::FileUnit;
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use svl_core::Result;
+use svl_core::stereo::{Distortion, Intrinsics, StereoCalibration, motion};
+
+pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
+    name: "kalibr",
+    title: "Kalibr's camchain",
+    conventions: "pinhole fu fv pu pv with radtan k1 k2 p1 p2, equidistant k1 k2 k3 k4 or none; \
+                  T_cn_cnm1: x_cam1 = T x_cam0, metres; no rectification; cam0 is the left camera",
+    endings: &["yaml"],
+    pairs: &[],
+    single: true,
+    syntax: Syntax::Markup,
+    marks: &["T_cn_cnm1"],
+    read,
+    write: Some(write),
+};
+
+fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
+    let document = &one(documents)?;
+    let unit = FileUnit::METRE.fixed(document, hints.unit)?;
+    let cameras = StereoParameters {
+        left: camera(document, "cam0", hints)?,
+        right: camera(document, "cam1", hints)?,
+        right_from_left: Some(pose(document, "cam1.T_cn_cnm1")?),
+        rectification: None,
+    };
+    let remarks = if document.has("cam2") {
+        vec!["cameras 0 and 1 were used; the others were dropped".to_owned()]
+    } else {
+        Vec::new()
+    };
+    cameras.loaded(&FORMAT, document, unit, remarks)
+}
+
+fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> {
+    let key = |part: &str| format!("{name}.{part}");
+    let model = document.text(&key("camera_model"))?;
+    if model != "pinhole" {
+        return Err(document.error(format!(
+            "'{name}.camera_model' is {model}, which svl does not support; calibrate with \
+             pinhole-radtan or pinhole-equi"
+        )));
+    }
+    let model_key = key("distortion_model");
+    let distortion = if document.text(&model_key)? == "none" {
+        Distortion::NONE
+    } else {
+        let model = stated_model(document, &model_key, hints)?;
+        read_distortion(document, &key("distortion_coeffs"), model)?
+    };
+    let [fx, fy, cx, cy] = document.array(&key("intrinsics"))?;
+    let size = document.size_of(&key("resolution"))?;
+    Intrinsics::new(size, (fx, fy), (cx, cy), distortion)
+        .map_err(|e| document.error(format!("'{name}.intrinsics': {e}")))
+}
+
+/// A transform of four rows of four numbers.
+fn pose(document: &Document, key: &str) -> Result<Isometry3<f64>> {
+    let [x, y, z] = [0, 1, 2].map(|row| document.array::<4>(&format!("{key}.{row}")));
+    let rows = [x?, y?, z?];
+    let rotation = Matrix3::from_fn(|row, column| rows[row][column]);
+    let translation = Vector3::from(rows.map(|[.., shift]| shift));
+    motion(&rotation, translation).map_err(|e| document.error(format!("'{key}': {e}")))
+}
+
+fn write(calibration: &StereoCalibration) -> Writing {
+    in_metres(calibration)?;
+    let mut text = one_camera("cam0", 1, calibration.left())?;
+    text += &one_camera("cam1", 0, calibration.right())?;
+    text += "  T_cn_cnm1:\n";
+    for row in calibration.right_from_left().to_homogeneous().row_iter() {
+        text += &format!("  - [{}]\n", listed(&rows(&row)));
+    }
+    let left_out = calibration.rectification().map(|_| "the rectification");
+    Ok(Written {
+        texts: vec![text],
+        left_out: left_out.into_iter().collect(),
+    })
+}
+
+fn one_camera(
+    name: &str,
+    other: usize,
+    camera: &Intrinsics,
+) -> std::result::Result<String, String> {
+    let (model, coefficients) = match camera.distortion() {
+        Distortion::PlumbBob([first @ .., 0.0]) => ("radtan", first),
+        Distortion::Equidistant(all) => ("equidistant", all),
+        other => {
+            return Err(format!(
+                "has radtan k1 k2 p1 p2 and equidistant, and {name} has {} with {} coefficients; \
+                 choose opencv with --to",
+                other.model(),
+                other.coefficients().len()
+            ));
+        }
+    };
+    let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
+    let (width, height) = camera.size();
+    Ok(format!(
+        "{name}:\n  cam_overlaps: [{other}]\n  camera_model: pinhole\n  distortion_coeffs: \
+         [{}]\n  distortion_model: {model}\n  intrinsics: [{}]\n  resolution: [{width}, \
+         {height}]\n",
+        listed(coefficients),
+        listed(&[fx, fy, cx, cy])
+    ))
+}

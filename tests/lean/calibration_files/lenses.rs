@@ -1,0 +1,178 @@
+//! Distortion models in the files of other programs.
+
+use super::*;
+use crate::common::assert_says;
+
+/// Kalibr's chain of two fisheyes and a third camera, as its `kalibr_calibrate_cameras` writes it.
+const CAMCHAIN: &str = "\
+cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.0034, 0.0008, -0.0021, 0.0005]
+  distortion_model: equidistant
+  intrinsics: [190.97, 190.95, 254.93, 256.89]
+  resolution: [512, 512]
+  rostopic: /cam0/image_raw
+cam1:
+  T_cn_cnm1:
+  - [0.99999, 0.00231, 0.00037, -0.10092]
+  - [-0.0023153, 0.9999, 0.0139, 0.00199]
+  - [-0.00033785, -0.01390, 0.9999, -0.00101]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [0, 2]
+  camera_model: pinhole
+  distortion_coeffs: [-0.0017, -0.0011, 0.0009, -0.0003]
+  distortion_model: equidistant
+  intrinsics: [190.44, 190.43, 252.59, 254.91]
+  resolution: [512, 512]
+  rostopic: /cam1/image_raw
+cam2:
+  camera_model: pinhole
+";
+
+/// OpenCV's file of two cameras with these coefficients.
+fn opencv(coefficients: &str, more: &str) -> String {
+    let count = coefficients.split(',').count();
+    let matrix = |name: &str, rows: usize, columns: usize, data: &str| {
+        format!(
+            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ \
+             {data} ]\n"
+        )
+    };
+    let k = "300., 0., 320., 0., 300., 240., 0., 0., 1.";
+    let cameras = ["1", "2"].map(|side| {
+        matrix(&format!("K{side}"), 3, 3, k) + &matrix(&format!("D{side}"), 1, count, coefficients)
+    });
+    [
+        "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nlength_unit: m\n",
+        more,
+        &cameras.concat(),
+        &matrix("R", 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1."),
+        &matrix("T", 3, 1, "-0.1, 0., 0."),
+    ]
+    .concat()
+}
+
+fn read(text: &str, hints: &Hints) -> Result<LoadedCalibration, String> {
+    let folder = Folder::new();
+    std::fs::write(folder.path("c.yaml"), text).unwrap();
+    let read = files::read_with(&folder.path("c.yaml"), hints);
+    read.map_err(|e| e.to_string())
+}
+
+#[test]
+fn kalibr_s_chain_is_read() {
+    let found = read(CAMCHAIN, &Hints::default()).unwrap();
+    assert_eq!(found.format.name, "kalibr");
+    assert!(found.remarks[0].contains("0 and 1"), "{:?}", found.remarks);
+    let c = found.calibration;
+    assert_eq!(
+        *c.right().distortion(),
+        Distortion::Equidistant([-0.0017, -0.0011, 0.0009, -0.0003])
+    );
+    assert_eq!(c.left().size(), (512, 512));
+    assert!((c.baseline() - 0.10094).abs() < 1e-4, "{}", c.baseline());
+    let swapped = CAMCHAIN.replace("-0.10092", "0.10092");
+    assert_says(
+        &read(&swapped, &Hints::default()).unwrap_err(),
+        &["swap left and right"],
+    );
+}
+
+#[test]
+fn opencv_s_models_are_known_by_their_number_of_coefficients() {
+    for (coefficients, model) in [
+        ("0.1, 0.01, 0.001, 0.", "plumb_bob"),
+        ("0.1, 0.01, 0.001, 0., 0.01", "plumb_bob"),
+        (
+            "0.1, 0.01, 0., 0., 0., 0.1, 0.01, 0.",
+            "rational_polynomial",
+        ),
+        (
+            "0.1, 0., 0., 0., 0., 0., 0., 0., 1e-3, 0., 0., 0.",
+            "rational_polynomial",
+        ),
+        (
+            "0.1, 0., 0., 0., 0., 0., 0., 0., 0., 0., 0., 0., 0.01, 0.",
+            "rational_polynomial",
+        ),
+    ] {
+        let found = read(&opencv(coefficients, ""), &Hints::default()).unwrap();
+        assert_eq!(found.calibration.left().distortion().model().name(), model);
+        assert_eq!(
+            found.remarks.len(),
+            usize::from(coefficients.split(',').count() == 4)
+        );
+    }
+    let error = read(&opencv("0.1, 0., 0., 0., 0., 0.1", ""), &Hints::default()).unwrap_err();
+    assert_says(&error, &["'D1|distCoeffs1'", "6 coefficients"]);
+}
+
+#[test]
+fn four_coefficients_may_be_a_fisheye_s() {
+    let text = opencv("0.05, 0.01, 0.001, 0.", "");
+    let remarks = read(&text, &Hints::default()).unwrap().remarks;
+    assert_says(&remarks[0], &["k1 k2 p1 p2", "--model equidistant"]);
+    let fisheye = |model| Hints {
+        model: Some(model),
+        ..Hints::default()
+    };
+    let equidistant = fisheye(DistortionModel::Equidistant);
+    let stated = opencv("0.05, 0.01, 0.001, 0.", "fisheye_model: 1\n");
+    for (text, hints) in [(&text, &equidistant), (&stated, &Hints::default())] {
+        let found = read(text, hints).unwrap();
+        let lens = Distortion::Equidistant([0.05, 0.01, 0.001, 0.0]);
+        assert_eq!(*found.calibration.left().distortion(), lens);
+        assert!(found.remarks.is_empty(), "{:?}", found.remarks);
+    }
+    // Files that state their model.
+    let other = fisheye(DistortionModel::PlumbBob);
+    assert_says(
+        &read(CAMCHAIN, &other).unwrap_err(),
+        &["equidistant", "omit --model"],
+    );
+    let folder = Folder::new();
+    folder.write("boofcv", &raw()).unwrap();
+    let error = folder.read("boofcv", &equidistant).unwrap_err().to_string();
+    assert_says(&error, &["plumb_bob alone", "omit --model"]);
+}
+
+#[test]
+fn a_lens_that_folds_inside_the_image_is_refused() {
+    // It folds at 90 px; the nearest side is at 239.
+    let error = read(&opencv("-2., 0., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
+    assert_says(
+        &error,
+        &[
+            "the left camera's plumb_bob",
+            "folds 82 px",
+            "640x480",
+            "--model equidistant",
+        ],
+    );
+    assert!(!error.contains('\n'), "{error}");
+    // At 300 px, between the nearest side and the farthest.
+    let remarks = read(&opencv("-0.15, 0., 0., 0., 0.", ""), &Hints::default())
+        .unwrap()
+        .remarks;
+    assert_says(&remarks[0], &["left image", "no directions beyond 298 px"]);
+    assert_eq!(remarks.len(), 2);
+    let nan = opencv("-0.15, .Nan, 0., 0., 0.", "");
+    assert_says(
+        &read(&nan, &Hints::default()).unwrap_err(),
+        &["D1", "finite number"],
+    );
+}
+
+#[test]
+fn a_stated_size_is_not_replaced() {
+    let hints = Hints {
+        size: Some((1280, 960)),
+        ..Hints::default()
+    };
+    let error = read(&opencv("0.1, 0., 0., 0., 0.", ""), &hints).unwrap_err();
+    assert_says(
+        &error,
+        &["is for images of 640x480 pixels, these have 1280x960"],
+    );
+}
