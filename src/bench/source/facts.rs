@@ -146,7 +146,8 @@ impl SourceFacts {
 
 /// Name of a camera's distortion model, if it has distortion.
 fn model(camera: &Intrinsics) -> Option<String> {
-    (camera.distortion() != [0.0; 5]).then(|| "plumb_bob".to_owned())
+    let lens = camera.distortion();
+    (!lens.is_none()).then(|| lens.model().to_string())
 }
 
 /// What a recording alone says: focal lengths, topics that measure distances, distortion model.

@@ -2,8 +2,8 @@
 //! messages and extra topics are those of `ros2 bag record --all`.
 
 use super::scene::{
-    BASELINE_M, DEPTH_M, FOCAL_PX, Info, Link, OPTICAL, PAIRS, PARALLEL, RAW, RECTIFIED, SIZE,
-    UNCALIBRATED, depth, grey, image, image_at, other, stamp, tf_static,
+    BASELINE_M, DEPTH_M, FOCAL_PX, Info, Link, OPTICAL, PAIRS, PARALLEL, RATIONAL, RAW, RECTIFIED,
+    SIZE, UNCALIBRATED, depth, grey, image, image_at, other, stamp, tf_static,
 };
 use crate::recording::bag::{Message, png, ros_compressed_in};
 use crate::recording::sensor::cloud_on;
@@ -123,11 +123,11 @@ pub(super) fn depthai() -> Vec<Message> {
         vec![
             image("/oak/rgb/image_raw", colour, (0, i), "bgr8"),
             image("/oak/left/image_raw", left, (0, i), "mono8"),
-            RAW.message("/oak/left/camera_info", left, i),
+            RATIONAL.message("/oak/left/camera_info", left, i),
             image("/oak/right/image_raw", right, (1, i), "mono8"),
             Info {
                 tx: FOCAL_PX * BASELINE_M,
-                ..RAW
+                ..RATIONAL
             }
             .message("/oak/right/camera_info", right, i),
             // Aligned to the colour camera.
@@ -348,8 +348,8 @@ pub(super) fn argus() -> Vec<Message> {
         vec![
             image("/left/image_raw", left, (0, i), "nv12"),
             image("/right/image_raw", right, (1, i), "nv12"),
-            RAW.message("/left/camera_info", left, i),
-            RAW.right().message("/right/camera_info", right, i),
+            RATIONAL.message("/left/camera_info", left, i),
+            RATIONAL.right().message("/right/camera_info", right, i),
         ]
     };
     pairs(pair, 3, &argus_links())
@@ -365,7 +365,7 @@ pub(super) fn isaac_rectified() -> Vec<Message> {
         size: (2 * SIZE.0, 2 * SIZE.1),
         focal_px: [2.0 * FOCAL_PX; 2],
         r: turned(0.01),
-        ..RAW
+        ..RATIONAL
     };
     let pair = |i| {
         vec![
@@ -411,8 +411,9 @@ pub(super) fn isaac_h264() -> Vec<Message> {
         vec![
             coded("/front_stereo_camera/left/image_compressed", left, lefts),
             coded("/front_stereo_camera/right/image_compressed", right, rights),
-            RAW.message("/front_stereo_camera/left/camera_info", left, i),
-            RAW.right()
+            RATIONAL.message("/front_stereo_camera/left/camera_info", left, i),
+            RATIONAL
+                .right()
                 .message("/front_stereo_camera/right/camera_info", right, i),
         ]
     };
@@ -438,13 +439,13 @@ pub(super) fn azure_kinect() -> Vec<Message> {
                 .right()
                 .message("/stereo/right/camera_info", right, i),
             image("/ir/image_raw", deep, (0, i), "mono16"),
-            RAW.message("/ir/camera_info", deep, i),
+            RATIONAL.message("/ir/camera_info", deep, i),
             depth("/depth/image_raw", deep, i, "16UC1"),
-            RAW.message("/depth/camera_info", deep, i),
+            RATIONAL.message("/depth/camera_info", deep, i),
             depth("/depth_to_rgb/image_raw", colour, i, "16UC1"),
-            RAW.message("/depth_to_rgb/camera_info", colour, i),
+            RATIONAL.message("/depth_to_rgb/camera_info", colour, i),
             image("/rgb/image_raw", colour, (0, i), "bgra8"),
-            RAW.message("/rgb/camera_info", colour, i),
+            RATIONAL.message("/rgb/camera_info", colour, i),
             cloud_on("/points2", deep, stamp(i), &points),
         ]
     };

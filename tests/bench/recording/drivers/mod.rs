@@ -68,7 +68,7 @@ const DRIVERS: &[Driver] = &[
     Driver {
         name: "OAK-D",
         bag: bags::depthai,
-        usable: "usable: 6 raw pairs (plumb_bob), calibrated, truth from /oak/stereo/image_raw",
+        usable: "usable: 6 raw pairs (rational_polynomial), calibrated, truth from /oak/stereo/image_raw",
         pair: ["/oak/left/image_raw", "/oak/right/image_raw"],
         truth: Some("/oak/stereo/image_raw"),
         ..ROS2
@@ -103,7 +103,7 @@ const DRIVERS: &[Driver] = &[
     Driver {
         name: "Argus",
         bag: bags::argus,
-        usable: "usable: 6 raw pairs (plumb_bob), calibrated, no truth",
+        usable: "usable: 6 raw pairs (rational_polynomial), calibrated, no truth",
         pair: ["/left/image_raw", "/right/image_raw"],
         ..ROS2
     },
@@ -117,7 +117,7 @@ const DRIVERS: &[Driver] = &[
     Driver {
         name: "Isaac ROS, H.264",
         bag: bags::isaac_h264,
-        usable: "usable: 6 raw pairs (plumb_bob), calibrated, no truth",
+        usable: "usable: 6 raw pairs (rational_polynomial), calibrated, no truth",
         pair: [
             "/front_stereo_camera/left/image_compressed",
             "/front_stereo_camera/right/image_compressed",

@@ -16,8 +16,12 @@ pub(super) const PAIRS: u64 = 6;
 const PERIOD_NS: u64 = 33_333_333;
 
 /// Distortion of raw cameras, model and coefficients: 0.03 px at the border, so that the images
-/// need not be distorted. Of DepthAI, Azure Kinect and Isaac ROS it is rational_polynomial.
+/// need not be distorted. That of DepthAI, Azure Kinect and Isaac ROS is rational.
 pub(super) const DISTORTION: (&str, &[f64]) = ("plumb_bob", &[-0.001, 0.0, 0.0, 0.0, 0.0]);
+const RATIONAL_DISTORTION: (&str, &[f64]) = (
+    "rational_polynomial",
+    &[0.299, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0],
+);
 
 pub(super) fn stamp(i: u64) -> u64 {
     1_700_000_000_000_000_000 + i * PERIOD_NS
@@ -128,6 +132,12 @@ pub(super) const RECTIFIED: Info = Info {
 /// A raw camera, without a baseline.
 pub(super) const RAW: Info = Info {
     distortion: DISTORTION,
+    ..RECTIFIED
+};
+
+/// A raw camera with more coefficients.
+pub(super) const RATIONAL: Info = Info {
+    distortion: RATIONAL_DISTORTION,
     ..RECTIFIED
 };
 
