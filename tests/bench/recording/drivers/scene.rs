@@ -16,8 +16,10 @@ pub(super) const PAIRS: u64 = 6;
 const PERIOD_NS: u64 = 33_333_333;
 
 /// Distortion of raw cameras, model and coefficients: 0.03 px at the border, so that the images
-/// need not be distorted. Of DepthAI, Azure Kinect and Isaac ROS it is rational_polynomial.
-pub(super) const DISTORTION: (&str, &[f64]) = ("plumb_bob", &[-0.001, 0.0, 0.0, 0.0, 0.0]);
+/// need not be distorted.
+const DISTORTION: (&str, &[f64]) = ("plumb_bob", &[-0.001, 0.0, 0.0, 0.0, 0.0]);
+/// That of the drivers that publish rational_polynomial.
+pub(super) const RATIONAL: (&str, &[f64]) = DISTORTION;
 
 pub(super) fn stamp(i: u64) -> u64 {
     1_700_000_000_000_000_000 + i * PERIOD_NS
@@ -128,6 +130,12 @@ pub(super) const RECTIFIED: Info = Info {
 /// A raw camera, without a baseline.
 pub(super) const RAW: Info = Info {
     distortion: DISTORTION,
+    ..RECTIFIED
+};
+
+/// A raw camera of DepthAI, Azure Kinect or Isaac ROS.
+pub(super) const RAW_RATIONAL: Info = Info {
+    distortion: RATIONAL,
     ..RECTIFIED
 };
 
