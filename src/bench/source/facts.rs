@@ -111,16 +111,15 @@ impl SourceFacts {
             distortion_model,
             is_foreign,
         } = recorded(&opened, name)?;
-        let is_rectified = rig.is_some() || first.geometry != Geometry::Raw;
         let has_calibration = distortion_model.is_some() || opened.calibration_fault.is_some();
+        let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
-            is_geometry_known: !is_foreign || is_rectified || has_calibration,
+            is_geometry_known: !is_foreign || !is_raw || has_calibration,
             pairs: opened.source.pairs(),
             distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),
             calibration_fault: opened.calibration_fault.clone(),
-            kept_calibration: (rig.is_none() && !opened.calibration.is_empty() && is_recording)
-                .then(|| name.to_owned()),
+            kept_calibration: kept_calibration(&opened, &first),
             geometry: match raw {
                 Some(_) => PairGeometry::Raw,
                 None => PairGeometry::from(&first.geometry),
@@ -147,6 +146,15 @@ impl SourceFacts {
             },
         })
     }
+}
+
+/// A recording of raw pairs that keeps the files of their calibration.
+fn kept_calibration(opened: &Opened, first: &Frame) -> Option<String> {
+    let recording = opened
+        .recording
+        .as_ref()
+        .filter(|_| first.rig().is_none())?;
+    (!opened.calibration.is_empty()).then(|| recording.path().display().to_string())
 }
 
 /// Name of a camera's distortion model, if it has distortion.

@@ -2,8 +2,8 @@
 //! messages and extra topics are those of `ros2 bag record --all`.
 
 use super::scene::{
-    BASELINE_M, DEPTH_M, FOCAL_PX, Info, Link, OPTICAL, PAIRS, PARALLEL, RATIONAL, RAW, RECTIFIED,
-    SIZE, UNCALIBRATED, depth, grey, image, image_at, other, stamp, tf_static,
+    BASELINE_M, DEPTH_M, FOCAL_PX, Info, Link, OPTICAL, PAIRS, PARALLEL, RAW, RAW_RATIONAL,
+    RECTIFIED, SIZE, UNCALIBRATED, depth, grey, image, image_at, other, stamp, tf_static,
 };
 use crate::recording::bag::{Message, png, ros_compressed_in};
 use crate::recording::sensor::cloud_on;
@@ -84,7 +84,20 @@ pub(super) fn realsense() -> Vec<Message> {
             ),
         ]
     };
-    let links = [
+    let mut messages = pairs(pair, 2, &realsense_links());
+    let extrinsics = "realsense2_camera_msgs/msg/Extrinsics";
+    messages.push(other(
+        "/camera/camera/extrinsics/depth_to_infra1",
+        extrinsics,
+        3,
+    ));
+    messages
+}
+
+fn realsense_links() -> [Link; 6] {
+    let [left, right] = ["camera_infra1_optical_frame", "camera_infra2_optical_frame"];
+    let deep = "camera_depth_optical_frame";
+    [
         ("camera_link", "camera_depth_frame", [0.0; 3], PARALLEL),
         ("camera_depth_frame", deep, [0.0; 3], OPTICAL),
         ("camera_link", "camera_infra1_frame", [0.0; 3], PARALLEL),
@@ -96,15 +109,7 @@ pub(super) fn realsense() -> Vec<Message> {
             PARALLEL,
         ),
         ("camera_infra2_frame", right, [0.0; 3], OPTICAL),
-    ];
-    let mut messages = pairs(pair, 2, &links);
-    let extrinsics = "realsense2_camera_msgs/msg/Extrinsics";
-    messages.push(other(
-        "/camera/camera/extrinsics/depth_to_infra1",
-        extrinsics,
-        3,
-    ));
-    messages
+    ]
 }
 
 /// OAK-D: depthai-ros 9132443 (humble), topics and order in
@@ -123,11 +128,11 @@ pub(super) fn depthai() -> Vec<Message> {
         vec![
             image("/oak/rgb/image_raw", colour, (0, i), "bgr8"),
             image("/oak/left/image_raw", left, (0, i), "mono8"),
-            RATIONAL.message("/oak/left/camera_info", left, i),
+            RAW_RATIONAL.message("/oak/left/camera_info", left, i),
             image("/oak/right/image_raw", right, (1, i), "mono8"),
             Info {
                 tx: FOCAL_PX * BASELINE_M,
-                ..RATIONAL
+                ..RAW_RATIONAL
             }
             .message("/oak/right/camera_info", right, i),
             // Aligned to the colour camera.
@@ -159,11 +164,11 @@ pub(super) fn zed() -> Vec<Message> {
     // The raw P of a camera are its own intrinsics: they do not rectify the pair.
     let raw = Info {
         focal_px: [FOCAL_PX - 1.0; 2],
-        ..RAW
+        ..RAW_RATIONAL
     };
     let pair = |i| {
         let rectified = [RECTIFIED, RECTIFIED.right()];
-        let raw = [RAW, raw.right()];
+        let raw = [RAW_RATIONAL, raw.right()];
         let topics = ZED_TOPICS.iter().zip([rectified, rectified, raw, raw]);
         let mut messages: Vec<_> = topics
             .flat_map(|((encoding, names), infos)| {
@@ -348,8 +353,8 @@ pub(super) fn argus() -> Vec<Message> {
         vec![
             image("/left/image_raw", left, (0, i), "nv12"),
             image("/right/image_raw", right, (1, i), "nv12"),
-            RATIONAL.message("/left/camera_info", left, i),
-            RATIONAL.right().message("/right/camera_info", right, i),
+            RAW_RATIONAL.message("/left/camera_info", left, i),
+            RAW_RATIONAL.right().message("/right/camera_info", right, i),
         ]
     };
     pairs(pair, 3, &argus_links())
@@ -365,7 +370,7 @@ pub(super) fn isaac_rectified() -> Vec<Message> {
         size: (2 * SIZE.0, 2 * SIZE.1),
         focal_px: [2.0 * FOCAL_PX; 2],
         r: turned(0.01),
-        ..RATIONAL
+        ..RAW_RATIONAL
     };
     let pair = |i| {
         vec![
@@ -411,8 +416,8 @@ pub(super) fn isaac_h264() -> Vec<Message> {
         vec![
             coded("/front_stereo_camera/left/image_compressed", left, lefts),
             coded("/front_stereo_camera/right/image_compressed", right, rights),
-            RATIONAL.message("/front_stereo_camera/left/camera_info", left, i),
-            RATIONAL
+            RAW_RATIONAL.message("/front_stereo_camera/left/camera_info", left, i),
+            RAW_RATIONAL
                 .right()
                 .message("/front_stereo_camera/right/camera_info", right, i),
         ]
@@ -439,13 +444,13 @@ pub(super) fn azure_kinect() -> Vec<Message> {
                 .right()
                 .message("/stereo/right/camera_info", right, i),
             image("/ir/image_raw", deep, (0, i), "mono16"),
-            RATIONAL.message("/ir/camera_info", deep, i),
+            RAW_RATIONAL.message("/ir/camera_info", deep, i),
             depth("/depth/image_raw", deep, i, "16UC1"),
-            RATIONAL.message("/depth/camera_info", deep, i),
+            RAW_RATIONAL.message("/depth/camera_info", deep, i),
             depth("/depth_to_rgb/image_raw", colour, i, "16UC1"),
-            RATIONAL.message("/depth_to_rgb/camera_info", colour, i),
+            RAW_RATIONAL.message("/depth_to_rgb/camera_info", colour, i),
             image("/rgb/image_raw", colour, (0, i), "bgra8"),
-            RATIONAL.message("/rgb/camera_info", colour, i),
+            RAW_RATIONAL.message("/rgb/camera_info", colour, i),
             cloud_on("/points2", deep, stamp(i), &points),
         ]
     };

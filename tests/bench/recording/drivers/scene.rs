@@ -16,9 +16,10 @@ pub(super) const PAIRS: u64 = 6;
 const PERIOD_NS: u64 = 33_333_333;
 
 /// Distortion of raw cameras, model and coefficients: 0.03 px at the border, so that the images
-/// need not be distorted. That of DepthAI, Azure Kinect and Isaac ROS is rational.
-pub(super) const DISTORTION: (&str, &[f64]) = ("plumb_bob", &[-0.001, 0.0, 0.0, 0.0, 0.0]);
-const RATIONAL_DISTORTION: (&str, &[f64]) = (
+/// need not be distorted.
+const DISTORTION: (&str, &[f64]) = ("plumb_bob", &[-0.001, 0.0, 0.0, 0.0, 0.0]);
+/// That of the drivers that publish rational_polynomial.
+pub(super) const RATIONAL: (&str, &[f64]) = (
     "rational_polynomial",
     &[0.299, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0],
 );
@@ -135,9 +136,9 @@ pub(super) const RAW: Info = Info {
     ..RECTIFIED
 };
 
-/// A raw camera with more coefficients.
-pub(super) const RATIONAL: Info = Info {
-    distortion: RATIONAL_DISTORTION,
+/// A raw camera of DepthAI, Azure Kinect or Isaac ROS.
+pub(super) const RAW_RATIONAL: Info = Info {
+    distortion: RATIONAL,
     ..RECTIFIED
 };
 
