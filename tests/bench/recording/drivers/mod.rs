@@ -170,7 +170,7 @@ impl Driver {
         let messages = (self.bag)();
         let folder = fixture.path("");
         if self.storage == Storage::Ros1 {
-            ros1::write_messages(&folder, &messages);
+            ros1::write_bag(&folder, &messages, "lz4");
             return "a.bag";
         }
         bag::write_with_qos(&folder, &messages, |topic| self.qos(topic));
