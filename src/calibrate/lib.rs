@@ -12,6 +12,6 @@ pub mod yaml;
 
 pub use pattern::{Board, StereoView};
 pub use solve::{
-    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, MIN_VIEWS, Parameters,
-    Solution, ViewFit, solve,
+    CameraEstimate, CameraParameters, Corner, Correlation, EpipolarError, Estimated, Fit,
+    MIN_VIEWS, Solution, ViewFit, solve,
 };

@@ -12,7 +12,8 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "euroc",
     title: "EuRoC's sensor.yaml",
     conventions: "intrinsics fu fv cu cv, radial-tangential k1 k2 p1 p2 or equidistant k1 k2 k3 \
-                  k4; T_BS: x_body = T_BS x_camera, metres; no rectification; cam0 is the left camera",
+                  k4; T_BS: x_body = T_BS x_camera, metres; no rectification; cam0 is the left \
+                  camera",
     endings: &["yaml"],
     pairs: &[
         ["cam0/sensor.yaml", "cam1/sensor.yaml"],

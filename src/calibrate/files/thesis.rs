@@ -6,8 +6,9 @@
 //!
 //! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are not valid XML names, and XML libraries
 //! reject them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, other
-//! distortion models are named by an attribute `model`, the unit of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a reader
-//! of annex E ignores them. In files svl writes, the board's frame is the left camera's.
+//! distortion models are named by an attribute `model`, the unit of length is an attribute `unit`
+//! of the root, the rectified size attributes of `Stereo`; a reader of annex E ignores them. In
+//! files svl writes, the board's frame is the left camera's.
 //!
 //! **The annex's example contradicts itself.** By its poses the cameras are rotated by 90° about
 //! their axes: the corners of the two boards were numbered in different directions. Rotated back,

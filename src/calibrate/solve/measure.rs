@@ -2,8 +2,8 @@
 
 use super::bundle::{BundleProblem, LossFunction, MOTION, PosedCamera, PosedView};
 use super::solution::{
-    self, CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Parameters, Solution,
-    ViewFit,
+    self, CameraEstimate, CameraParameters, Corner, Correlation, EpipolarError, Estimated, Fit,
+    Solution, ViewFit,
 };
 use crate::Board;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
@@ -169,7 +169,7 @@ fn camera(intrinsics: &Intrinsics, deviations: &[f64], corners: &[Corner]) -> Ca
         / (FIELDS.0 * FIELDS.1) as f64;
     CameraEstimate {
         model: intrinsics.distortion().model().name(),
-        parameters: Parameters(parameters),
+        parameters: CameraParameters(parameters),
         rms_px: rms(corners),
         coverage,
     }

@@ -15,7 +15,7 @@ mod solution;
 mod start;
 
 pub use solution::{
-    CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Parameters, Solution,
+    CameraEstimate, CameraParameters, Corner, Correlation, EpipolarError, Estimated, Fit, Solution,
     ViewFit,
 };
 

@@ -54,7 +54,7 @@ pub struct CameraEstimate {
     /// Name of the distortion model.
     pub model: &'static str,
     #[serde(flatten)]
-    pub parameters: Parameters,
+    pub parameters: CameraParameters,
     /// Same as [`Solution::rms_px`], over this camera's corners.
     pub rms_px: f64,
     /// Fraction of the image's 8x6 fields that contain a used corner, 0..=1.
@@ -117,9 +117,9 @@ pub struct Corner {
 /// Names and estimates, in the order of [`svl_core::stereo::Intrinsics::parameters`]. Serialized as
 /// a map.
 #[derive(Clone, Debug)]
-pub struct Parameters(pub Vec<(&'static str, Estimated)>);
+pub struct CameraParameters(pub Vec<(&'static str, Estimated)>);
 
-impl Parameters {
+impl CameraParameters {
     /// The estimate of that name.
     pub fn get(&self, name: &str) -> Option<Estimated> {
         let mut parameters = self.0.iter();
@@ -127,7 +127,7 @@ impl Parameters {
     }
 }
 
-impl Serialize for Parameters {
+impl Serialize for CameraParameters {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.0.iter().map(|(name, estimated)| (name, estimated)))
     }

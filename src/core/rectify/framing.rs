@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_is_said() {
+    fn hidden_views_are_named() {
         let calibration = fisheyes(200.0);
         let by = bouguet(&calibration, &Framing::default()).unwrap();
         assert_eq!(

@@ -3,7 +3,7 @@
 //! | model | coefficients | source |
 //! |---|---|---|
 //! | `plumb_bob` | k1 k2 p1 p2 k3 | Brown, Close-range camera calibration, 1971 |
-//! | `rational_polynomial` | k1 k2 p1 p2 k3 k4 k5 k6, then s1 s2 s3 s4, then τx τy | OpenCV, `calib3d` |
+//! | `rational_polynomial` | k1 k2 p1 p2 k3 k4 k5 k6, s1 s2 s3 s4, τx τy | OpenCV's `calib3d` |
 //! | `equidistant` | k1 k2 k3 k4 | Kannala and Brandt, PAMI 2006; OpenCV's `fisheye` |
 
 use crate::error::{Error, Result, did_you_mean};

@@ -174,8 +174,8 @@ impl Intrinsics {
         Some((horizontal, angle(cx, 0.0)? + angle(cx, bottom)?))
     }
 
-    /// Distance from the principal point at which the distortion model folds, pixels: beyond it, two
-    /// directions share a pixel. `None` if it does not fold.
+    /// Distance from the principal point at which the distortion model folds, pixels: beyond it,
+    /// two directions share a pixel. `None` if it does not fold.
     pub fn fold_px(&self) -> Option<f64> {
         let fold = self.distortion.max_radius();
         let reached = self.distortion.distort(Vector2::new(fold, 0.0)).norm();

@@ -81,8 +81,8 @@ fn distortion(rng: &mut Rng, model: DistortionModel, plumb_bob: [f64; 5]) -> Dis
 }
 
 impl Simulated {
-    /// Fields of view of 35° to 71°, of `equidistant` 115° to 175°. Baselines of 4 to 30 cm, converging cameras, 10 to 25 views with `noise_px`, `spoilt` of
-    /// them wrong.
+    /// Fields of view of 35° to 71°, of `equidistant` 115° to 175°. Baselines of 4 to 30 cm,
+    /// converging cameras, 10 to 25 views with `noise_px`, `spoilt` of them wrong.
     pub fn new(model: DistortionModel, seed: u64, noise_px: Option<f64>, spoilt: usize) -> Self {
         let rng = &mut Rng::with_seed(seed);
         let noise_px = noise_px.unwrap_or_else(|| uniform(rng, 0.1, 1.0));
