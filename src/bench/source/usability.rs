@@ -64,7 +64,7 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
         let file = facts.kept_calibration.as_deref().unwrap_or("FILE");
         let cure = format!("add --calib {file}");
         missing.push(if is_rectified {
-            format!("{what}, so no distances: {cure}")
+            format!("{what}, so taken as rectified and without distances: {cure}")
         } else if facts.is_geometry_known {
             format!("{what}: {cure}")
         } else {
@@ -193,7 +193,7 @@ mod tests {
             rig: None,
             ..rectified
         };
-        let cure = "no calibration, so no distances: add --calib FILE";
+        let cure = "no calibration, so taken as rectified and without distances: add --calib FILE";
         says(
             Some(3),
             &uncalibrated,

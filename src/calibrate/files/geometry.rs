@@ -197,7 +197,7 @@ pub(super) fn read_distortion(
     model: DistortionModel,
 ) -> Result<Distortion> {
     let distortion = model.with_coefficients(&document.numbers(key)?);
-    distortion.map_err(|e| document.error(format!("'{key}': {e}")))
+    distortion.map_err(|e| document.error(format!("'{}': {e}", key.replace('|', "' or '"))))
 }
 
 /// k1, k2, p1, p2, k3, for formats that have no other model.

@@ -18,7 +18,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     pairs: &[],
     single: true,
     syntax: Syntax::Markup,
-    marks: &["T_cn_cnm1"],
+    marks: &["T_cn_cnm1", "cam0:"],
     read,
     write: Some(write),
 };
@@ -54,6 +54,8 @@ fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> 
         Distortion::NONE
     } else {
         let model = stated_model(document, &model_key, hints)?;
+        // Both of Kalibr's models have four.
+        document.array::<4>(&key("distortion_coeffs"))?;
         read_distortion(document, &key("distortion_coeffs"), model)?
     };
     let [fx, fy, cx, cy] = document.array(&key("intrinsics"))?;

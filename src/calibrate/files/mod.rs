@@ -114,9 +114,12 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let found = (format.read)(documents, hints)?;
     let lens = found.calibration.left().distortion();
     match hints.model {
-        Some(named) if named != lens.model() && !lens.is_none() => Err(Error::format(
+        Some(named) if named != lens.model() => Err(Error::format(
             path,
-            format!("{} has {} alone; omit --model", format.title, lens.model()),
+            format!(
+                "its distortion is {}, not {named}; omit --model",
+                lens.model()
+            ),
         )),
         _ => Ok(found),
     }
@@ -239,7 +242,18 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
 pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> {
     match (two_of(path), format.single) {
         (Some(both), false) => Ok(both.into()),
-        (None, true) if !path.is_dir() => Ok(vec![path.to_owned()]),
+        (None, true) if !path.is_dir() => {
+            let ending = path
+                .extension()
+                .and_then(|e| e.to_str())
+                .unwrap_or_default();
+            if !format.endings.contains(&ending) {
+                let endings = format.endings.join(" or .");
+                let reason = format!("{} is written as .{endings}", format.title);
+                return Err(Error::format(path, reason));
+            }
+            Ok(vec![path.to_owned()])
+        }
         (None, false) if path.is_dir() => Ok(format
             .pairs
             .iter()

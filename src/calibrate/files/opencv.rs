@@ -13,10 +13,10 @@ use super::numbers::{listed, rows};
 use super::unit::{self, FileUnit};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
-use svl_core::Result;
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, Rectification, Side, StereoCalibration,
 };
+use svl_core::{Error, Result};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "opencv",
@@ -43,7 +43,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let merged = documents
         .into_iter()
         .reduce(Document::completed_by)
-        .ok_or_else(|| svl_core::Error::Invalid("no file".into()))?;
+        .ok_or_else(|| Error::Invalid("no file".into()))?;
     let document = &merged;
     if document.has("camera_matrix|cameraMatrix") {
         return Err(document.error("contains one camera; svl needs both, K1 D1 K2 D2, and R and T"));
@@ -92,7 +92,13 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let remark = "four coefficients were read as k1 k2 p1 p2; for a file of cv2.fisheye, convert \
                   it with `svl calibrate convert --model equidistant`";
     let remarks = (four && !is_stated).then(|| remark.to_owned());
-    cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect())
+    let loaded = cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect());
+    loaded.map_err(|e| match four && !is_stated {
+        true => Error::Invalid(format!(
+            "{e}; for a file of cv2.fisheye, --model equidistant"
+        )),
+        false => e,
+    })
 }
 
 /// The distortion model: OpenCV's own, by the number of coefficients, unless the file or the user

@@ -3,21 +3,22 @@
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use svl::calibrate::files::{Hints, LoadedCalibration, read_with};
+use svl::calibrate::files::{Hints, LoadedCalibration, inputs, read_with};
 use svl::depth::{GridSettings, Stixels};
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
-use svl::rectify::Rectifier;
+use svl::rectify::{Rectifier, hidden_view};
 use svl::report::evidence::EvidencePage;
 use svl::stereo::{
-    CellState, DepthGrid, DisparityMap, Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair,
+    CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
+    StereoPair,
 };
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
@@ -133,6 +134,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
     outputs.set_aside()?;
     let rig = rig.as_ref();
+    if rig.is_none() && files::has_ending(&args.output, "ply") {
+        bail!(
+            "{}: a point cloud needs a calibration in metres",
+            args.output.display()
+        );
+    }
     write_maps(args, &output.disparity, &pair, rig)?;
     let map = output.disparity.disparity();
     let settings = GridSettings::default();
@@ -177,8 +184,13 @@ fn rectified(
         remarks,
         ..
     } = read_with(path, &hints)?;
-    for remark in remarks {
-        print_error(&format!("{}: {remark}", path.display()));
+    for remark in remarks.iter().chain(&hidden_view(&calibration)) {
+        print_error(format!("{}: {remark}", path.display()));
+    }
+    if calibration.unit() == LengthUnit::Squares {
+        let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` names their size";
+        let what = "lengths are in squares of the board, so there are no distances";
+        print_error(format!("{}: {what}; {cure}", path.display()));
     }
     if calibration.is_rectified() {
         return Ok((pair, color, calibration.rig()));
@@ -215,9 +227,12 @@ fn claim(args: &Args) -> svl::Result<Outputs> {
         args.stixels.as_ref(),
         args.evidence.as_ref(),
     ];
+    let calibration = args.calib.as_deref().map(inputs).transpose()?;
+    let images = [&args.left, &args.right].into_iter();
+    let read = images.chain(calibration.iter().flatten());
     Outputs::claim(
         args.force,
-        [args.left.as_path(), &args.right],
+        read.map(PathBuf::as_path),
         outputs.into_iter().flatten().map(PathBuf::as_path),
     )
 }

@@ -1,6 +1,7 @@
 //! Size, focal length and centre of rectified images: the part of the cameras' images that they
 //! show.
 
+use super::bouguet::bouguet;
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
 use crate::stereo::{MAX_RADIUS, MAX_SIDE, StereoCalibration};
@@ -161,7 +162,15 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
         }
     }
     if sides.iter().any(Vec::is_empty) {
-        let why = "its distortion model is undefined there, or the cameras diverge too far";
+        let why = match view.fold_px() {
+            Some(fold) => format!(
+                "its distortion model folds {fold:.0} px from the principal point; calibrate with \
+                 the board near the image's sides, or with another --model"
+            ),
+            None => "its distortion model is undefined there, or the cameras diverge too far; \
+                     calibrate again"
+                .to_owned(),
+        };
         return Err(Error::Rig(format!(
             "a whole side of a camera's image cannot be rectified: {why}"
         )));
@@ -188,9 +197,10 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
 }
 
 /// What the rectified images do not show of wide cameras, as a line for the user; `None` if they
-/// show nearly all, or have no rectification.
+/// show nearly all. Without a rectification, those of [`bouguet`] with the default framing.
 pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
-    let by = calibration.rectification()?;
+    let computed = || bouguet(calibration, &Framing::default()).ok();
+    let by = calibration.rectification().cloned().or_else(computed)?;
     let focal = by.rig.focal_px();
     let shown = [by.size.0, by.size.1].map(|side| 2.0 * (side as f64 / 2.0 / focal).atan());
     let (horizontal, vertical) = calibration.left().field_of_view()?;
@@ -203,13 +213,13 @@ pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
     let most = (2.0 * MAX_ANGLE_OF_ALL).to_degrees().round();
     Some(format!(
         "the cameras see {horizontal}° x {vertical}°, the rectified images show {width}° x \
-         {height}°: a plane shows less than 180°, and `--alpha 1` up to {most}°"
+         {height}°: a plane shows less than 180°; `svl record --calib FILE --alpha 1` shows up to \
+         {most}°"
     ))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::bouguet;
     use super::*;
     use crate::stereo::{Distortion, Intrinsics, LengthUnit};
     use nalgebra::Isometry3;
@@ -258,7 +268,7 @@ mod tests {
         assert_eq!(
             hidden_view(&calibration.with_rectification(by)).unwrap(),
             "the cameras see 200° x 150°, the rectified images show 120° x 105°: a plane shows \
-             less than 180°, and `--alpha 1` up to 150°"
+             less than 180°; `svl record --calib FILE --alpha 1` shows up to 150°"
         );
     }
 }

@@ -43,6 +43,11 @@ impl RotatedCamera {
         matches!(self.camera.distortion(), Distortion::Equidistant(_))
     }
 
+    /// [`Intrinsics::fold_px`].
+    pub(super) fn fold_px(&self) -> Option<f64> {
+        self.camera.fold_px()
+    }
+
     /// Width and height of the camera's image.
     pub(super) fn size(&self) -> (usize, usize) {
         self.camera.size()

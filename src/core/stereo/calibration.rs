@@ -1,6 +1,6 @@
 //! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
-use super::{Intrinsics, Rig, Side};
+use super::{Distortion, DistortionModel, Intrinsics, Rig, Side};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
@@ -39,9 +39,18 @@ impl StereoCalibration {
         let place = right_from_left.inverse().translation.vector;
         let numbers = place.iter().chain(right_from_left.rotation.coords.iter());
         if !numbers.copied().all(f64::is_finite) || place.norm() == 0.0 {
+            let [x, y, z] = place.into();
             return Err(Error::Rig(format!(
-                "the cameras' centres are {place:?} apart, which must be finite and not 0"
+                "the right camera is at ({x}, {y}, {z}) of the left one, which must be finite and \
+                 not 0; calibrate both cameras together"
             )));
+        }
+        if place.x <= 0.0 && place.x.abs() < place.y.abs() {
+            return Err(Error::Rig(
+                "the cameras are mounted one above the other; rotate their images by 90 degrees \
+                 and calibrate these"
+                    .to_owned(),
+            ));
         }
         if place.x <= 0.0 {
             return Err(Error::Rig(format!(
@@ -49,16 +58,7 @@ impl StereoCalibration {
                 place.x
             )));
         }
-        let [left_lens, right_lens] = [left, right].map(|camera| *camera.distortion());
-        if left_lens.model() != right_lens.model() && !left_lens.is_none() && !right_lens.is_none()
-        {
-            return Err(Error::Rig(format!(
-                "the left camera's distortion is {}, the right one's {}; calibrate both with one \
-                 model",
-                left_lens.model(),
-                right_lens.model()
-            )));
-        }
+        check_models(left.distortion(), right.distortion())?;
         check_fold("left", &left)?;
         check_fold("right", &right)?;
         Ok(Self {
@@ -127,14 +127,27 @@ impl StereoCalibration {
 }
 
 /// # Errors
+/// [`Error::Rig`] for two models, unless one camera has no distortion and the other no fisheye.
+fn check_models(left: &Distortion, right: &Distortion) -> Result<()> {
+    let (first, second) = (left.model(), right.model());
+    let is_fisheye = [first, second].contains(&DistortionModel::Equidistant);
+    if first == second || !is_fisheye && (left.is_none() || right.is_none()) {
+        return Ok(());
+    }
+    Err(Error::Rig(format!(
+        "the left camera's distortion is {first}, the right one's {second}; calibrate both with \
+         one model"
+    )))
+}
+
+/// # Errors
 /// [`Error::Rig`] if most of the image is beyond the fold of the distortion model.
 fn check_fold(name: &str, camera: &Intrinsics) -> Result<()> {
     let ((nearest, _), (width, height)) = (camera.side_distances_px(), camera.size());
     match camera.fold_px() {
         Some(fold) if fold < nearest => Err(Error::Rig(format!(
             "the {name} camera's {} {:?} folds {fold:.0} px from the principal point, inside the \
-             image of {width}x{height}: calibrate again with the board near the image's sides; \
-             for a file of cv2.fisheye, `svl calibrate convert --model equidistant`",
+             image of {width}x{height}: calibrate again with the board near the image's sides",
             camera.distortion().model(),
             camera.distortion().coefficients()
         ))),

@@ -33,9 +33,15 @@ impl DistortionModel {
     /// ROS's name first, then those of Kalibr, EuRoC and Foxglove.
     const fn names(self) -> &'static [&'static str] {
         match self {
-            Self::PlumbBob => &["plumb_bob", "radtan", "radial-tangential"],
+            Self::PlumbBob => &["plumb_bob", "radtan", "radial_tangential"],
             Self::RationalPolynomial => &["rational_polynomial"],
-            Self::Equidistant => &["equidistant", "equi", "fisheye", "kannala_brandt"],
+            Self::Equidistant => &[
+                "equidistant",
+                "equi",
+                "fisheye",
+                "kannala_brandt",
+                "kannala_brandt4",
+            ],
         }
     }
 
@@ -52,7 +58,7 @@ impl DistortionModel {
     const fn counts(self) -> &'static [usize] {
         match self {
             // OpenCV and ROS write four, with k3 = 0.
-            Self::PlumbBob => &[5, 4],
+            Self::PlumbBob => &[4, 5],
             Self::RationalPolynomial => &[8, 12, 14],
             Self::Equidistant => &[4],
         }
@@ -78,7 +84,8 @@ impl DistortionModel {
             if self != Self::Equidistant && other.counts().contains(&coefficients.len()) {
                 return other.with_coefficients(coefficients);
             }
-            let counts = joined(counts.iter().map(ToString::to_string));
+            let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
+            let counts = counts.join(" or ");
             return Err(Error::Rig(format!(
                 "{} coefficients of distortion; {self} has {counts}",
                 coefficients.len()
@@ -104,9 +111,10 @@ impl FromStr for DistortionModel {
     /// # Errors
     /// [`Error::Invalid`] for an unknown name, with the nearest.
     fn from_str(name: &str) -> Result<Self> {
+        let plain = name.to_lowercase().replace(['-', ' '], "_");
         let found = Self::ALL
             .into_iter()
-            .find(|model| model.names().contains(&name));
+            .find(|model| model.names().contains(&plain.as_str()));
         found.ok_or_else(|| {
             let names = Self::ALL.map(Self::name);
             let hint = did_you_mean(name, names);

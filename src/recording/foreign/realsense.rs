@@ -74,7 +74,6 @@ pub(super) fn calibration(text: &str) -> Result<StreamCamera, String> {
     // A model without coefficients is that of no distortion.
     let model = match value(text, "model")? {
         "Brown Conrady" => "plumb_bob",
-        "Kannala Brandt4" => "equidistant",
         _ if d == [0.0; 5] => "plumb_bob",
         other => other,
     };

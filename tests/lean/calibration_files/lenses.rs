@@ -72,6 +72,29 @@ fn kalibr_s_chain_is_read() {
     );
     assert_eq!(c.left().size(), (512, 512));
     assert!((c.baseline() - 0.10094).abs() < 1e-4, "{}", c.baseline());
+    // One fisheye beside an ideal lens is no pair; a chain has extrinsics.
+    let none = CAMCHAIN.replacen("distortion_model: equidistant", "distortion_model: none", 1);
+    assert_says(
+        &read(&none, &Hints::default()).unwrap_err(),
+        &["with one model"],
+    );
+    let alone = CAMCHAIN.replace("T_cn_cnm1", "T_cam_imu");
+    assert_says(
+        &read(&alone, &Hints::default()).unwrap_err(),
+        &["no 'cam1.T_cn_cnm1.0'"],
+    );
+    let five = CAMCHAIN.replace("-0.0021, 0.0005]", "-0.0021, 0.0005, 0.0]");
+    assert_says(
+        &read(&five, &Hints::default()).unwrap_err(),
+        &["5 numbers, expected 4"],
+    );
+    let above = CAMCHAIN
+        .replace("-0.10092]", "0.0]")
+        .replace("0.00199]", "-0.1]");
+    assert_says(
+        &read(&above, &Hints::default()).unwrap_err(),
+        &["one above the other"],
+    );
     let swapped = CAMCHAIN.replace("-0.10092", "0.10092");
     assert_says(
         &read(&swapped, &Hints::default()).unwrap_err(),
@@ -105,7 +128,7 @@ fn opencv_s_models_are_known_by_their_number_of_coefficients() {
         );
     }
     let error = read(&opencv("0.1, 0., 0., 0., 0., 0.1", ""), &Hints::default()).unwrap_err();
-    assert_says(&error, &["'D1|distCoeffs1'", "6 coefficients"]);
+    assert_says(&error, &["'D1' or 'distCoeffs1'", "6 coefficients"]);
 }
 
 #[test]
@@ -134,13 +157,13 @@ fn four_coefficients_may_be_a_fisheye_s() {
     let folder = Folder::new();
     folder.write("boofcv", &raw()).unwrap();
     let error = folder.read("boofcv", &equidistant).unwrap_err().to_string();
-    assert_says(&error, &["plumb_bob alone", "omit --model"]);
+    assert_says(&error, &["plumb_bob, not equidistant", "omit --model"]);
 }
 
 #[test]
 fn a_lens_that_folds_inside_the_image_is_refused() {
     // It folds at 90 px; the nearest side is at 239.
-    let error = read(&opencv("-2., 0., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
+    let error = read(&opencv("-2., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
     assert_says(
         &error,
         &[
@@ -157,6 +180,9 @@ fn a_lens_that_folds_inside_the_image_is_refused() {
         .remarks;
     assert_says(&remarks[0], &["left image", "no directions beyond 298 px"]);
     assert_eq!(remarks.len(), 2);
+    // Of five coefficients none is a fisheye's.
+    let error = read(&opencv("-2., 0., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
+    assert!(!error.contains("equidistant"), "{error}");
     let nan = opencv("-0.15, .Nan, 0., 0., 0.", "");
     assert_says(
         &read(&nan, &Hints::default()).unwrap_err(),

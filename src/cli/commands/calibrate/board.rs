@@ -192,7 +192,7 @@ fn calibrate(
             solution.calibration = solution.calibration.with_rectification(rectification)
         }
         // Intrinsics and extrinsics are still useful without a rectification.
-        Err(error) => tracing::warn!("not rectified: {error}"),
+        Err(error) => tracing::warn!("not rectified: {error}; another --model may fit the lenses"),
     }
     if let Some(hidden) = hidden_view(&solution.calibration) {
         tracing::warn!("{hidden}");

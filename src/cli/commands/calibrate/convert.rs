@@ -2,6 +2,7 @@
 
 use crate::cli::shared::terminal::{LAST_COLUMN, print, wrapped};
 use crate::cli::shared::usage;
+use anyhow::Context;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
@@ -34,7 +35,8 @@ pub(super) struct Args {
     /// Width and height of A's images in pixels, where A does not state them
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(usize, usize)>,
-    /// Distortion model of A, where A does not state it: equidistant for a file of cv2.fisheye
+    /// Distortion model of A, where A does not state it: plumb_bob, rational_polynomial, or
+    /// equidistant for a file of cv2.fisheye
     #[arg(long)]
     model: Option<DistortionModel>,
     /// Compute the rectification (Bouguet's method), for formats that need one and an A without or
@@ -122,7 +124,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut claimed = Outputs::claim(args.force, read, to_write)?;
     let mut found = files::read_with(&args.input, &hints)?;
     if args.rectify {
-        let rectification = bouguet(&found.calibration, &Framing::default())?;
+        let rectification = bouguet(&found.calibration, &Framing::default());
+        let rectification = rectification.with_context(|| args.input.display().to_string())?;
         found.calibration = found.calibration.with_rectification(rectification);
     }
     print(&describe(&args.input, &found)?)?;
@@ -184,7 +187,8 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
             )?;
         }
     }
-    for remark in remarks.iter().chain(&hidden_view(calibration)) {
+    let rectified = calibration.rectification().map(|_| calibration);
+    for remark in remarks.iter().chain(&rectified.and_then(hidden_view)) {
         writeln!(text, "  note: {remark}")?;
     }
     Ok(text)
