@@ -33,9 +33,9 @@ use svl_core::stereo::{
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "xml",
     title: "the thesis's XML",
-    conventions: "annex E: dist0 ... dist4 = k1 k2 p1 p2 k3, or those of the attribute model; each camera's pose of the board, \
-                  x_camera = R x_board + T; homographies from raw to rectified pixels; the unit \
-                  as an attribute of the root",
+    conventions: "annex E: dist0 ... dist4 = k1 k2 p1 p2 k3, or of the attribute model; each \
+                  camera's pose of the board, x_camera = R x_board + T; homographies from raw to \
+                  rectified pixels; the unit as an attribute of the root",
     endings: &["xml"],
     pairs: &[],
     single: true,

@@ -33,7 +33,7 @@ const HEADINGS: &[(&str, &str)] = &[
     (
         "Input",
         "algo sample filter kind data seed frames duration bits calib size from unit scenario \
-         target squares square_m object_map mask right_truth map list test tables_only",
+         model target squares square_m object_map mask right_truth map list test tables_only",
     ),
     (
         "Scoring",

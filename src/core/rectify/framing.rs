@@ -1,10 +1,9 @@
 //! Size, focal length and centre of rectified images: the part of the cameras' images that they
 //! show.
 
-use super::bouguet::bouguet;
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
-use crate::stereo::{MAX_RADIUS, MAX_SIDE, StereoCalibration};
+use crate::stereo::{MAX_RADIUS, MAX_SIDE};
 use nalgebra::{Point2, Vector2};
 use std::f64::consts::FRAC_PI_3;
 
@@ -86,8 +85,8 @@ impl Framing {
 
 /// Largest angles between the axis and a side of a rectified image, radians, for `alpha` 0 and 1. A
 /// plane shows an angle θ magnified by 1/cos² θ: 4 and 15 times as large as the centre.
-const MAX_ANGLE: f64 = FRAC_PI_3;
-const MAX_ANGLE_OF_ALL: f64 = 5.0 * FRAC_PI_3 / 4.0;
+pub(super) const MAX_ANGLE: f64 = FRAC_PI_3;
+pub(super) const MAX_ANGLE_OF_ALL: f64 = 5.0 * FRAC_PI_3 / 4.0;
 
 /// A rectangle in the rectified plane, as `(X/Z, Y/Z)`.
 #[derive(Clone, Copy)]
@@ -194,81 +193,4 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
             most: Vector2::new(x(&all, f64::max), y(&all, f64::max)),
         },
     })
-}
-
-/// What the rectified images do not show of wide cameras, as a line for the user; `None` if they
-/// show nearly all. Without a rectification, those of [`bouguet`] with the default framing.
-pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
-    let computed = || bouguet(calibration, &Framing::default()).ok();
-    let by = calibration.rectification().cloned().or_else(computed)?;
-    let focal = by.rig.focal_px();
-    let shown = [by.size.0, by.size.1].map(|side| 2.0 * (side as f64 / 2.0 / focal).atan());
-    let (horizontal, vertical) = calibration.left().field_of_view()?;
-    let hides = |seen: f64, shown: f64| seen > 2.0 * MAX_ANGLE && seen > 1.05 * shown;
-    if !hides(horizontal, shown[0]) && !hides(vertical, shown[1]) {
-        return None;
-    }
-    let [horizontal, vertical, width, height] =
-        [horizontal, vertical, shown[0], shown[1]].map(|angle| angle.to_degrees().round());
-    let most = (2.0 * MAX_ANGLE_OF_ALL).to_degrees().round();
-    Some(format!(
-        "the cameras see {horizontal}° x {vertical}°, the rectified images show {width}° x \
-         {height}°: a plane shows less than 180°; `svl record --calib FILE --alpha 1` shows up to \
-         {most}°"
-    ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::stereo::{Distortion, Intrinsics, LengthUnit};
-    use nalgebra::Isometry3;
-
-    /// Two fisheyes side by side with a field of view of that many degrees across 640 pixels.
-    fn fisheyes(degrees: f64) -> StereoCalibration {
-        let focal = 320.0 / (degrees / 2.0).to_radians();
-        let lens = Distortion::Equidistant([0.0; 4]);
-        let camera = Intrinsics::new((640, 480), (focal, focal), (319.5, 239.5), lens).unwrap();
-        let apart = Isometry3::translation(-0.1, 0.0, 0.0);
-        StereoCalibration::new(camera, camera, apart, LengthUnit::Metres).unwrap()
-    }
-
-    #[test]
-    fn wide_lenses_are_shown_up_to_a_limit() {
-        for (degrees, alpha, shown) in [
-            // The height limits it.
-            (100.0, 0.0, 91.3),
-            (150.0, 0.0, 120.0),
-            (180.0, 0.0, 120.0),
-            (200.0, 0.0, 120.0),
-            (150.0, 1.0, 150.0),
-            (180.0, 1.0, 150.0),
-            (200.0, 1.0, 150.0),
-        ] {
-            let calibration = fisheyes(degrees);
-            let framing = Framing { alpha, size: None };
-            let by = bouguet(&calibration, &framing).unwrap();
-            let across = 2.0 * (320.0 / by.rig.focal_px()).atan().to_degrees();
-            assert!((across - shown).abs() < 0.5, "{degrees} {alpha}: {across}");
-            let center = by.rig.center_px();
-            assert!((center.0 - 319.5).abs() < 0.01 && (center.1 - 239.5).abs() < 0.01);
-            let hidden = hidden_view(&calibration.with_rectification(by));
-            assert_eq!(
-                hidden.is_some(),
-                degrees > f64::max(shown, 120.0) + 1.0,
-                "{degrees} {alpha}: {hidden:?}"
-            );
-        }
-    }
-
-    #[test]
-    fn hidden_views_are_named() {
-        let calibration = fisheyes(200.0);
-        let by = bouguet(&calibration, &Framing::default()).unwrap();
-        assert_eq!(
-            hidden_view(&calibration.with_rectification(by)).unwrap(),
-            "the cameras see 200° x 150°, the rectified images show 120° x 105°: a plane shows \
-             less than 180°; `svl record --calib FILE --alpha 1` shows up to 150°"
-        );
-    }
 }

@@ -56,7 +56,7 @@ impl Shot {
             let pixels: Vec<u8> = image(size, seed).pixels().collect();
             let camera = Camera {
                 size: SENSOR,
-                distortion: &[distortion],
+                distortion: &[distortion, 0.0, 0.0, 0.0],
                 tx,
                 binning: 0,
                 roi: [x, 0, size.1 as u32, size.0 as u32],

@@ -98,7 +98,7 @@ fn raw_images_are_called_so() {
     let raw = |topic, message: Message| Message { topic, ..message };
     let (left, right) = (raw("/cam0/image_raw", left), raw("/cam1/image_raw", right));
     let infos = [
-        camera_info("/cam0/camera_info", 9, &[-0.28], 0.0),
+        camera_info("/cam0/camera_info", 9, &[-0.28, 0.0, 0.0, 0.0], 0.0),
         camera_info("/cam1/camera_info", 9, &[], -14.432),
     ];
     let (_folder, path) = write_bag(infos.into_iter().chain([left, right]));
@@ -194,7 +194,7 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
                 ..image_right
             },
         ];
-        let info = |topic, tx| camera_info(topic, 9, &[-0.28], tx);
+        let info = |topic, tx| camera_info(topic, 9, &[-0.28, 0.0, 0.0, 0.0], tx);
         let infos = [
             info("/director/left/camera_info", 0.0),
             info("/director/right/camera_info", -14.432),
