@@ -49,9 +49,10 @@ mod tests {
             (150.0, 0.0, 120.0),
             (180.0, 0.0, 120.0),
             (200.0, 0.0, 120.0),
-            (150.0, 1.0, 150.0),
-            (180.0, 1.0, 150.0),
-            (200.0, 1.0, 150.0),
+            // As far up and down, so farther to the sides.
+            (150.0, 1.0, 157.3),
+            (180.0, 1.0, 157.3),
+            (200.0, 1.0, 157.3),
         ] {
             let calibration = fisheyes(degrees);
             let framing = Framing { alpha, size: None };
