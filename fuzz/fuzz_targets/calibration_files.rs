@@ -4,6 +4,7 @@
 
 use std::path::Path;
 use svl::calibrate::files::{self, FORMATS, FileUnit, Hints};
+use svl::stereo::DistortionModel;
 
 fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let (first, second) = match bytes.iter().position(|b| *b == 0) {
@@ -25,6 +26,7 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
         format: None,
         unit: Some(FileUnit::Metres(1.0)),
         size: Some((640, 480)),
+        model: Some(DistortionModel::Equidistant),
     };
     for hints in [Hints::default(), hints] {
         let Ok(found) = files::read_with(named.as_ref(), &hints) else {
@@ -33,10 +35,11 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
         let c = found.calibration;
         assert!(c.baseline() > 0.0 && c.left().focal_px().0 > 0.0);
         for format in FORMATS.iter().filter(|format| format.is_written()) {
+            let one = format!("c.{}", format.endings[0]);
             let names = if format.pairs == [["left.yaml", "right.yaml"]] {
                 &["c", "d"][..]
             } else {
-                &["c"]
+                &[one.as_str()]
             };
             let path = name(names);
             // `c,d` is two files where none is called so.
@@ -47,7 +50,7 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
                     &Hints {
                         format: Some(format),
                         size,
-                        unit: None,
+                        ..Hints::default()
                     },
                 );
                 // Numbers near the ends of what there are may leave it when they are multiplied.
