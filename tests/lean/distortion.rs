@@ -61,7 +61,7 @@ impl Case {
             let center = (319.5 + uniform(rng, 15.0), 239.5 + uniform(rng, 15.0));
             let camera = Intrinsics::new(SIZE, (focal, focal * 1.01), center, lens).unwrap();
             let (_, farthest) = camera.side_distances_px();
-            if camera.fold_px().is_none_or(|fold| fold > farthest) {
+            if camera.fold_px(farthest).is_none() {
                 break camera;
             }
         };

@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_calibrate::files::{self, Hints};
-use svl_core::rectify::{Framing, bouguet, hidden_view};
+use svl_core::rectify::{Framing, bouguet};
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 use svl_recording::{CALIBRATION, Recording};
@@ -57,8 +57,8 @@ pub type CalibrationFiles = Vec<(String, Vec<u8>)>;
 pub(super) fn read(path: &Path) -> Result<(StereoCalibration, CalibrationFiles)> {
     if path.extension() != Some(OsStr::new("mcap")) {
         let found = files::read_with(path, &Hints::default())?;
-        for remark in found.remarks.iter().chain(&hidden_view(&found.calibration)) {
-            tracing::warn!("{}: {remark}", path.display());
+        for note in found.notes() {
+            tracing::warn!("{}: {note}", path.display());
         }
         return Ok((found.calibration, contents(&files::inputs(path)?)?));
     }

@@ -163,7 +163,7 @@ fn model(camera: &Intrinsics) -> Option<String> {
     (!lens.is_none()).then(|| lens.model().to_string())
 }
 
-/// What a recording alone says: focal lengths, topics that measure distances, distortion model.
+/// Facts of a recording alone: focal lengths, topics that measure distances, distortion model.
 #[derive(Default)]
 struct Recorded {
     focal_px: Option<(f64, f64)>,

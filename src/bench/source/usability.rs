@@ -7,7 +7,7 @@ use std::fmt;
 use svl_core::{counted, joined};
 use svl_recording::PairGeometry;
 
-/// What svl makes of a source. Its text is one line.
+/// The answer for a source. Its text is one line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Usability {
     /// True if its pairs can be matched: they are rectified, or their calibration rectifies them.
@@ -22,7 +22,7 @@ pub struct Usability {
     pub is_calibrated: bool,
     /// Topics, or patterns of a folder's files, of the truths that score some pixels.
     pub truths: Vec<String>,
-    /// What is missing, each with its cure.
+    /// Missing parts, each with its cure.
     pub missing: Vec<String>,
 }
 

@@ -2,6 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::unit::FileUnit;
+use svl_core::rectify::hidden_views;
 use svl_core::stereo::{DistortionModel, StereoCalibration};
 use svl_core::{Error, Result};
 
@@ -44,6 +45,14 @@ pub struct LoadedCalibration {
     pub calibration: StereoCalibration,
     /// Entries that were ignored or interpreted differently than the file states, a line each.
     pub remarks: Vec<String>,
+}
+
+impl LoadedCalibration {
+    /// All that the user should know: the remarks, and the views that rectification hides.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let hidden = hidden_views(&self.calibration);
+        self.remarks.iter().cloned().chain(hidden)
+    }
 }
 
 /// Texts to write, and the parts of the calibration that the format cannot represent.

@@ -38,13 +38,11 @@ impl StereoParameters {
         format: &'static CalibrationFormat,
         document: &Document,
         unit: FileUnit,
-        mut remarks: Vec<String>,
+        remarks: Vec<String>,
     ) -> Result<LoadedCalibration> {
-        let calibration = self.calibration(document, unit)?;
-        remarks.extend(folds(&calibration));
         Ok(LoadedCalibration {
             format,
-            calibration,
+            calibration: self.calibration(document, unit)?,
             remarks,
         })
     }
@@ -93,21 +91,6 @@ impl StereoParameters {
             ..rectification
         }))
     }
-}
-
-/// What the images lose to a distortion model that folds inside them, a line for each camera.
-pub(super) fn folds(calibration: &StereoCalibration) -> impl Iterator<Item = String> {
-    let cameras = [("left", calibration.left()), ("right", calibration.right())];
-    cameras.into_iter().filter_map(|(name, camera)| {
-        let (fold, (_, farthest)) = (camera.fold_px()?, camera.side_distances_px());
-        (fold < farthest).then(|| {
-            format!(
-                "the {name} image has no directions beyond {fold:.0} px from its principal \
-                 point, where its distortion model folds: calibrate with the board near the \
-                 image's sides"
-            )
-        })
-    })
 }
 
 /// The camera of a matrix K under `key` and its distortion.

@@ -93,11 +93,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
                   it with `svl calibrate convert --model equidistant`";
     let remarks = (four && !is_stated).then(|| remark.to_owned());
     let loaded = cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect());
-    loaded.map_err(|e| match four && !is_stated {
-        true => Error::Invalid(format!(
-            "{e}; for a file of cv2.fisheye, --model equidistant"
-        )),
-        false => e,
+    loaded.map_err(|e| {
+        if four && !is_stated {
+            Error::Invalid(format!(
+                "{e}; for a file of cv2.fisheye, --model equidistant"
+            ))
+        } else {
+            e
+        }
     })
 }
 

@@ -222,8 +222,8 @@ fn calibrate_camera(
     selection.require_enough()?;
     let matrices = homographies.iter().map(|(_, h)| *h).collect::<Vec<_>>();
     let intrinsics = fisheye.or_else(|| start::intrinsics(size, &matrices));
-    let intrinsics = intrinsics.and_then(|camera| start::with_model(&camera, model));
-    let intrinsics = intrinsics.ok_or_else(undetermined)?;
+    let lens = model.with_coefficients(&[])?;
+    let intrinsics = intrinsics.ok_or_else(undetermined)?.with_distortion(lens)?;
     let views = posed_views(board, &intrinsics, &homographies, selection, name, &pixels);
     selection.require_enough()?;
     let cameras = vec![PosedCamera {

@@ -6,7 +6,7 @@ use nalgebra::{
     SymmetricEigen, Translation3, UnitQuaternion, Vector2, Vector3,
 };
 use svl_core::statistics::upper_median;
-use svl_core::stereo::{Distortion, DistortionModel, Intrinsics};
+use svl_core::stereo::{Distortion, Intrinsics};
 
 /// Limit on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;
@@ -164,8 +164,7 @@ pub(super) fn undistorted_homography(
     board: &[Point3<f64>],
     pixels: &[Point2<f64>],
 ) -> Option<(Matrix3<f64>, f64)> {
-    let (size, focal, center) = (camera.size(), camera.focal_px(), camera.center_px());
-    let ideal = Intrinsics::new(size, focal, center, Distortion::NONE).ok()?;
+    let ideal = camera.with_distortion(Distortion::NONE).ok()?;
     let seen = board.iter().zip(pixels).filter_map(|(point, pixel)| {
         let direction = camera.direction(*pixel)?;
         (direction.norm() < MAX_ANGLE.tan()).then(|| (*point, ideal.pixel(direction)))
@@ -191,13 +190,6 @@ fn reprojected(
     };
     let sum = board.iter().zip(pixels).map(squared).sum::<Option<f64>>()?;
     Some((sum / board.len() as f64).sqrt())
-}
-
-/// The same camera with that distortion model, all of whose coefficients are 0.
-pub(super) fn with_model(camera: &Intrinsics, model: DistortionModel) -> Option<Intrinsics> {
-    let lens = model.with_coefficients(&[]).ok()?;
-    let (size, focal, center) = (camera.size(), camera.focal_px(), camera.center_px());
-    Intrinsics::new(size, focal, center, lens).ok()
 }
 
 /// Zhang's section 3.1 without skew: fx, fy, cx, cy.

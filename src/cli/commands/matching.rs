@@ -8,13 +8,13 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use svl::calibrate::files::{Hints, LoadedCalibration, inputs, read_with};
+use svl::calibrate::files::{Hints, inputs, read_with};
 use svl::depth::{GridSettings, Stixels};
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
-use svl::rectify::{Rectifier, hidden_view};
+use svl::rectify::Rectifier;
 use svl::report::evidence::EvidencePage;
 use svl::stereo::{
     CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
@@ -179,14 +179,11 @@ fn rectified(
         size: Some(pair.size()),
         ..Hints::default()
     };
-    let LoadedCalibration {
-        calibration,
-        remarks,
-        ..
-    } = read_with(path, &hints)?;
-    for remark in remarks.iter().chain(&hidden_view(&calibration)) {
-        print_error(format!("{}: {remark}", path.display()));
+    let found = read_with(path, &hints)?;
+    for note in found.notes() {
+        print_error(format!("{}: {note}", path.display()));
     }
+    let calibration = found.calibration;
     if calibration.unit() == LengthUnit::Squares {
         let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` names their size";
         let what = "lengths are in squares of the board, so there are no distances";

@@ -4,9 +4,24 @@ use super::bouguet::bouguet;
 use super::framing::{Framing, MAX_ANGLE, MAX_ANGLE_OF_ALL};
 use crate::stereo::StereoCalibration;
 
-/// What the rectified images do not show of wide cameras, as a line for the user; `None` if they
-/// show nearly all. Without a rectification, those of [`bouguet`] with the default framing.
-pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
+/// The views that rectified images lose, a line each for the user: those of lenses wider than a
+/// plane, and those beyond the fold of a distortion model. Without a rectification, that of
+/// [`bouguet`] with the default framing counts.
+pub fn hidden_views(calibration: &StereoCalibration) -> Vec<String> {
+    let cameras = [("left", calibration.left()), ("right", calibration.right())];
+    let folds = cameras.into_iter().filter_map(|(name, camera)| {
+        let (_, farthest) = camera.side_distances_px();
+        let fold = camera.fold_px(farthest)?;
+        Some(format!(
+            "the {name} image has no directions beyond {fold:.0} px from its principal point, \
+             where its distortion model folds: calibrate with the board near the image's sides"
+        ))
+    });
+    folds.chain(wide_view(calibration)).collect()
+}
+
+/// The views beside the rectified images of wide lenses; `None` if they show nearly all.
+fn wide_view(calibration: &StereoCalibration) -> Option<String> {
     let computed = || bouguet(calibration, &Framing::default()).ok();
     let by = calibration.rectification().cloned().or_else(computed)?;
     let focal = by.rig.focal_px();
@@ -21,7 +36,7 @@ pub fn hidden_view(calibration: &StereoCalibration) -> Option<String> {
     let most = (2.0 * MAX_ANGLE_OF_ALL).to_degrees().round();
     Some(format!(
         "the cameras see {horizontal}° x {vertical}°, the rectified images show {width}° x \
-         {height}°: a plane shows less than 180°; `svl record --calib FILE --alpha 1` shows up to \
+         {height}°: a plane shows less than 180°; `svl record --calib FILE --alpha 1` shows about \
          {most}°"
     ))
 }
@@ -61,9 +76,9 @@ mod tests {
             assert!((across - shown).abs() < 0.5, "{degrees} {alpha}: {across}");
             let center = by.rig.center_px();
             assert!((center.0 - 319.5).abs() < 0.01 && (center.1 - 239.5).abs() < 0.01);
-            let hidden = hidden_view(&calibration.with_rectification(by));
+            let hidden = hidden_views(&calibration.with_rectification(by));
             assert_eq!(
-                hidden.is_some(),
+                hidden.len() == 1,
                 degrees > f64::max(shown, 120.0) + 1.0,
                 "{degrees} {alpha}: {hidden:?}"
             );
@@ -75,9 +90,11 @@ mod tests {
         let calibration = fisheyes(200.0);
         let by = bouguet(&calibration, &Framing::default()).unwrap();
         assert_eq!(
-            hidden_view(&calibration.with_rectification(by)).unwrap(),
-            "the cameras see 200° x 150°, the rectified images show 120° x 105°: a plane shows \
-             less than 180°; `svl record --calib FILE --alpha 1` shows up to 150°"
+            hidden_views(&calibration.with_rectification(by)),
+            [
+                "the cameras see 200° x 150°, the rectified images show 120° x 105°: a plane shows \
+             less than 180°; `svl record --calib FILE --alpha 1` shows about 150°"
+            ]
         );
     }
 }

@@ -39,6 +39,6 @@ pub use alignment::{Alignment, AlignmentMeter, Misfit};
 pub use bouguet::bouguet;
 pub use features::PointMatch;
 pub use framing::Framing;
-pub use hidden::hidden_view;
+pub use hidden::hidden_views;
 pub use rectifier::Rectifier;
 pub use remap::Remap;

@@ -43,9 +43,9 @@ impl RotatedCamera {
         matches!(self.camera.distortion(), Distortion::Equidistant(_))
     }
 
-    /// [`Intrinsics::fold_px`].
+    /// [`Intrinsics::fold_px`], wherever it is.
     pub(super) fn fold_px(&self) -> Option<f64> {
-        self.camera.fold_px()
+        self.camera.fold_px(f64::MAX)
     }
 
     /// Width and height of the camera's image.

@@ -144,14 +144,14 @@ fn check_models(left: &Distortion, right: &Distortion) -> Result<()> {
 /// [`Error::Rig`] if most of the image is beyond the fold of the distortion model.
 fn check_fold(name: &str, camera: &Intrinsics) -> Result<()> {
     let ((nearest, _), (width, height)) = (camera.side_distances_px(), camera.size());
-    match camera.fold_px() {
-        Some(fold) if fold < nearest => Err(Error::Rig(format!(
+    match camera.fold_px(nearest) {
+        Some(fold) => Err(Error::Rig(format!(
             "the {name} camera's {} {:?} folds {fold:.0} px from the principal point, inside the \
              image of {width}x{height}: calibrate again with the board near the image's sides",
             camera.distortion().model(),
             camera.distortion().coefficients()
         ))),
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 

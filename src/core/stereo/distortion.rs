@@ -68,7 +68,7 @@ impl DistortionModel {
     /// coefficients than the model has are accepted if they are 0, as ROS 1 drivers write them.
     ///
     /// # Errors
-    /// [`Error::Rig`] for another number of coefficients.
+    /// [`Error::Invalid`] for another number of coefficients.
     pub fn with_coefficients(self, coefficients: &[f64]) -> Result<Distortion> {
         let counts = self.counts();
         let max = counts.iter().copied().max().unwrap_or_default();
@@ -86,7 +86,7 @@ impl DistortionModel {
             }
             let counts: Vec<_> = counts.iter().map(ToString::to_string).collect();
             let counts = counts.join(" or ");
-            return Err(Error::Rig(format!(
+            return Err(Error::Invalid(format!(
                 "{} coefficients of distortion; {self} has {counts}",
                 coefficients.len()
             )));
@@ -159,8 +159,13 @@ const CLOSE: f64 = 1e-10;
 const MAX_STEPS: usize = 50;
 /// Directions farther from the axis (87°) are of no use on a plane.
 pub(crate) const MAX_RADIUS: f64 = 20.0;
-/// Number of radii at which [`Distortion::max_radius`] evaluates a model.
+/// Number of the [`radii`].
 const RADII: u32 = 10_000;
+
+/// The radii at which a model is searched for its fold: a grid is exact enough for a bound.
+fn radii() -> impl Iterator<Item = f64> {
+    (0..=RADII).map(|step| f64::from(step) * MAX_RADIUS / f64::from(RADII))
+}
 
 impl Distortion {
     /// A lens without distortion.
@@ -359,25 +364,35 @@ impl Distortion {
     /// the model folds back onto image points that it already covered. Tangential terms, the thin
     /// prism and the tilt are left out: they are small.
     pub fn max_radius(&self) -> f64 {
-        let grows = |r: f64| {
-            let r2 = r * r;
-            match self {
-                Self::PlumbBob([k1, k2, _, _, k3]) => {
-                    1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0
-                }
-                Self::RationalPolynomial([k1, k2, _, _, k3, k4, k5, k6, ..]) => {
-                    let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-                    let below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
-                    let above_slope = 2.0 * r2 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
-                    let below_slope = 2.0 * r2 * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6));
-                    below > 0.0 && (above + above_slope) * below > above * below_slope
-                }
-                Self::Equidistant(k) => image_slope(k, r.atan()) > 0.0,
+        radii().find(|r| !self.grows(*r)).unwrap_or(MAX_RADIUS)
+    }
+
+    /// The distorted radius at which the model folds; `None` if it reaches `limit` before.
+    pub fn fold(&self, limit: f64) -> Option<f64> {
+        let seen = self.undistort(Vector2::new(limit, 0.0));
+        let end = seen.map_or(MAX_RADIUS, |direction| direction.norm());
+        let fold = radii()
+            .take_while(|r| *r <= end)
+            .find(|r| !self.grows(*r))?;
+        Some(self.distort(Vector2::new(fold, 0.0)).norm())
+    }
+
+    /// True if the distorted radius grows at a radius.
+    fn grows(&self, r: f64) -> bool {
+        let r2 = r * r;
+        match self {
+            Self::PlumbBob([k1, k2, _, _, k3]) => {
+                1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3)) > 0.0
             }
-        };
-        // A root search on a grid is exact enough for a bound.
-        let mut radii = (0..=RADII).map(|step| f64::from(step) * MAX_RADIUS / f64::from(RADII));
-        radii.find(|r| !grows(*r)).unwrap_or(MAX_RADIUS)
+            Self::RationalPolynomial([k1, k2, _, _, k3, k4, k5, k6, ..]) => {
+                let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                let below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
+                let above_slope = 2.0 * r2 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+                let below_slope = 2.0 * r2 * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6));
+                below > 0.0 && (above + above_slope) * below > above * below_slope
+            }
+            Self::Equidistant(k) => image_slope(k, r.atan()) > 0.0,
+        }
     }
 
     fn without_tilt(&self) -> Self {
@@ -561,6 +576,9 @@ mod tests {
         // 1 − 0.9 r² is 0 at r = 1.054.
         assert!((k1(-0.3).max_radius() - 1.054).abs() < 0.003);
         assert_eq!(k1(0.3).max_radius(), MAX_RADIUS);
+        // There, the distorted radius is 0.703.
+        assert!((k1(-0.3).fold(1.0).unwrap() - 0.703).abs() < 1e-3);
+        assert_eq!((k1(-0.3).fold(0.6), k1(0.3).fold(f64::MAX)), (None, None));
         // A pole of the denominator at r = 2.
         let pole = DistortionModel::RationalPolynomial
             .with_coefficients(&[0.0, 0.0, 0.0, 0.0, 0.0, -0.25, 0.0, 0.0])

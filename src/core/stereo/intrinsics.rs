@@ -1,6 +1,6 @@
 //! Camera intrinsics: a pinhole and lens distortion.
 
-use super::distortion::{Distortion, MAX_RADIUS};
+use super::Distortion;
 use crate::error::{Error, Result};
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
 
@@ -66,6 +66,14 @@ impl Intrinsics {
 
     pub fn distortion(&self) -> &Distortion {
         &self.distortion
+    }
+
+    /// The same camera with another lens.
+    ///
+    /// # Errors
+    /// Those of [`Intrinsics::new`].
+    pub fn with_distortion(&self, distortion: impl Into<Distortion>) -> Result<Self> {
+        Self::new(self.size, self.focal_px, self.center_px, distortion)
     }
 
     /// Names of the numbers that a calibration estimates: fx, fy, cx, cy, then
@@ -175,11 +183,12 @@ impl Intrinsics {
     }
 
     /// Distance from the principal point at which the distortion model folds, pixels: beyond it,
-    /// two directions share a pixel. `None` if it does not fold.
-    pub fn fold_px(&self) -> Option<f64> {
-        let fold = self.distortion.max_radius();
-        let reached = self.distortion.distort(Vector2::new(fold, 0.0)).norm();
-        (fold < MAX_RADIUS).then(|| reached * (self.focal_px.0 * self.focal_px.1).sqrt())
+    /// two directions share a pixel. `None` if it does not fold within `limit_px`.
+    pub fn fold_px(&self, limit_px: f64) -> Option<f64> {
+        let focal = (self.focal_px.0 * self.focal_px.1).sqrt();
+        self.distortion
+            .fold(limit_px / focal)
+            .map(|fold| fold * focal)
     }
 
     /// Distances from the principal point to the nearest and to the farthest side of the image,

@@ -318,9 +318,9 @@ impl Calibration {
 
     /// True if it has a coefficient, or is a fisheye, whose coefficients may be 0.
     fn is_distorted(&self) -> bool {
-        let is_fisheye = matches!(self.model.parse(), Ok(DistortionModel::Equidistant));
-        let is_known = self.focal_px(true).is_some();
-        self.d.iter().any(|coefficient| *coefficient != 0.0) || is_fisheye && is_known
+        let is_fisheye = || matches!(self.model.parse(), Ok(DistortionModel::Equidistant));
+        self.d.iter().any(|coefficient| *coefficient != 0.0)
+            || self.focal_px(true).is_some() && is_fisheye()
     }
 
     /// True of the rectified images of depthai-ros: it sets the distortion to 0 and the diagonal of

@@ -38,8 +38,8 @@ fn arena((width, height): (usize, usize), field_of_view_deg: f64) -> Arena {
     Arena::new(&config, 1).unwrap()
 }
 
-/// What a camera with a lens sees of a perfect, much larger image. `turn`: from the camera's axes
-/// to the image's.
+/// The view of a camera with a lens, from a perfect, much larger image. `turn`: from the camera's
+/// axes to the image's.
 fn distorted(perfect: &Gray, rig: &Rig, camera: &Intrinsics, turn: &Rotation3<f64>) -> Gray {
     let (width, height) = camera.size();
     let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());

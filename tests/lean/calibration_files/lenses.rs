@@ -175,11 +175,10 @@ fn a_lens_that_folds_inside_the_image_is_refused() {
     );
     assert!(!error.contains('\n'), "{error}");
     // At 300 px, between the nearest side and the farthest.
-    let remarks = read(&opencv("-0.15, 0., 0., 0., 0.", ""), &Hints::default())
-        .unwrap()
-        .remarks;
-    assert_says(&remarks[0], &["left image", "no directions beyond 298 px"]);
-    assert_eq!(remarks.len(), 2);
+    let found = read(&opencv("-0.15, 0., 0., 0., 0.", ""), &Hints::default()).unwrap();
+    let notes: Vec<_> = found.notes().collect();
+    assert_says(&notes[0], &["left image", "no directions beyond 298 px"]);
+    assert_eq!(notes.len(), 2);
     // Of five coefficients none is a fisheye's.
     let error = read(&opencv("-2., 0., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
     assert!(!error.contains("equidistant"), "{error}");

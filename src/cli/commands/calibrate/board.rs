@@ -12,7 +12,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, MIN_VIEWS, Solution, files, solve};
 use svl::outputs::Outputs;
-use svl::rectify::{Framing, bouguet, hidden_view};
+use svl::rectify::{Framing, bouguet, hidden_views};
 use svl::report::calibration;
 use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;
@@ -194,7 +194,7 @@ fn calibrate(
         // Intrinsics and extrinsics are still useful without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}; another --model may fit the lenses"),
     }
-    if let Some(hidden) = hidden_view(&solution.calibration) {
+    for hidden in hidden_views(&solution.calibration) {
         tracing::warn!("{hidden}");
     }
     for left_out in files::write(&args.output, &solution.calibration)? {

@@ -7,7 +7,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
 use svl::outputs::{Outputs, distinct};
-use svl::rectify::{Framing, bouguet, hidden_view};
+use svl::rectify::{Framing, bouguet};
 use svl::stereo::{DistortionModel, Intrinsics, LengthUnit};
 
 /// Write a calibration in the format of another program
@@ -152,7 +152,7 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
     let LoadedCalibration {
         format,
         calibration,
-        remarks,
+        ..
     } = found;
     let mut text = format!(
         "{}: {}\n  {}\n",
@@ -187,9 +187,8 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
             )?;
         }
     }
-    let rectified = calibration.rectification().map(|_| calibration);
-    for remark in remarks.iter().chain(&rectified.and_then(hidden_view)) {
-        writeln!(text, "  note: {remark}")?;
+    for note in found.notes() {
+        writeln!(text, "  note: {note}")?;
     }
     Ok(text)
 }
