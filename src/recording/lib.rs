@@ -76,8 +76,8 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
-    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, TopicPairs, TruthSelection,
-    TruthTopic, UnpairedImages, VideoSummary,
+    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, SensorRole,
+    SensorSelection, SensorTopic, TopicLatency, TopicPairs, UnpairedImages, VideoSummary,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;

@@ -448,7 +448,10 @@ fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
 fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     let mut times: Vec<(String, Vec<f64>)> = Vec::new();
     for row in rows.iter().filter(|row| row.stress.is_none()) {
-        let ms = row.total_us as f64 / 1e3;
+        let Some(total_us) = row.total_us else {
+            continue;
+        };
+        let ms = total_us as f64 / 1e3;
         match times
             .iter_mut()
             .find(|(algorithm, _)| *algorithm == row.algorithm)

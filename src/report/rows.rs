@@ -176,15 +176,16 @@ record! {
         /// it.
         disparities: Option<u32>,
         /// Time of smoothing.
-        smoothing_us: u64,
+        smoothing_us: Option<u64>,
         /// Time of the texture filter.
-        texture_us: u64,
+        texture_us: Option<u64>,
         /// Time of matching.
-        matching_us: u64,
+        matching_us: Option<u64>,
         /// Time of the consistency checks.
-        checks_us: u64,
-        /// Time of the whole pair, filters included.
-        total_us: u64,
+        checks_us: Option<u64>,
+        /// Time of the whole pair, filters included; the times are absent for a map that others
+        /// computed.
+        total_us: Option<u64>,
         /// A column per metric of frames.
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.

@@ -437,6 +437,17 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
 }
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
+    let summary = AlgorithmSummary {
+        algorithm: first(rows, "algorithm")?,
+        pairs: rows.height() as u64,
+        totals: totals(rows)?,
+        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
+        ..AlgorithmSummary::default()
+    };
+    // A map that others computed has no times.
+    if rows.column("total_us")?.null_count() == rows.height() {
+        return Ok(summary);
+    }
     let speed = Speed::from_rows(rows)?;
     let [
         smoothing_ms,
@@ -448,9 +459,6 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     ] = speed.stages_ms.map(Some);
     let time_per_gd_s = speed.time_per_gd_s();
     Ok(AlgorithmSummary {
-        algorithm: first(rows, "algorithm")?,
-        pairs: rows.height() as u64,
-        totals: totals(rows)?,
         p50_ms: Some(speed.rank_ms(0.50)),
         p95_ms: Some(speed.rank_ms(0.95)),
         p99_ms: Some(speed.rank_ms(0.99)),
@@ -464,10 +472,8 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         checks_ms,
         filters_ms,
         other_ms,
-        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
         outliers: Some(speed.outliers()),
-        memory_mb: None,
-        failed_pairs: 0,
+        ..summary
     })
 }
 

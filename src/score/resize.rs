@@ -7,7 +7,7 @@
 
 use crate::scenario::CropScale;
 use svl_core::stereo::{
-    Frame, Geometry, Gray, Plane, Rgb, Rig, StereoPair, Truth, TruthDensity, Visibility,
+    Frame, Geometry, Gray, MapDensity, Plane, Rgb, Rig, StereoPair, Truth, Visibility,
 };
 use svl_core::{Error, Result};
 
@@ -121,11 +121,7 @@ fn side(side: usize, scale: f64) -> usize {
 /// The pixel that provides the truth of a new one: its central pixel. For a sensor's points,
 /// between which there are none, the one nearest to the centre of the area that the new pixel
 /// covers.
-fn sampling(
-    truth: &Plane<f32>,
-    density: TruthDensity,
-    scale: f64,
-) -> Result<Plane<(usize, usize)>> {
+fn sampling(truth: &Plane<f32>, density: MapDensity, scale: f64) -> Result<Plane<(usize, usize)>> {
     let (width, height) = truth.size();
     let middle = |i: usize, side: usize| (((i as f64 + 0.5) / scale) as usize).min(side - 1);
     let covered = |i: usize, side: usize| {
@@ -139,7 +135,7 @@ fn sampling(
     let (columns, rows) = (middles(width), middles(height));
     Plane::from_fn(columns.len(), rows.len(), |x, y| {
         let (u, v) = (columns[x], rows[y]);
-        if density == TruthDensity::Dense || truth.get(u, v).is_finite() {
+        if density == MapDensity::Dense || truth.get(u, v).is_finite() {
             return (u, v);
         }
         let places = covered(y, height).flat_map(|j| covered(x, width).map(move |i| (i, j)));
@@ -237,8 +233,8 @@ mod tests {
             known.collect::<Vec<_>>()
         };
         // The pixels (1, 1) and (5, 3) are the centres.
-        assert_eq!(known(TruthDensity::Sparse), [2.0, 6.0]);
-        assert_eq!(known(TruthDensity::Dense), [6.0]);
+        assert_eq!(known(MapDensity::Sparse), [2.0, 6.0]);
+        assert_eq!(known(MapDensity::Dense), [6.0]);
     }
 
     #[test]

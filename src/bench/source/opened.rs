@@ -1,10 +1,11 @@
 //! An open source, with all that a recording of it contains.
 
 use super::calibration::{self, Calib, CalibrationFiles};
+use super::measured::files_of;
 use super::request::Request;
 use super::{
-    Limited, MeasuredSource, PlausibleSource, RectifiedSource, ReferenceSource, Resized,
-    SensorTruth, Source,
+    Limited, MeasuredSource, Measurements, PlausibleSource, RectifiedSource, ReferenceSource,
+    Resized, Source,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -39,7 +40,9 @@ pub struct Opened {
     /// The reason why a calibration in it cannot be used.
     pub(super) calibration_fault: Option<String>,
     /// The truth of another sensor, if one was requested.
-    pub(super) truth: Option<SensorTruth>,
+    pub(super) truth: Option<Measurements>,
+    /// The maps of topics that were requested, by their names in frames.
+    pub(super) maps: Vec<(String, Measurements)>,
     /// Shortcomings of a folder, or of a recording that svl did not write.
     pub(super) remarks: Vec<String>,
 }
@@ -88,6 +91,7 @@ impl Opened {
             own_calibration: None,
             calibration_fault: None,
             truth: None,
+            maps: Vec::new(),
             remarks: Vec::new(),
         }
     }
@@ -107,7 +111,7 @@ impl Opened {
             self.start_ns = limited.start_ns();
             self.source = Box::new(limited);
         }
-        self = self.rectified(request)?.measured();
+        self = self.rectified(request)?.measured(request)?;
         let references = request.options.references()?;
         // Raw pairs calibrate cameras, and references replace the truth.
         if !request.raw && references.is_empty() {
@@ -177,12 +181,15 @@ impl Opened {
         Ok(self)
     }
 
-    /// Gives the pairs the truth of another sensor, if one was requested.
-    pub(super) fn measured(mut self) -> Self {
-        if let Some(truth) = self.truth.take() {
-            self.source = Box::new(MeasuredSource::new(self.source, truth));
+    /// Gives the pairs the truth of another sensor and the maps that were requested.
+    pub(super) fn measured(mut self, request: &Request<'_>) -> Result<Self> {
+        let mut maps = std::mem::take(&mut self.maps);
+        maps.extend(files_of(&request.maps)?);
+        let truth = self.truth.take();
+        if truth.is_some() || !maps.is_empty() {
+            self.source = Box::new(MeasuredSource::new(self.source, truth, maps));
         }
-        self
+        Ok(self)
     }
 
     /// The recording at that path, which is `name` in rows, with the way in which it was opened.

@@ -33,10 +33,11 @@ pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Req
     }
     let name = path.to_str();
     let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
-    Ok(Request {
+    let request = Request {
         options: scenario.options.clone(),
         ..Request::new(name)
-    })
+    };
+    Ok(request.with_maps(&scenario.algorithms))
 }
 
 /// A run of a scenario. Its first frame is read ahead, so that a checkpoint that no frame could

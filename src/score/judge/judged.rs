@@ -243,7 +243,7 @@ mod tests {
             own_grid: false,
             unfiltered: None,
             range_px: None,
-            times: StageTimes::default(),
+            times: None,
         }
     }
 

@@ -94,7 +94,7 @@ mod tests {
             own_grid: false,
             unfiltered: None,
             range_px: None,
-            times: StageTimes::default(),
+            times: None,
         }
     }
 
