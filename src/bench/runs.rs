@@ -254,6 +254,21 @@ pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
         .or_else(|| variable().map(PathBuf::from))
 }
 
+/// Refuses algorithms that report maps which others computed, where pairs have none.
+///
+/// # Errors
+/// [`Error::Usage`] with the first.
+pub fn refuse_recorded(algorithms: &[Algorithm]) -> Result<()> {
+    match algorithms.iter().find(|a| a.spec().is_recorded()) {
+        None => Ok(()),
+        Some(algorithm) => Err(Error::Usage(format!(
+            "{}: matches no images; `svl score` and `svl replay` read its maps with the pairs of a \
+             recording",
+            algorithm.label()
+        ))),
+    }
+}
+
 /// Warns of algorithms that are scored against themselves.
 pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) -> Result<()> {
     let references = options.references()?;

@@ -103,6 +103,9 @@ use svl_files::BitDepth;
 /// Name of the attachment with the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
+/// Topic of the true depths in a recording of svl's.
+pub const TRUTH_DEPTH: &str = "/truth/depth";
+
 /// Prefix of the names of attached calibration files, with which the pairs were rectified or, if
 /// raw, can be.
 pub const CALIBRATION: &str = "calibration/";
@@ -172,7 +175,7 @@ impl TopicKind {
             TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
             TopicKind::Baseline => "/rig/baseline",
             TopicKind::Pose => "/rig/pose",
-            TopicKind::Depth => "/truth/depth",
+            TopicKind::Depth => TRUTH_DEPTH,
             TopicKind::Disparity => "/truth/disparity",
             TopicKind::Visibility => "/truth/visibility",
             TopicKind::Surface => "/truth/surface",

@@ -42,7 +42,7 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
                 .filter_map(|row| Some(row.total_us? as f64 / 1000.0))
                 .collect(),
         )),
-        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+        MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
     }
 }
 

@@ -7,7 +7,7 @@
 
 use crate::scenario::CropScale;
 use svl_core::stereo::{
-    Frame, Geometry, Gray, MapDensity, Plane, Rgb, Rig, StereoPair, Truth, Visibility,
+    Frame, Geometry, Gray, MapDensity, Plane, RecordedMap, Rgb, Rig, StereoPair, Truth, Visibility,
 };
 use svl_core::{Error, Result};
 
@@ -60,6 +60,11 @@ impl Resizer {
                 .truth
                 .map(|truth| self.truth(&truth, window))
                 .transpose()?,
+            maps: frame
+                .maps
+                .into_iter()
+                .map(|map| self.map(map, window))
+                .collect::<Result<_>>()?,
             ..frame
         })
     }
@@ -76,11 +81,26 @@ impl Resizer {
         )
     }
 
+    fn map(&self, map: RecordedMap, window: [usize; 4]) -> Result<RecordedMap> {
+        let (disparity, _) = self.sampled(&map.disparity, map.density, window)?;
+        Ok(RecordedMap { disparity, ..map })
+    }
+
+    /// The disparities in the window, with the pixel of the window that provides each.
+    fn sampled(
+        &self,
+        disparity: &Plane<f32>,
+        density: MapDensity,
+        window: [usize; 4],
+    ) -> Result<(Plane<f32>, Plane<(usize, usize)>)> {
+        let whole = cropped(disparity, window)?;
+        let places = sampling(&whole, density, self.scale)?;
+        let scaled = places.map(|(x, y)| (f64::from(whole.get(x, y)) * self.scale) as f32);
+        Ok((scaled, places))
+    }
+
     fn truth(&self, truth: &Truth, window: [usize; 4]) -> Result<Truth> {
-        let scale = self.scale;
-        let whole = cropped(&truth.disparity, window)?;
-        let places = sampling(&whole, truth.kind.density, scale)?;
-        let disparity = places.map(|(x, y)| (f64::from(whole.get(x, y)) * scale) as f32);
+        let (disparity, places) = self.sampled(&truth.disparity, truth.kind.density, window)?;
         let visibility = truth.visibility.as_ref();
         let visibility = visibility.map(|seen| cropped(seen, window)).transpose()?;
         let mut visibility = visibility.map(|seen| places.map(|(x, y)| seen.get(x, y)));

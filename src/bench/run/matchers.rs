@@ -240,6 +240,9 @@ impl RunMatcher {
 
     /// Sets up its memory for that pair, and learns how much that is.
     pub(super) fn warm_up(&mut self, pair: RectifiedPair<'_>, context: &MatchContext) {
+        if self.is_recorded {
+            return;
+        }
         self.spent.clear();
         let used = memory::used_by(|| {
             // An error comes again when the pair is matched, and is reported then.

@@ -2,9 +2,11 @@
 
 use super::{MapFiles, Source, wraps};
 use svl_core::matcher::{Algorithm, MapPlace, MapRequest};
+use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Truth};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
+use svl_report::units::TopicDelay;
 
 /// The measurements of another sensor or program.
 pub enum Measurements {
@@ -44,9 +46,9 @@ pub(super) fn topics_of(
             return Ok(None);
         };
         if truth == Some(topic) {
-            let cure = "name another sensor as the truth, or another topic";
+            let cure = "name another topic, or another sensor as the truth (--truth)";
             return Err(Error::Usage(format!(
-                "topic:{topic}: is the truth, too (--truth): {cure}"
+                "topic:{topic}: is the truth, too: {cure}"
             )));
         }
         let selection = SensorSelection {
@@ -110,6 +112,27 @@ pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<B
         true => source,
         false => Box::new(MeasuredSource::new(source, None, maps)),
     })
+}
+
+/// The delays of the topics among these.
+pub(super) fn delays(maps: &[(String, Measurements)]) -> Vec<TopicDelay> {
+    let ranks = |delays: &[i64]| {
+        let rank = |share| Some(nearest_rank(delays, share)? as f64 / 1e6);
+        Some([rank(0.5)?, rank(0.99)?])
+    };
+    let delay = |(_, map): &(String, Measurements)| match map {
+        Measurements::Files(_) => None,
+        Measurements::Topic(topic) => {
+            let latency = topic.latency();
+            Some(TopicDelay {
+                topic: topic.topic().to_owned(),
+                run: None,
+                topic_ms: ranks(&latency.topic_ns),
+                images_ms: ranks(&latency.images_ns),
+            })
+        }
+    };
+    maps.iter().filter_map(delay).collect()
 }
 
 /// A source whose frames get the maps of other sensors and programs, and the truth of one in place

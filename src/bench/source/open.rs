@@ -14,7 +14,7 @@ use super::{
 use std::path::Path;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
-use svl_recording::{Header, Recording, is_bag};
+use svl_recording::{Header, Recording, TRUTH_DEPTH, is_bag};
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
 use svl_sim::arena::Arena;
 
@@ -380,7 +380,9 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
     let reader = source.reader();
     let truth = request.truth();
-    let truth_topic = truth.as_ref().map(|truth| truth.topic.as_str());
+    // A recording of svl's has its own truth, unless another is named.
+    let own = reader.header().map(|_| TRUTH_DEPTH);
+    let truth_topic = truth.as_ref().map(|truth| truth.topic.as_str()).or(own);
     let maps = topics_of(&request.maps, reader, truth_topic)?;
     let truth = truth
         .as_ref()

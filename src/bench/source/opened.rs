@@ -1,7 +1,7 @@
 //! An open source, with all that a recording of it contains.
 
 use super::calibration::{self, Calib, CalibrationFiles};
-use super::measured::files_of;
+use super::measured::{delays, files_of};
 use super::request::Request;
 use super::{
     Limited, MeasuredSource, Measurements, PlausibleSource, RectifiedSource, ReferenceSource,
@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
+use svl_report::units::TopicDelay;
 use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use svl_score::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
@@ -33,6 +34,8 @@ pub struct Opened {
     pub recording: Option<Recording>,
     /// Stamp of the first pair, if pairs before the first frame were left out.
     pub start_ns: Option<u64>,
+    /// Delays of the topics that maps are read from.
+    pub latency: Vec<TopicDelay>,
     /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
     /// The calibration in a recording or folder of raw images.
@@ -87,6 +90,7 @@ impl Opened {
             is_live: false,
             recording: None,
             start_ns: None,
+            latency: Vec::new(),
             notes: Vec::new(),
             own_calibration: None,
             calibration_fault: None,
@@ -184,6 +188,7 @@ impl Opened {
     /// Gives the pairs the truth of another sensor and the maps that were requested.
     pub(super) fn measured(mut self, request: &Request<'_>) -> Result<Self> {
         let mut maps = std::mem::take(&mut self.maps);
+        self.latency = delays(&maps);
         maps.extend(files_of(&request.maps)?);
         let truth = self.truth.take();
         if truth.is_some() || !maps.is_empty() {

@@ -85,10 +85,7 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
             && !topics::is_copy(channel, &channels)
             // ZED's confidence map has the pixel format of its depth image.
             && !channel.topic.contains("confidence")
-            // A disparity map as an image has the same pixel format as a depth image.
-            && (!channel.topic.contains("disparity") || channel.schema.ends_with("DisparityImage"))
-            // A result in a bag of svl's.
-            && !channel.topic.starts_with("/algo/")
+            && !kind::is_own_result(channel)
             && kind::find(channel).is_ok()
     };
     let candidates = channels.iter().filter(is_candidate);
@@ -152,7 +149,8 @@ impl SensorTopic {
         let kind = kind::find(channel).map_err(wrong)?;
         let setup = Setup::find(recording, &channels, topics[0], topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
-        let sensor_frame = setup.sensor_frame().to_owned();
+        let frame = setup.sensor_frame();
+        let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
         let sensor = (sensor_frame.as_str(), setup.unit_m());
         let mut conflict = None;
         let mut look = |channel: &Channel, log_time: u64, data: &[u8]| {
@@ -172,10 +170,20 @@ impl SensorTopic {
                  from the bag"
             );
         }
+        let measurements = measurements.map_err(wrong)?;
+        if let Some(early_ns) = measurements.latency().early_ns() {
+            let path = recording.path().display();
+            tracing::warn!(
+                "{path}: {}: its stamps are {:.0} ms later than their log times: the clock of its \
+                 sensor is not the recorder's, and its measurements may be those of other pairs",
+                selection.asked(),
+                early_ns as f64 / 1e6
+            );
+        }
         Ok(Self {
             recording: recording.clone(),
             selection: selection.clone(),
-            measurements: measurements.map_err(wrong)?,
+            measurements,
             setup,
             view: None,
             poses: PoseReader::open(recording, &channels)?,

@@ -233,8 +233,16 @@ impl Setup {
         let &PairCamera { size, raw, .. } = camera;
         let rig = &camera.rig;
         let left_from_sensor = self.rotation(camera) * self.left_from_sensor;
-        let Measured::Depth(depth) = measured else {
-            return Ok(View::Points(left_from_sensor));
+        let depth = match measured {
+            Measured::Depth(depth) => depth,
+            Measured::Points(_) => return Ok(View::Points(left_from_sensor)),
+            Measured::Disparity(map) if map.size() == size => return Ok(View::Aligned),
+            Measured::Disparity(map) => {
+                let ((w, h), (width, height)) = (map.size(), size);
+                return Err(format!(
+                    "its maps are {w}x{h}, the left images {width}x{height}"
+                ));
+            }
         };
         let (width, height) = depth.size();
         let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
@@ -315,7 +323,9 @@ impl Found {
         if channel.topic == wanted.left && self.left_frame.is_none() {
             self.left_frame = kind::head(channel, data).ok().map(|head| head.1);
         }
-        if channel.topic == wanted.topic && self.frame.is_none() {
+        if wanted.kind.is_own() {
+            self.frame = self.left_frame.clone().map(Ok);
+        } else if channel.topic == wanted.topic && self.frame.is_none() {
             let read = wanted.kind.read(channel, log_time, data);
             self.frame = Some(read.and_then(|_| Ok(kind::head(channel, data)?.1)));
         }
@@ -504,6 +514,7 @@ impl View {
                     _ => Ok((disparity, MapDensity::Sparse)),
                 }
             }
+            (_, Measured::Disparity(map)) => Ok((map.clone(), MapDensity::Dense)),
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
         }
     }

@@ -4,7 +4,6 @@ use svl_core::depth;
 use svl_core::stereo::{
     DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, Rig, StereoPair,
 };
-use svl_core::timing::StageTimes;
 
 const SIZE: (usize, usize) = (64, 64);
 
