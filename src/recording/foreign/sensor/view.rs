@@ -433,6 +433,27 @@ fn of_samples(
     }
 }
 
+/// The disparities of a cloud. A stereo camera's has a point per pixel, and none is hidden behind
+/// those of its neighbours; a lidar's has few, between which the camera does not see what it does.
+fn of_points(
+    points: impl Iterator<Item = Point3<f64>> + Clone,
+    rig: &Rig,
+    size: (usize, usize),
+    role: SensorRole,
+) -> (Plane<f32>, MapDensity) {
+    if role == SensorRole::Map {
+        let pixels = points
+            .clone()
+            .map(|point| (point, point.z / rig.focal_px()));
+        let disparity = render(pixels, rig, size);
+        let known = disparity.pixels().filter(|d| d.is_finite()).count();
+        if known as f64 >= MIN_VALID * (size.0 * size.1) as f64 {
+            return (disparity, MapDensity::Dense);
+        }
+    }
+    (project(points, rig, size), MapDensity::Sparse)
+}
+
 /// Projection of the measurements into the left camera.
 pub(super) enum View {
     /// Depth images with the left camera's own pixels.
@@ -505,14 +526,7 @@ impl View {
             (_, Measured::Depth(depth)) => Ok((truth::disparities(depth, rig), MapDensity::Dense)),
             (Self::Points(pose), Measured::Points(points)) => {
                 let points = points.iter().map(|point| moved(pose * point));
-                let disparity = project(points, rig, size);
-                let known = disparity.pixels().filter(|d| d.is_finite()).count();
-                // A stereo camera's cloud has a point per pixel, a lidar's few.
-                let is_dense = known as f64 >= MIN_VALID * (size.0 * size.1) as f64;
-                match role {
-                    SensorRole::Map if is_dense => Ok((disparity, MapDensity::Dense)),
-                    _ => Ok((disparity, MapDensity::Sparse)),
-                }
+                Ok(of_points(points, rig, size, role))
             }
             (_, Measured::Disparity(map)) => Ok((map.clone(), MapDensity::Dense)),
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
