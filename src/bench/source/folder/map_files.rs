@@ -280,7 +280,10 @@ impl MapFiles {
     /// it has, the pair decides.
     fn disparity(&mut self, path: &Path, rig: Option<Rig>, frame: &Frame) -> Result<Plane<f32>> {
         let unit_m = match (self.unit, rig) {
-            (Some(TruthUnit::Disparity(scale)), _) => return read_disparity_steps(path, scale),
+            (Some(TruthUnit::Disparity(scale)), _) => {
+                let map = read_disparity_steps(path, scale, self.has_zeros(path))?;
+                return Ok(self.without_negative(map, path));
+            }
             (Some(TruthUnit::Depth(unit_m)), _) => Some(unit_m),
             (None, _) => None,
         };
@@ -294,7 +297,7 @@ impl MapFiles {
             let TruthUnit::Disparity(scale) = KITTI else {
                 return Ok(from_depth);
             };
-            let as_disparity = read_disparity_steps(path, scale)?;
+            let as_disparity = read_disparity_steps(path, scale, false)?;
             if is_better_match(&frame.pair, &as_disparity, &from_depth) {
                 tracing::warn!(
                     "{}: its values match the two images as disparities and not as depths: read as \
@@ -306,6 +309,19 @@ impl MapFiles {
             }
         }
         Ok(from_depth)
+    }
+
+    /// True if 0 is a disparity: that of a point at infinity, in a matcher's PFM.
+    fn has_zeros(&self, path: &Path) -> bool {
+        self.role == SensorRole::Map && has_ending(path, "pfm")
+    }
+
+    /// The map without negative values in NumPy's arrays of OpenCV's matchers, where they are none.
+    fn without_negative(&self, map: Plane<f32>, path: &Path) -> Plane<f32> {
+        if self.role == SensorRole::Truth || has_ending(path, "pfm") {
+            return map;
+        }
+        map.map(|d| if d < 0.0 { f32::INFINITY } else { d })
     }
 
     /// Warns once of names and times that fit no pair.
