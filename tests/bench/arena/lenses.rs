@@ -21,7 +21,7 @@ const BASELINE_M: f64 = 0.044;
 /// Pixels of the perfect render for each pixel of the rectified images.
 const OVERSAMPLING: usize = 3;
 /// Samples of a raw pixel along each side.
-const SAMPLES: usize = 2;
+const SAMPLES: usize = 3;
 
 /// Column and row.
 type Point = [u16; 2];
