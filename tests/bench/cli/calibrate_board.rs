@@ -41,8 +41,9 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let (source, reasons): (_, &[_]) = if crate::common::is_nightly() {
         ("board", &["moving", "nothing new"])
     } else {
-        // Each pose once, and half of them twice.
-        write_pictures(&fixture, still(24).chain(still(12).map(|pair| pair - 1)));
+        // Half of the poses twice.
+        let twice = still(12).flat_map(|pair| [pair; 2]);
+        write_pictures(&fixture, twice.chain(still(24).skip(12)));
         ("pictures", &["nothing new"])
     };
     let args = format!("calibrate board {source} --square-m 0.03 --yes --json -o calib.xml");
@@ -73,7 +74,7 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
     );
     for reason in reasons {
         assert!(
-            answer["refused"][reason].as_u64().unwrap() > 10,
+            answer["refused"][*reason].as_u64() > Some(10),
             "{}",
             answer["refused"]
         );
