@@ -27,6 +27,7 @@ const PACKAGES: [Package; 15] = [
             &["kernel"],
             &["depth", "filter"],
             &["matcher", "rectify"],
+            &["ranger"],
         ],
     },
     Package {
@@ -39,7 +40,7 @@ const PACKAGES: [Package; 15] = [
     },
     Package {
         root: "c/lib.rs",
-        layers: &[&["errors"], &["engine"], &["worker"]],
+        layers: &[&["errors"], &["options"]],
     },
     Package {
         root: "files/lib.rs",

@@ -27,6 +27,7 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         let status = match error {
             Error::Io { .. } | Error::Format { .. } => Status::File,
+            Error::Panicked => Status::Internal,
             _ => Status::Invalid,
         };
         Self {
@@ -37,13 +38,6 @@ impl From<Error> for Failure {
 }
 
 impl Failure {
-    pub fn internal() -> Self {
-        Self {
-            status: Status::Internal,
-            text: "svl panicked; this is a bug, and the handle can only be closed".into(),
-        }
-    }
-
     pub fn no_result() -> Self {
         Self {
             status: Status::NoResult,
@@ -58,7 +52,8 @@ thread_local! {
 
 /// The status of `call`; its error becomes the last one of this thread. No panic leaves it.
 pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> Status {
-    let result = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err(Failure::internal()));
+    let result =
+        catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err(Error::Panicked.into()));
     let Err(Failure { status, text }) = result else {
         return Status::Ok;
     };

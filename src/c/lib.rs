@@ -1,128 +1,113 @@
 //! svl for C and C++. `include/svl.h` is the interface and describes every function.
 //!
-//! ```text
-//! svl_match ── copies the pair ──▶ worker (in a thread pool of its own) ──▶ Engine ──▶ svl_cells
-//! ```
+//! A handle is a [`Ranger`] with the cells of its last pair in C's layout.
 
-mod engine;
 mod errors;
-mod worker;
+mod options;
 
-pub use engine::CCell;
 pub use errors::Status;
+pub use options::Options;
 
-use engine::{Engine, Image};
-use errors::guarded;
-use std::ffi::{CStr, CString, c_char};
-use std::path::PathBuf;
+use errors::{Failure, guarded};
+use parking_lot::Mutex;
+use std::ffi::{CString, c_char, c_void};
 use std::sync::LazyLock;
 use svl_core::Error;
-use svl_core::stereo::{Reason, Rig};
-use worker::PairWorker;
+use svl_core::ranger::{Cells, ImageFormat, ImageRef, RangedCell, Ranger};
+use svl_core::stereo::{CellState, Reason};
 
-/// `svl_handle`.
-pub struct Handle {
-    worker: PairWorker,
+/// `svl_handle`. Locked: two threads at once are a mistake of the caller, and no crash.
+pub struct Handle(Mutex<OpenHandle>);
+
+struct OpenHandle {
+    ranger: Ranger,
+    cells: Vec<CCell>,
 }
 
-/// `svl_options`.
+/// `svl_image`.
 #[repr(C)]
-pub struct Options {
-    pub algorithm: *const c_char,
-    pub calibration: *const c_char,
-    pub filters: *const *const c_char,
-    pub filter_count: usize,
-    pub focal_px: f64,
-    pub baseline_m: f64,
-    pub cx_px: f64,
-    pub cy_px: f64,
-    pub doffs_px: f64,
-    pub columns: u32,
-    pub rows: u32,
-    pub threads: u32,
+#[derive(Clone, Copy, Debug)]
+pub struct CImage {
+    pub pixels: *const c_void,
+    pub width: u32,
+    pub height: u32,
+    pub stride: usize,
+    pub format: u32,
 }
 
-impl Default for Options {
-    /// As a C program's zeroes.
-    fn default() -> Self {
+/// `svl_format`: the formats in the order of their numbers.
+const FORMATS: [ImageFormat; 9] = [
+    ImageFormat::Gray8,
+    ImageFormat::Gray16 { bits: 10 },
+    ImageFormat::Gray16 { bits: 12 },
+    ImageFormat::Gray16 { bits: 14 },
+    ImageFormat::Gray16 { bits: 16 },
+    ImageFormat::Rgb8,
+    ImageFormat::Bgr8,
+    ImageFormat::Rgba8,
+    ImageFormat::Bgra8,
+];
+
+/// `svl_cell`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct CCell {
+    pub distance_m: f32,
+    pub disparity_px: f32,
+    pub probability: f32,
+    pub valid_fraction: f32,
+    pub state: u8,
+    pub reason: u8,
+    reserved: [u8; 2],
+}
+
+impl From<&RangedCell> for CCell {
+    fn from(cell: &RangedCell) -> Self {
         Self {
-            algorithm: std::ptr::null(),
-            calibration: std::ptr::null(),
-            filters: std::ptr::null(),
-            filter_count: 0,
-            focal_px: 0.0,
-            baseline_m: 0.0,
-            cx_px: 0.0,
-            cy_px: 0.0,
-            doffs_px: 0.0,
-            columns: 0,
-            rows: 0,
-            threads: 0,
+            distance_m: cell.distance_m.map_or(f32::NAN, |m| m as f32),
+            disparity_px: cell.disparity_px.unwrap_or(f32::NAN),
+            probability: cell.probability.map_or(f32::NAN, |p| p as f32),
+            valid_fraction: cell.valid_share as f32,
+            state: match cell.state {
+                CellState::Unknown => 0,
+                CellState::Known => 1,
+                CellState::TooClose => 2,
+                CellState::Near => 3,
+            },
+            reason: cell.reason as u8,
+            reserved: [0; 2],
         }
     }
 }
 
-const MAX_THREADS: u32 = 1024;
-/// Limit of filters per handle: one of each kind would do.
-const MAX_FILTERS: usize = 16;
-
-/// The text at `text`; none for a null pointer.
-///
-/// # Safety
-/// `text` is null or a C string that lives as long as `'a`.
-unsafe fn text<'a>(text: *const c_char, name: &str) -> Result<Option<&'a str>, Error> {
-    if text.is_null() {
-        return Ok(None);
-    }
-    // SAFETY: as the caller promised.
-    let text = unsafe { CStr::from_ptr(text) };
-    text.to_str()
-        .map(Some)
-        .map_err(|_| Error::Invalid(format!("{name} is not UTF-8")))
-}
-
-impl Options {
+impl CImage {
     /// # Safety
-    /// The pointers are null or valid C strings, and `filters` has `filter_count` of them.
-    unsafe fn engine(&self) -> Result<Engine, Error> {
+    /// `image` is null or valid as the header says, as long as `'a`.
+    unsafe fn read<'a>(image: *const Self, side: &str) -> Result<ImageRef<'a>, Error> {
+        let wrong = |what: &str| Error::Invalid(format!("the {side} image {what}"));
         // SAFETY: as the caller promised.
-        let (algorithm, calibration) = unsafe {
-            (
-                text(self.algorithm, "algorithm")?,
-                text(self.calibration, "calibration")?,
-            )
-        };
-        if self.filter_count > MAX_FILTERS || (self.filter_count > 0 && self.filters.is_null()) {
-            let count = self.filter_count;
-            return Err(Error::Invalid(format!(
-                "filters: {count} of them; expected at most {MAX_FILTERS} and no null pointer"
-            )));
+        let image = unsafe { image.as_ref() }.ok_or_else(|| wrong("is a null pointer"))?;
+        if image.pixels.is_null() {
+            return Err(wrong("has a null pointer as its pixels"));
         }
-        let mut filters = Vec::new();
-        for i in 0..self.filter_count {
-            // SAFETY: as the caller promised.
-            let path = unsafe { text(*self.filters.add(i), "a filter")? };
-            let path = path.ok_or_else(|| Error::Invalid("a filter is a null pointer".into()))?;
-            filters.push(PathBuf::from(path));
-        }
-        let rig = if self.focal_px == 0.0 {
-            None
-        } else {
-            let center_px = (self.cx_px, self.cy_px);
-            let rig = Rig::new(self.focal_px, center_px, self.baseline_m, self.doffs_px)?;
-            Some(rig)
+        let format = FORMATS.get(image.format as usize).copied();
+        let format = format
+            .ok_or_else(|| wrong(&format!("has the format {}, no svl_format", image.format)))?;
+        let (width, height) = (image.width as usize, image.height as usize);
+        let row_bytes = width * format.bytes();
+        let stride = match image.stride {
+            0 => row_bytes,
+            stride => stride,
         };
-        let cells = match (self.columns, self.rows) {
-            (0, 0) => None,
-            cells => Some(cells),
-        };
-        Engine::new(
-            algorithm,
-            calibration.map(PathBuf::from),
-            &filters,
-            rig,
-            cells,
-        )
+        // Before memory of that size is assumed: what no caller has.
+        let bytes = stride
+            .checked_mul(height.saturating_sub(1))
+            .and_then(|bytes| bytes.checked_add(row_bytes))
+            .filter(|bytes| isize::try_from(*bytes).is_ok())
+            .ok_or_else(|| wrong("has an impossible size"))?;
+        // SAFETY: the caller has `height` rows of `width` pixels, `stride` bytes apart.
+        let bytes = unsafe { std::slice::from_raw_parts(image.pixels.cast(), bytes) };
+        ImageRef::new(bytes, (width, height), stride, format)
     }
 }
 
@@ -136,41 +121,37 @@ pub unsafe extern "C" fn svl_open(options: *const Options, out: *mut *mut Handle
             return Err(Error::Invalid("handle is a null pointer".into()).into());
         };
         *out = std::ptr::null_mut();
-        let defaults = Options::default();
         // SAFETY: as the caller promised.
-        let options = unsafe { options.as_ref() }.unwrap_or(&defaults);
-        // SAFETY: as the caller promised.
-        let engine = unsafe { options.engine()? };
-        if options.threads > MAX_THREADS {
-            let count = options.threads;
-            let words = format!("{count} threads: expected at most {MAX_THREADS}, or 0 for all");
-            return Err(Error::Invalid(words).into());
-        }
-        let worker = PairWorker::start(engine, options.threads as usize)?;
-        *out = Box::into_raw(Box::new(Handle { worker }));
+        let ranger = unsafe { options::read(options)?.open()? };
+        let cells = Vec::new();
+        let opened = Handle(Mutex::new(OpenHandle { ranger, cells }));
+        *out = Box::into_raw(Box::new(opened));
         Ok(())
     })
 }
 
 /// # Safety
-/// `handle` is of [`svl_open`]; the images have `height` rows of `width` bytes, `stride` apart.
+/// `handle` is of [`svl_open`]; the images are as the header says.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn svl_match(
     handle: *mut Handle,
-    left: *const u8,
-    right: *const u8,
-    width: u32,
-    height: u32,
-    stride: usize,
+    left: *const CImage,
+    right: *const CImage,
     stamp_ns: u64,
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { borrow(handle)? };
-        let stamp_ns = (stamp_ns != 0).then_some(stamp_ns);
-        let stride = if stride == 0 { width as usize } else { stride };
-        let image = |pixels| Image::new(pixels, width as usize, height as usize, stride);
-        handle.worker.run(image(left)?, image(right)?, stamp_ns)
+        let mut handle = unsafe { borrow(handle)? }.0.lock();
+        let OpenHandle { ranger, cells } = &mut *handle;
+        cells.clear();
+        // SAFETY: as the caller promised.
+        let [left, right] = unsafe { [CImage::read(left, "left")?, CImage::read(right, "right")?] };
+        let found = match stamp_ns {
+            0 => ranger.cells(left, right)?,
+            stamp_ns => ranger.cells_at(left, right, stamp_ns)?,
+        };
+        cells.extend(found.iter().map(CCell::from));
+        Ok(())
     })
 }
 
@@ -180,8 +161,8 @@ pub unsafe extern "C" fn svl_match(
 pub unsafe extern "C" fn svl_reset(handle: *mut Handle) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { borrow(handle)? };
-        handle.worker.reset()
+        unsafe { borrow(handle)? }.0.lock().ranger.reset();
+        Ok(())
     })
 }
 
@@ -196,16 +177,20 @@ pub unsafe extern "C" fn svl_cells(
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { borrow(handle)? };
-        handle.worker.result(|engine| {
-            let shape = engine.shape();
-            // SAFETY: as the caller promised.
-            unsafe {
-                put(cells, engine.cells().as_ptr());
-                put(columns, shape.columns as u32);
-                put(rows, shape.rows as u32);
-            }
-        })
+        let handle = unsafe { borrow(handle)? }.0.lock();
+        // A pair that failed leaves no result of an earlier one.
+        if handle.cells.is_empty() {
+            return Err(Failure::no_result());
+        }
+        let shape = handle.ranger.last_cells().map(Cells::shape);
+        let shape = shape.ok_or_else(Failure::no_result)?;
+        // SAFETY: as the caller promised.
+        unsafe {
+            put(cells, handle.cells.as_ptr());
+            put(columns, shape.columns as u32);
+            put(rows, shape.rows as u32);
+        }
+        Ok(())
     })
 }
 
@@ -221,21 +206,24 @@ pub unsafe extern "C" fn svl_disparities(
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { borrow(handle)? };
-        handle.worker.result(|engine| {
-            let map = engine.map();
-            let size = map.size();
-            // A map's planes have no gaps between rows.
-            let pixels = map.disparity().as_slice().map_or(&[][..], |pixels| pixels);
-            let codes = map.why().as_slice().map_or(&[][..], |reasons| reasons);
-            // SAFETY: as the caller promised; a reason is its code.
-            unsafe {
-                put(disparities, pixels.as_ptr());
-                put(reasons, codes.as_ptr().cast());
-                put(width, size.0 as u32);
-                put(height, size.1 as u32);
-            }
-        })
+        let handle = unsafe { borrow(handle)? }.0.lock();
+        let map = handle
+            .ranger
+            .disparity()
+            .filter(|_| !handle.cells.is_empty());
+        let map = map.ok_or_else(Failure::no_result)?;
+        let size = map.size();
+        // A map's planes have no gaps between rows.
+        let pixels = map.disparity().as_slice().map_or(&[][..], |pixels| pixels);
+        let codes = map.why().as_slice().map_or(&[][..], |reasons| reasons);
+        // SAFETY: as the caller promised; a reason is its code.
+        unsafe {
+            put(disparities, pixels.as_ptr());
+            put(reasons, codes.as_ptr().cast());
+            put(width, size.0 as u32);
+            put(height, size.1 as u32);
+        }
+        Ok(())
     })
 }
 

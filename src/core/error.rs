@@ -79,6 +79,9 @@ pub enum Error {
     /// The work is done, but something is missing.
     #[error("{0}")]
     Incomplete(String),
+    /// A matcher panicked, at this pair or an earlier one.
+    #[error("svl panicked; this is a bug, and the ranger can only be closed")]
+    Panicked,
     /// The work was interrupted ([`crate::interrupt`]).
     #[error("interrupted")]
     Interrupted,

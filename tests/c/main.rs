@@ -8,7 +8,7 @@ use std::process::Command;
 use std::ptr::{null, null_mut};
 use std::sync::Arc;
 use svl_c::{
-    CCell, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error,
+    CCell, CImage, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error,
     svl_instruction_set, svl_match, svl_open, svl_reason_name, svl_reset, svl_version,
 };
 use svl_core::depth::{self, GridSettings};
@@ -52,18 +52,18 @@ fn match_at(handle: *mut Handle, pair: &StereoPair, stride: usize, stamp_ns: u64
         }
         pixels
     });
-    let (width, height) = (width as u32, height as u32);
+    let [left, right] = [&left, &right].map(|pixels| image(pixels, pair.size(), stride, 0));
     // SAFETY: the images have that size.
-    unsafe {
-        svl_match(
-            handle,
-            left.as_ptr(),
-            right.as_ptr(),
-            width,
-            height,
-            stride,
-            stamp_ns,
-        )
+    unsafe { svl_match(handle, &left, &right, stamp_ns) }
+}
+
+fn image<T>(pixels: &[T], (width, height): (usize, usize), stride: usize, format: u32) -> CImage {
+    CImage {
+        pixels: pixels.as_ptr().cast(),
+        width: width as u32,
+        height: height as u32,
+        stride,
+        format,
     }
 }
 
@@ -333,36 +333,172 @@ fn bad_input_is_a_code_and_a_line() {
     }
     let (status, handle) = open(&Options::default());
     assert_eq!(status, Status::Ok);
-    // SAFETY: nothing is read of a null pointer or a size that is refused.
+    let pixels = [0u8; 8];
+    let of = |size, stride, format| image(&pixels, size, stride, format);
+    let null_pixels = CImage {
+        pixels: null(),
+        ..of((8, 1), 0, 0)
+    };
+    for (wrong, word) in [
+        (null_pixels, "left image has a null pointer"),
+        (of((0, 0), 0, 0), "0x0"),
+        (of((99_999, 1), 0, 0), "99999x1"),
+        (of((8, 1), 4, 0), "stride 4"),
+        (of((8, 1), 0, 9), "format 9"),
+        (
+            of((usize::MAX, usize::MAX), usize::MAX, 0),
+            "impossible size",
+        ),
+        (of((8, 1), 0, 0), "left image is 8x1, right image is 4x1"),
+    ] {
+        // SAFETY: nothing is read of a null pointer or a size that is refused.
+        let status = unsafe { svl_match(handle, &wrong, &of((4, 1), 0, 0), 0) };
+        assert_eq!(status, Status::Invalid, "{word}");
+        assert!(last_error().contains(word), "{}", last_error());
+    }
+    // SAFETY: a null pointer is an error.
     unsafe {
-        assert_eq!(
-            svl_match(handle, null(), null(), 8, 8, 0, 0),
-            Status::Invalid
-        );
-        let pixel = [0u8; 1];
-        let pixel = pixel.as_ptr();
-        assert_eq!(svl_match(handle, pixel, pixel, 0, 0, 0, 0), Status::Invalid);
-        assert_eq!(
-            svl_match(handle, pixel, pixel, 99_999, 1, 0, 0),
-            Status::Invalid
-        );
-        assert_eq!(svl_match(handle, pixel, pixel, 8, 1, 4, 0), Status::Invalid);
-        assert_eq!(
-            svl_match(null_mut(), pixel, pixel, 1, 1, 0, 0),
-            Status::Invalid
-        );
+        let right = of((8, 1), 0, 0);
+        assert_eq!(svl_match(handle, null(), &right, 0), Status::Invalid);
+        assert_eq!(svl_match(null_mut(), &right, &right, 0), Status::Invalid);
         assert_eq!(svl_open(null(), null_mut()), Status::Invalid);
     }
     // Nor does a failed pair leave the result of an earlier one.
     assert_eq!(match_pair(handle, &pair(), SIZE.0), Status::Ok);
     // SAFETY: as above.
     unsafe {
-        let pixel = [0u8; 1];
-        let pixel = pixel.as_ptr();
-        assert_eq!(svl_match(handle, pixel, pixel, 0, 1, 0, 0), Status::Invalid);
+        let right = of((8, 1), 0, 0);
+        assert_eq!(svl_match(handle, &null_pixels, &right, 0), Status::Invalid);
         assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
         svl_close(handle);
         svl_close(null_mut());
+    }
+}
+
+#[test]
+fn options_of_another_header_are_known_by_their_size() {
+    let (status, handle) = open(&Options {
+        size: std::mem::offset_of!(Options, columns),
+        // Behind that size: not read.
+        columns: 65,
+        ..Options::default()
+    });
+    assert_eq!(status, Status::Ok, "{}", last_error());
+    // SAFETY: the handle is open and not used again.
+    unsafe { svl_close(handle) };
+    for (size, word) in [(0, "SVL_OPTIONS"), (4096, "newer svl")] {
+        let wrong = Options {
+            size,
+            ..Options::default()
+        };
+        assert_eq!(open(&wrong).0, Status::Invalid);
+        assert!(last_error().contains(word), "{}", last_error());
+    }
+}
+
+#[test]
+fn every_format_of_an_image_gives_the_cells_of_its_grey() {
+    let (status, handle) = open(&Options::default());
+    assert_eq!(status, Status::Ok);
+    let pair = pair();
+    assert_eq!(match_pair(handle, &pair, SIZE.0), Status::Ok);
+    let expected = format!("{:?}", cells(handle).unwrap());
+    let grey = [pair.left(), pair.right()].map(|image| image.pixels().collect::<Vec<_>>());
+    // A colour of equal channels has their value as its grey.
+    let color = |n: usize| grey.each_ref().map(|image| repeated(image, n));
+    let deep = |bits: u32| {
+        grey.each_ref().map(|image| {
+            let values = image.iter().map(|v| u16::from(*v) << (bits - 8));
+            values.flat_map(u16::to_ne_bytes).collect::<Vec<_>>()
+        })
+    };
+    for (format, bytes) in [
+        (1, deep(10)),
+        (2, deep(12)),
+        (3, deep(14)),
+        (4, deep(16)),
+        (5, color(3)),
+        (6, color(3)),
+        (7, color(4)),
+        (8, color(4)),
+    ] {
+        let [left, right] = bytes.each_ref().map(|bytes| image(bytes, SIZE, 0, format));
+        // SAFETY: the handle is open, and the images have that size.
+        unsafe {
+            assert_eq!(svl_reset(handle), Status::Ok);
+            assert_eq!(svl_match(handle, &left, &right, 0), Status::Ok, "{format}");
+        }
+        assert_eq!(
+            format!("{:?}", cells(handle).unwrap()),
+            expected,
+            "{format}"
+        );
+    }
+    // SAFETY: the handle is open and not used again.
+    unsafe { svl_close(handle) };
+}
+
+fn repeated(pixels: &[u8], n: usize) -> Vec<u8> {
+    pixels
+        .iter()
+        .flat_map(|v| std::iter::repeat_n(*v, n))
+        .collect()
+}
+
+#[test]
+fn a_calibration_from_memory_is_that_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("stereo.yml");
+    let text = include_str!("stereo.yml");
+    std::fs::write(&file, text).unwrap();
+    let (path, text) = (
+        CString::new(file.to_str().unwrap()).unwrap(),
+        CString::new(text).unwrap(),
+    );
+    let texts = [text.as_ptr()];
+    let size = (160, 120);
+    let pixels = repeated(&(0..=255).collect::<Vec<u8>>(), 75);
+    let found = [
+        Options {
+            calibration: path.as_ptr(),
+            ..Options::default()
+        },
+        Options {
+            calibration_texts: texts.as_ptr(),
+            calibration_text_count: 1,
+            ..Options::default()
+        },
+    ]
+    .map(|options| {
+        let (status, handle) = open(&options);
+        assert_eq!(status, Status::Ok, "{}", last_error());
+        let image = image(&pixels, size, 0, 0);
+        // SAFETY: the handle is open and not used again; the images have that size.
+        unsafe {
+            assert_eq!(svl_match(handle, &image, &image, 0), Status::Ok);
+            let found = format!("{:?}", cells(handle).unwrap());
+            svl_close(handle);
+            found
+        }
+    });
+    assert_eq!(found[0], found[1]);
+    let refused = [
+        (
+            vec![c"f: 3"],
+            Status::File,
+            "calibration: is not a calibration",
+        ),
+        (vec![&*text; 3], Status::Invalid, "3 of them"),
+    ];
+    for (texts, status, word) in refused {
+        let texts: Vec<_> = texts.iter().map(|text| text.as_ptr()).collect();
+        let options = Options {
+            calibration_texts: texts.as_ptr(),
+            calibration_text_count: texts.len(),
+            ..Options::default()
+        };
+        assert_eq!(open(&options).0, status, "{word}");
+        assert!(last_error().contains(word), "{}", last_error());
     }
 }
 

@@ -3,7 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::CString;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use svl_c::{Options, Status, svl_close, svl_error, svl_match, svl_open};
+use svl_c::{CImage, Options, Status, svl_close, svl_error, svl_match, svl_open};
 
 struct Counting;
 
@@ -27,42 +27,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 const SIZE: (usize, usize) = (160, 120);
-const CALIBRATION: &str = "\
-%YAML:1.0
-length_unit: m
-image_width: 160
-image_height: 120
-M1: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [164., 0., 80., 0., 164., 60., 0., 0., 1.]
-D1: !!opencv-matrix
-   rows: 1
-   cols: 5
-   dt: d
-   data: [-0.1, 0.01, 0., 0., 0.]
-M2: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [164., 0., 80., 0., 164., 60., 0., 0., 1.]
-D2: !!opencv-matrix
-   rows: 1
-   cols: 5
-   dt: d
-   data: [-0.1, 0.01, 0., 0., 0.]
-R: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]
-T: !!opencv-matrix
-   rows: 3
-   cols: 1
-   dt: d
-   data: [-0.044, 0., 0.]
-";
+const CALIBRATION: &str = include_str!("stereo.yml");
 
 fn error() -> String {
     // SAFETY: the text lives until the next call of this thread.
@@ -77,7 +42,10 @@ fn main() {
     let calibration = CString::new(calibration.to_str().unwrap()).unwrap();
     let pixels = |shift: usize| -> Vec<u8> {
         let at = |i: usize| (i % SIZE.0 + shift) * 37 + i / SIZE.0 * ((i % SIZE.0 + shift) % 13);
-        (0..SIZE.0 * SIZE.1).map(|i| at(i) as u8).collect()
+        // In colour.
+        (0..SIZE.0 * SIZE.1)
+            .flat_map(|i| [at(i) as u8; 3])
+            .collect()
     };
     let (left, right) = (pixels(0), pixels(4));
     for algorithm in [
@@ -98,11 +66,15 @@ fn main() {
                 let status = unsafe { svl_open(&options, &mut handle) };
                 assert_eq!(status, Status::Ok, "{}", error());
                 let matched = || {
-                    let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);
+                    let [left, right] = [&left, &right].map(|pixels| CImage {
+                        pixels: pixels.as_ptr().cast(),
+                        width: SIZE.0 as u32,
+                        height: SIZE.1 as u32,
+                        stride: 3 * SIZE.0,
+                        format: 5,
+                    });
                     // SAFETY: the images have that size, and the handle is open.
-                    let status = unsafe {
-                        svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, 0, 0)
-                    };
+                    let status = unsafe { svl_match(handle, &left, &right, 0) };
                     assert_eq!(status, Status::Ok);
                 };
                 // Queues of the threads grow for some pairs.

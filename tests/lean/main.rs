@@ -15,6 +15,7 @@ mod expected;
 mod gaps;
 mod matchers;
 mod oracle;
+mod ranger;
 mod rectify;
 mod sgm;
 mod solve;

@@ -25,11 +25,14 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: stop LEFT.pgm RIGHT.pgm, of equal sizes\n");
         return 2;
     }
-    svl_options options = {.algorithm = "v5:max_disparity=64", .focal_px = 328, .baseline_m = 0.044, .cx_px = 160, .cy_px = 120};
+    svl_options options = SVL_OPTIONS;
+    options.algorithm = "v5:max_disparity=64";
+    options.focal_px = 328, options.baseline_m = 0.044, options.cx_px = 160, options.cy_px = 120;
+    svl_image images[] = {{left, width, height, 0, SVL_GRAY8}, {right, width, height, 0, SVL_GRAY8}};
     svl_handle *svl;
     const svl_cell *cells;
     uint32_t columns, rows;
-    if (svl_open(&options, &svl) || svl_match(svl, left, right, width, height, 0, 0) || svl_cells(svl, &cells, &columns, &rows)) {
+    if (svl_open(&options, &svl) || svl_match(svl, &images[0], &images[1], 0) || svl_cells(svl, &cells, &columns, &rows)) {
         fprintf(stderr, "svl: %s\n", svl_error());
         return 1;
     }

@@ -17,7 +17,7 @@ static uint8_t texture(uint32_t x, uint32_t y) {
 
 int main() try {
     const uint32_t width = 320, height = 240;
-    svl_options options{};
+    svl_options options = SVL_OPTIONS;
     options.algorithm = "v5:max_disparity=64";
     options.focal_px = 328;
     options.baseline_m = 0.044;
@@ -25,13 +25,14 @@ int main() try {
     check(svl_open(&options, &opened));
     std::unique_ptr<svl_handle, void (*)(svl_handle *)> svl(opened, svl_close);
     std::vector<uint8_t> left(width * height), right(width * height);
+    const svl_image images[] = {{left.data(), width, height, 0, SVL_GRAY8}, {right.data(), width, height, 0, SVL_GRAY8}};
     for (double distance_m = 1.5; distance_m > 0.4; distance_m -= 0.2) {
         const uint32_t disparity = static_cast<uint32_t>(std::lround(328 * 0.044 / distance_m));
         for (uint32_t i = 0; i < width * height; ++i) {
             left[i] = texture(i % width, i / width);
             right[i] = texture(i % width + disparity, i / width);
         }
-        check(svl_match(svl.get(), left.data(), right.data(), width, height, 0, 0));
+        check(svl_match(svl.get(), &images[0], &images[1], 0));
         const svl_cell *cells;
         uint32_t columns, rows;
         check(svl_cells(svl.get(), &cells, &columns, &rows));

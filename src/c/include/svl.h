@@ -3,9 +3,9 @@
  * Build the library:  cargo rustc --release -p svl-c --crate-type cdylib,staticlib
  * Link:               cc robot.c -I src/c/include target/release/libsvl_c.a -lpthread -ldl -lm
  *
- * A handle is for one thread at a time; several handles are independent. Pointers that a handle returns are valid until its
- * next svl_match or svl_close. After the first pair of a size svl_match allocates no memory. Equal runs of pairs give equal
- * bytes on every CPU, instruction set and number of threads.
+ * A handle is for one thread at a time; several handles are independent, and none works in a child of fork(). Pointers that
+ * a handle returns are valid until its next svl_match or svl_close. After the first pairs of a size svl_match allocates no
+ * memory. Equal runs of pairs give equal bytes on every CPU, instruction set and number of threads.
  */
 #ifndef SVL_H
 #define SVL_H
@@ -57,10 +57,38 @@ typedef struct svl_cell {
     uint8_t reserved[2];
 } svl_cell;
 
-/* Everything 0 or NULL is the default: v5, rectified images without a rig, 5 x 3 cells, a thread per core. */
+/* Layout of a pixel. 16-bit values are in the machine's byte order; svl matches the upper eight of the bits in use, and larger
+ * values are white. Colours become grey, and the fourth byte is ignored. */
+typedef enum svl_format {
+    SVL_GRAY8 = 0,
+    SVL_GRAY10 = 1, /* 16-bit values up to 1023 */
+    SVL_GRAY12 = 2,
+    SVL_GRAY14 = 3,
+    SVL_GRAY16 = 4,
+    SVL_RGB8 = 5,
+    SVL_BGR8 = 6,
+    SVL_RGBA8 = 7,
+    SVL_BGRA8 = 8
+} svl_format;
+
+/* An image in the caller's memory, which svl reads only during svl_match. */
+typedef struct svl_image {
+    const void *pixels;
+    uint32_t width, height;
+    size_t stride;   /* bytes from a row to the next; 0: no gaps */
+    uint32_t format; /* svl_format */
+} svl_image;
+
+/* Begin with `svl_options options = SVL_OPTIONS;`. Everything else 0 or NULL is the default: v5, rectified images without a
+ * rig, 5 x 3 cells, a thread per core. */
 typedef struct svl_options {
-    const char *algorithm;      /* as on svl's command line: "v3:max_disparity=64" */
-    const char *calibration;    /* file of a calibration for raw images: OpenCV, ROS, Kalibr, ... */
+    size_t size;            /* sizeof(svl_options) */
+    const char *algorithm;  /* as on svl's command line: "v3:max_disparity=64" */
+    /* Raw images: the file of a calibration (OpenCV, ROS, Kalibr, ...), or its text: one, or those of the left and the right
+     * camera. */
+    const char *calibration;
+    const char *const *calibration_texts;
+    size_t calibration_text_count;
     const char *const *filters; /* filter_count files of `svl train filter` */
     size_t filter_count;
     /* The rig of rectified images; not with a calibration. focal_px 0: none, so cells have no distances. */
@@ -72,16 +100,17 @@ typedef struct svl_options {
     uint32_t threads; /* at most 1024 */
 } svl_options;
 
+#define SVL_OPTIONS {sizeof(svl_options), NULL, NULL, NULL, 0, NULL, 0, 0, 0, 0, 0, 0, 0, 0, 0}
+
 typedef struct svl_handle svl_handle;
 
 /* Opens a matcher; *handle is NULL unless the result is SVL_OK. options may be NULL. */
 svl_status svl_open(const svl_options *options, svl_handle **handle);
 
-/* Matches a pair of 8-bit grey images, whose rows are stride bytes apart (0: width). stamp_ns: time of the exposure by any
- * clock; 0: none. v5 uses the cells of earlier pairs of the same size, unless more than a second lies between two, or the
- * clock does not rise; without stamps, of all pairs since svl_open or svl_reset. */
-svl_status svl_match(svl_handle *handle, const uint8_t *left, const uint8_t *right, uint32_t width, uint32_t height,
-                     size_t stride, uint64_t stamp_ns);
+/* Matches a pair. stamp_ns: time of the exposure by any clock; 0: none. v5 uses the cells of earlier pairs of the same size,
+ * unless more than a second lies between two, or the clock does not rise; without stamps, of all pairs since svl_open or
+ * svl_reset. */
+svl_status svl_match(svl_handle *handle, const svl_image *left, const svl_image *right, uint64_t stamp_ns);
 
 /* Forgets the earlier pairs: the next one is the first of another scene. */
 svl_status svl_reset(svl_handle *handle);

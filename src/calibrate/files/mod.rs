@@ -59,10 +59,37 @@ pub fn read(path: &Path) -> Result<StereoCalibration> {
 /// [`Error::Io`]; [`Error::Format`] with the file, the key and the remedy.
 pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let paths = inputs(path)?;
-    let texts = paths
-        .iter()
-        .map(|path| document::text(path))
-        .collect::<Result<Vec<_>>>()?;
+    let texts = paths.iter().map(|path| document::text(path));
+    let texts = texts.collect::<Result<Vec<_>>>()?;
+    parse_files(path, &paths, &texts, hints)
+}
+
+/// Same as [`read_with`], of the text of a file, or of the two files of a pair. In errors the text
+/// is called `calibration`.
+///
+/// # Errors
+/// As [`read_with`].
+pub fn parse(texts: &[&str], hints: &Hints) -> Result<LoadedCalibration> {
+    let names: &[&str] = match texts.len() {
+        1 => &["calibration"],
+        2 => &["left calibration", "right calibration"],
+        count => {
+            let words = format!("{count} texts of a calibration: expected 1 or 2");
+            return Err(Error::Invalid(words));
+        }
+    };
+    let paths: Vec<_> = names.iter().map(PathBuf::from).collect();
+    let texts: Vec<_> = texts.iter().map(|text| (*text).to_owned()).collect();
+    parse_files(Path::new("calibration"), &paths, &texts, hints)
+}
+
+/// The calibration in the texts of one or two files, which the user names as `path`.
+fn parse_files(
+    path: &Path,
+    paths: &[PathBuf],
+    texts: &[String],
+    hints: &Hints,
+) -> Result<LoadedCalibration> {
     let known = || {
         FORMATS
             .iter()
@@ -108,7 +135,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let documents = paths
         .iter()
         .map(AsRef::as_ref)
-        .zip(&texts)
+        .zip(texts)
         .map(parse)
         .collect::<Result<_>>()?;
     let found = (format.read)(documents, hints)?;

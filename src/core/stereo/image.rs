@@ -137,6 +137,11 @@ impl<T: Copy> Plane<T> {
         (self.stride == self.width).then(|| &mut self.data[..self.width * self.height])
     }
 
+    /// The pixels with their gaps, and the elements from a row to the next.
+    pub(crate) fn strided(&self) -> (&[T], usize) {
+        (&self.data, self.stride)
+    }
+
     /// A plane of the same size with `f` applied to every pixel.
     pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> Plane<U> {
         let mut data = Vec::with_capacity(self.width * self.height);
@@ -155,9 +160,14 @@ impl<T: Copy> Plane<T> {
 impl Gray {
     /// The luma of a colour image: `(299 R + 587 G + 114 B + 500) / 1000`.
     pub fn from_color(image: &Rgb) -> Self {
-        let weigh = |value: u8, weight: u32| weight * u32::from(value);
-        image.map(|[r, g, b]| ((weigh(r, 299) + weigh(g, 587) + weigh(b, 114) + 500) / 1000) as u8)
+        image.map(luma)
     }
+}
+
+/// The luma of red, green and blue, as of [`Gray::from_color`].
+pub(crate) fn luma([r, g, b]: [u8; 3]) -> u8 {
+    let weigh = |value: u8, weight: u32| weight * u32::from(value);
+    ((weigh(r, 299) + weigh(g, 587) + weigh(b, 114) + 500) / 1000) as u8
 }
 
 fn check_size(width: usize, height: usize) -> Result<()> {

@@ -34,6 +34,7 @@ pub use frame::{
 };
 pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
 pub use identity::{FittedTo, PairId};
+pub(crate) use image::luma;
 pub use image::{Gray, MAX_SIDE, Plane, Rgb};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;
