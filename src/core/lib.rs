@@ -1,7 +1,7 @@
 //! svl's matchers, filters and depth grid: the library for a robot.
 //!
-//! [`ranger::Ranger`] is the interface of a robot: two images in, the cells of a grid out, each with
-//! a distance, a probability and a state. Below it, a [`matcher`] turns a rectified pair into
+//! [`ranger::Ranger`] is the interface of a robot: two images in, the cells of a grid out, each
+//! with a distance, a probability and a state. Below it, a [`matcher`] turns a rectified pair into
 //! disparities, and these become a [`depth`] grid. [`rectify`] rectifies a raw pair by a
 //! calibration, which the package `svl-calibrate` reads. The package `svl` is the bench around it.
 

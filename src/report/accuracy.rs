@@ -19,8 +19,8 @@ const BOUNDS_M: (f64, f64) = (1.0, 16.0);
 
 record! {
     #[derive(Default)]
-    /// Errors of an algorithm's distances: of all, then by range of the true distance. A cell counts
-    /// if it is scored and has a distance. Unperturbed pairs only.
+    /// Errors of an algorithm's distances: of all, then by range of the true distance. A cell
+    /// counts if it is scored and has a distance. Unperturbed pairs only.
     AccuracyRow {
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
@@ -86,7 +86,7 @@ impl AccuracyRow {
 
 /// The errors of an algorithm in a range.
 #[derive(Default)]
-struct Errors {
+struct RangeErrors {
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
@@ -110,7 +110,7 @@ pub(super) struct AccuracyTally {
     rule: CellRule,
     bounds_m: Vec<f64>,
     /// By label and range, that of all first.
-    errors: BTreeMap<String, Vec<Errors>>,
+    errors: BTreeMap<String, Vec<RangeErrors>>,
     /// By label, column and row.
     last: BTreeMap<(String, u32, u32), LastCell>,
     /// Number of pairs so far, and the stamp of the last one.
@@ -160,7 +160,7 @@ impl AccuracyTally {
             let range = 1 + self.bounds_m.partition_point(|bound| *bound <= true_m);
             let ranges = 2 + self.bounds_m.len();
             let own = self.errors.entry(cell.algorithm.clone()).or_default();
-            own.resize_with(ranges, Errors::default);
+            own.resize_with(ranges, RangeErrors::default);
             let key = (cell.algorithm.clone(), cell.column, cell.row);
             let now = LastCell {
                 place: self.place,
@@ -205,7 +205,7 @@ impl AccuracyTally {
     }
 }
 
-impl Errors {
+impl RangeErrors {
     /// Adds a cell of two successive pairs, if it is at rest.
     fn add_change(
         &mut self,

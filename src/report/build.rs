@@ -3,13 +3,14 @@
 use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
+use super::latency::TopicDelay;
 use super::maps::maps;
 use super::rows::Row;
 use super::sources::{SUMMARY, Sources};
 use super::sweeps::sweeps;
 use super::units::{
-    ReportPlan, ReportTables, RunUnits, StoredSession, TopicDelay, UNITS, Units, collect_tables,
-    made_of, read_tables, remove_file, write_tables,
+    ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
+    read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
 use crate::outputs::{FolderRule, write, write_json};

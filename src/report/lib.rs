@@ -24,6 +24,7 @@ pub mod evidence;
 mod gate;
 pub mod html;
 mod junit;
+mod latency;
 mod lead;
 mod maps;
 mod markdown;
@@ -56,6 +57,7 @@ pub use descriptions::{TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
+pub use latency::TopicDelay;
 pub use lead::{Certainty, Lead, RunnerUp};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,

@@ -2,13 +2,13 @@
 
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
+use super::latency::TopicDelay;
 use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
 use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
-use super::units::TopicDelay;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};

@@ -52,7 +52,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 struct Points {
     scenario: Scenario,
     points: Vec<[Point; 2]>,
-    cells: [Cells; 2],
+    cells: [PanelCells; 2],
     outbox: Outbox<Option<Points>>,
 }
 
@@ -62,12 +62,12 @@ struct Point {
     /// Frames in which one of the point's own cells is wrong.
     wrong: usize,
     /// Cells of all its frames.
-    cells: Cells,
+    cells: PanelCells,
 }
 
 /// All cells of some frames.
 #[derive(Clone, Copy, Default)]
-struct Cells {
+struct PanelCells {
     all: usize,
     right: usize,
     wrong: usize,
@@ -75,7 +75,7 @@ struct Cells {
     first_column: usize,
 }
 
-impl Cells {
+impl PanelCells {
     fn add(&mut self, grid: &DepthGrid, judgements: &[CellJudgement]) {
         let count = |verdict| judgements.iter().filter(|j| j.verdict == verdict).count();
         self.all += judgements.len();
@@ -221,7 +221,7 @@ fn show_frames(points: &[[Point; 2]], finding: &mut Finding) {
 fn conclude(
     checkpoints: &[Checkpoint],
     points: &[[Point; 2]],
-    cells: [Cells; 2],
+    cells: [PanelCells; 2],
     finding: &mut Finding,
 ) {
     let right = cells.map(|c| c.right_percent());
@@ -367,10 +367,10 @@ mod tests {
                 ..CheckpointTally::default()
             },
             wrong,
-            cells: Cells {
+            cells: PanelCells {
                 all: 150,
                 right: 10 * passed,
-                ..Cells::default()
+                ..PanelCells::default()
             },
         };
         v3.into_iter()
@@ -382,7 +382,7 @@ mod tests {
     #[test]
     fn the_observations_of_the_thesis_hold() {
         let checkpoints = Scenario::arena().unwrap().checkpoints;
-        let cells = Cells {
+        let cells = PanelCells {
             all: 100,
             right: 40,
             wrong: 3,
@@ -396,7 +396,7 @@ mod tests {
         let v3 = [(10, 0), (4, 3), (10, 0), (10, 0), (10, 0), (8, 0)];
         let svs = [(9, 1), (6, 4), (9, 1), (9, 1), (9, 1), (10, 0)];
         assert_eq!(met(v3, svs, [cells; 2]), [true; 6]);
-        let seen = Cells {
+        let seen = PanelCells {
             right: 46,
             first_column: 1,
             ..cells

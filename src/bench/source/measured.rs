@@ -6,15 +6,15 @@ use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Truth};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
-use svl_report::units::TopicDelay;
+use svl_report::TopicDelay;
 
 /// The measurements of another sensor or program.
-pub enum Measurements {
+pub enum MeasuredMaps {
     Topic(Box<SensorTopic>),
     Files(MapFiles),
 }
 
-impl Measurements {
+impl MeasuredMaps {
     /// The disparities of a frame, if it has a measurement.
     fn measured(&mut self, frame: &Frame) -> Result<Option<(Plane<f32>, MapDensity)>> {
         match self {
@@ -40,7 +40,7 @@ pub(super) fn topics_of(
     maps: &[MapRequest],
     reader: &Reader,
     truth: Option<&str>,
-) -> Result<Vec<(String, Measurements)>> {
+) -> Result<Vec<(String, MeasuredMaps)>> {
     let topic = |map: &MapRequest| {
         let MapPlace::Topic(topic) = &map.place else {
             return Ok(None);
@@ -56,7 +56,7 @@ pub(super) fn topics_of(
             max_skew_ns: map.max_skew_ns,
             role: SensorRole::Map,
         };
-        let topic = Measurements::Topic(Box::new(reader.sensor(&selection)?));
+        let topic = MeasuredMaps::Topic(Box::new(reader.sensor(&selection)?));
         Ok(Some((map.source.clone(), topic)))
     };
     maps.iter()
@@ -68,7 +68,7 @@ pub(super) fn topics_of(
 ///
 /// # Errors
 /// As [`MapFiles::of_maps`].
-pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, Measurements)>> {
+pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, MeasuredMaps)>> {
     let files = |map: &MapRequest| match &map.place {
         MapPlace::Topic(_) => None,
         MapPlace::Files {
@@ -77,7 +77,7 @@ pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, Measurements)
             scale,
         } => {
             let files = MapFiles::of_maps(pattern, (*unit_m, *scale), map.max_skew_ns);
-            Some(files.map(|files| (map.source.clone(), Measurements::Files(files))))
+            Some(files.map(|files| (map.source.clone(), MeasuredMaps::Files(files))))
         }
     };
     maps.iter().filter_map(files).collect()
@@ -114,17 +114,18 @@ pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<B
     })
 }
 
-/// The delays of the topics among these.
-pub(super) fn delays(maps: &[(String, Measurements)]) -> Vec<TopicDelay> {
+/// The delays of the topics among these; none where log times are stamps, as in svl's recordings.
+pub(super) fn delays(maps: &[(String, MeasuredMaps)]) -> Vec<TopicDelay> {
     let ranks = |delays: &[i64]| {
         let rank = |share| Some(nearest_rank(delays, share)? as f64 / 1e6);
         Some([rank(0.5)?, rank(0.99)?])
     };
-    let delay = |(_, map): &(String, Measurements)| match map {
-        Measurements::Files(_) => None,
-        Measurements::Topic(topic) => {
+    let delay = |(_, map): &(String, MeasuredMaps)| match map {
+        MeasuredMaps::Files(_) => None,
+        MeasuredMaps::Topic(topic) => {
             let latency = topic.latency();
-            Some(TopicDelay {
+            let mut all = latency.topic_ns.iter().chain(&latency.images_ns);
+            all.any(|delay| *delay != 0).then(|| TopicDelay {
                 topic: topic.topic().to_owned(),
                 run: None,
                 topic_ms: ranks(&latency.topic_ns),
@@ -132,23 +133,26 @@ pub(super) fn delays(maps: &[(String, Measurements)]) -> Vec<TopicDelay> {
             })
         }
     };
-    maps.iter().filter_map(delay).collect()
+    let mut delays: Vec<_> = maps.iter().filter_map(delay).collect();
+    // Two algorithms may read one topic.
+    delays.dedup_by(|a, b| a.topic == b.topic);
+    delays
 }
 
 /// A source whose frames get the maps of other sensors and programs, and the truth of one in place
 /// of their own.
 pub struct MeasuredSource {
     source: Box<dyn Source>,
-    truth: Option<Measurements>,
+    truth: Option<MeasuredMaps>,
     /// By [`RecordedMap::source`].
-    maps: Vec<(String, Measurements)>,
+    maps: Vec<(String, MeasuredMaps)>,
 }
 
 impl MeasuredSource {
     pub fn new(
         source: Box<dyn Source>,
-        truth: Option<Measurements>,
-        maps: Vec<(String, Measurements)>,
+        truth: Option<MeasuredMaps>,
+        maps: Vec<(String, MeasuredMaps)>,
     ) -> Self {
         Self {
             source,
@@ -185,8 +189,8 @@ impl Source for MeasuredSource {
     fn finish(&mut self, taken: u64) -> Losses {
         let (without_truth, jumped) = match &self.truth {
             None => return self.source.finish(taken),
-            Some(Measurements::Topic(truth)) => (truth.without(), truth.jumped()),
-            Some(Measurements::Files(truth)) => (truth.without(), 0),
+            Some(MeasuredMaps::Topic(truth)) => (truth.without(), truth.jumped()),
+            Some(MeasuredMaps::Files(truth)) => (truth.without(), 0),
         };
         Losses {
             without_truth,

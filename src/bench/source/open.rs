@@ -8,7 +8,7 @@ use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, Measurements, RecordingSource,
+    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, MeasuredMaps, RecordingSource,
     VideoSource,
 };
 use std::path::Path;
@@ -388,7 +388,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         .as_ref()
         .map(|truth| reader.sensor(truth))
         .transpose()?;
-    let truth = truth.map(|truth| Measurements::Topic(Box::new(truth)));
+    let truth = truth.map(|truth| MeasuredMaps::Topic(Box::new(truth)));
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -496,7 +496,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         calibration_fault: unread.cloned(),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().chain(truth_note).collect(),
-        truth: truth.map(Measurements::Files),
+        truth: truth.map(MeasuredMaps::Files),
         ..Opened::new(source, header, stem)
     })
 }

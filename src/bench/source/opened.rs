@@ -4,7 +4,7 @@ use super::calibration::{self, Calib, CalibrationFiles};
 use super::measured::{delays, files_of};
 use super::request::Request;
 use super::{
-    Limited, MeasuredSource, Measurements, PlausibleSource, RectifiedSource, ReferenceSource,
+    Limited, MeasuredMaps, MeasuredSource, PlausibleSource, RectifiedSource, ReferenceSource,
     Resized, Source,
 };
 use serde::Serialize;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
-use svl_report::units::TopicDelay;
+use svl_report::TopicDelay;
 use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use svl_score::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
@@ -43,9 +43,9 @@ pub struct Opened {
     /// The reason why a calibration in it cannot be used.
     pub(super) calibration_fault: Option<String>,
     /// The truth of another sensor, if one was requested.
-    pub(super) truth: Option<Measurements>,
+    pub(super) truth: Option<MeasuredMaps>,
     /// The maps of topics that were requested, by their names in frames.
-    pub(super) maps: Vec<(String, Measurements)>,
+    pub(super) maps: Vec<(String, MeasuredMaps)>,
     /// Shortcomings of a folder, or of a recording that svl did not write.
     pub(super) remarks: Vec<String>,
 }

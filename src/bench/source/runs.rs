@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
-use svl_report::units::TopicDelay;
+use svl_report::TopicDelay;
 use svl_score::judge::{Judge, RunPart};
 use svl_score::manifest::RunRecord;
 use svl_score::scenario::{PairRange, RecordingRun, Scenario};

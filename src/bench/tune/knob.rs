@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn every_knob_of_every_algorithm_keeps_and_takes_its_value() {
-        for spec in MATCHERS {
+        for spec in MATCHERS.iter().filter(|spec| !spec.is_recorded()) {
             let setting = setting(spec.name);
             for knob in setting.knobs() {
                 let value = setting.value(&knob);

@@ -44,7 +44,7 @@ pub(super) const TOPIC: MatcherSpec = MatcherSpec {
         SKEW_MS,
     ],
     cells: None,
-    build: |parameters, _| Recorded::new(&TOPIC, parameters),
+    build: |parameters, _| RecordedMatcher::new(&TOPIC, parameters),
 };
 
 pub(super) const FILES: MatcherSpec = MatcherSpec {
@@ -79,7 +79,7 @@ pub(super) const FILES: MatcherSpec = MatcherSpec {
         SKEW_MS,
     ],
     cells: None,
-    build: |parameters, _| Recorded::new(&FILES, parameters),
+    build: |parameters, _| RecordedMatcher::new(&FILES, parameters),
 };
 
 /// A map that a source has to have besides its images.
@@ -125,12 +125,12 @@ impl MapRequest {
     }
 }
 
-struct Recorded {
+struct RecordedMatcher {
     source: String,
     place: MapPlace,
 }
 
-impl Recorded {
+impl RecordedMatcher {
     fn new(spec: &MatcherSpec, parameters: &Parameters) -> Result<Box<dyn Matcher>> {
         let usage = |why: &str| Err(Error::Usage(why.to_owned()));
         let Some(MapRequest { source, place, .. }) = MapRequest::new(spec, parameters) else {
@@ -161,7 +161,7 @@ impl Recorded {
     }
 }
 
-impl Matcher for Recorded {
+impl Matcher for RecordedMatcher {
     fn compute(
         &mut self,
         pair: RectifiedPair<'_>,

@@ -7,8 +7,8 @@ use crate::stereo::{Gray, Rgb, luma};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageFormat {
     Gray8,
-    /// In the machine's byte order. `bits` of 16 are used, 8 to 16 (12 of a sensor with values up to
-    /// 4095); the upper eight of them are matched, and larger values are white.
+    /// In the machine's byte order. `bits` of 16 are used, 8 to 16 (12 of a sensor with values up
+    /// to 4095); the upper eight of them are matched, and larger values are white.
     Gray16 {
         bits: u8,
     },

@@ -54,8 +54,8 @@ pub struct RangerOptions {
     pub threads: usize,
 }
 
-/// A matcher with all that is around it: rectification, filters, cells, the memory of earlier pairs,
-/// and threads.
+/// A matcher with all that is around it: rectification, filters, cells, the memory of earlier
+/// pairs, and threads.
 ///
 /// Its cells are those that the bench scores. Equal runs of pairs give equal bytes on every CPU,
 /// instruction set and number of threads. Allocates nothing after the first pairs of a size.

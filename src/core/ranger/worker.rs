@@ -20,12 +20,12 @@ enum JobSlot {
     Closed,
 }
 
-struct Job {
+struct PairJob {
     slot: Mutex<JobSlot>,
     changed: Condvar,
 }
 
-impl Job {
+impl PairJob {
     fn put(&self, content: JobSlot) {
         *self.slot.lock() = content;
         self.changed.notify_all();
@@ -51,7 +51,7 @@ impl Job {
 }
 
 pub(super) struct PairWorker {
-    job: Arc<Job>,
+    job: Arc<PairJob>,
     /// Ends its threads when dropped, after the job has left it.
     _pool: rayon::ThreadPool,
 }
@@ -67,7 +67,7 @@ impl PairWorker {
             .thread_name(|i| format!("svl-{i}"))
             .build()
             .map_err(|e| Error::Invalid(format!("threads cannot be started: {e}")))?;
-        let job = Arc::new(Job {
+        let job = Arc::new(PairJob {
             slot: Mutex::new(JobSlot::Empty),
             changed: Condvar::new(),
         });

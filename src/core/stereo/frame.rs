@@ -175,7 +175,7 @@ pub struct Truth {
     pub kind: TruthKind,
 }
 
-/// A disparity map of the left image that others computed: published in the recording, or in a file.
+/// A disparity map of the left image that others computed: in the recording, or in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedMap {
     /// Where it is from, as [`crate::matcher::MapRequest::source`] names it.

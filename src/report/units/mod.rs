@@ -25,6 +25,7 @@ pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, w
 
 use super::drives::{CoursePlan, DriveRow, TrackRow};
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};
+use super::latency::TopicDelay;
 use super::rows::{CellRow, FailureRow, Record, Row};
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
@@ -163,19 +164,6 @@ pub struct RunFacts {
     /// The runs that were registered before it, whose pairs it has no copies of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after: Vec<String>,
-}
-
-/// Log time minus stamp of a topic's messages and of the left images: transport and processing on
-/// the robot, not time of matching.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TopicDelay {
-    pub topic: String,
-    /// Name of the recording.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub run: Option<String>,
-    /// Median and 99th percentile, by nearest rank; none without stamps.
-    pub topic_ms: Option<[f64; 2]>,
-    pub images_ms: Option<[f64; 2]>,
 }
 
 impl RunFacts {

@@ -738,8 +738,8 @@ pub const METRICS: &[Metric] = &[
         note: Some(|_| {
             let words = "of the cells with a reported and a true distance: the mean of reported \
                          minus true (bias), the root of the mean square (RMSE), the median of the \
-                         absolute error, and the mean of absolute error over true distance (AbsRel); \
-                         accuracy.csv has them by range";
+                         absolute error, and the mean of absolute error over true distance \
+                         (AbsRel); accuracy.csv has them by range";
             ("distance error", words.into())
         }),
         ..DETAIL
@@ -795,9 +795,9 @@ pub const METRICS: &[Metric] = &[
             number: CellNumber::Noise,
         },
         note: Some(|_| {
-            let words = "of cells whose true distance changes by at most 1 % from a pair to the next: \
-                         the standard deviation of the error (noise), and the fraction that changes \
-                         between known and unknown or by more than the tolerance (flicker)";
+            let words = "of cells whose true distance changes by at most 1 % from a pair to the \
+                         next: the standard deviation of the error (noise), and the fraction that \
+                         changes between known and unknown or by more than the tolerance (flicker)";
             ("over time", words.into())
         }),
         ..DETAIL

@@ -147,8 +147,8 @@ fn cloud(i: usize, depth: &Plane<f32>, rig: &Rig) -> Message {
     Message::cdr("/points", "sensor_msgs/msg/PointCloud2", stamp(i), data)
 }
 
-/// Distance of the camera beside the left one, as that of a RealSense's colour camera. Farther away,
-/// more of the scene is hidden from it.
+/// Distance of the camera beside the left one, as that of a RealSense's colour camera. Farther
+/// away, more of the scene is hidden from it.
 const SHIFT_M: f64 = 0.015;
 /// Columns that the other camera sees to the left of the left camera's image.
 const PAD: usize = 100;
@@ -279,8 +279,8 @@ fn fixture() -> Fixture {
 fn published_results_have_the_cells_of_the_matcher() {
     let fixture = fixture();
     fixture.run(
-        "score bag/bag.mcap --truth /truth --algo own=sgm:min_disparity=1 --algo depth=topic:/depth \
-         --algo disparity=topic:/disparity --algo cloud=topic:/points \
+        "score bag/bag.mcap --truth /truth --algo own=sgm:min_disparity=1 \
+         --algo depth=topic:/depth --algo disparity=topic:/disparity --algo cloud=topic:/points \
          --algo moved=topic:/moved/depth --algo half=topic:/half/depth \
          --algo truth --algo moved_truth=topic:/moved_truth/depth --rerun none -o rep -q",
     );
@@ -301,7 +301,7 @@ fn published_results_have_the_cells_of_the_matcher() {
     // Nothing was matched: no times, in no table.
     let rows: Vec<Row> = read_rows(&report.join("rows.csv")).unwrap();
     for row in rows {
-        let is_matched = row.algorithm == "own";
+        let is_matched = ["own", "truth"].contains(&row.algorithm.as_str());
         let times = [row.total_us, row.matching_us, row.smoothing_us];
         assert_eq!(
             times.map(|t| t.is_some()),
@@ -371,6 +371,43 @@ fn a_map_that_is_none_is_one_line() {
         bench --algo z=topic:/depth => 2: matches no images
         ",
     );
+}
+
+/// Depth whose stamps are of another clock: the offset is named, and never applied.
+#[test]
+fn a_clock_that_differs_is_named_with_its_offset() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    let rig = frames[0].rig().unwrap();
+    let size = frames[0].pair.size();
+    let own = Plane::filled(size.0, size.1, 1.0_f32).unwrap();
+    let fb = rig.focal_px() * rig.baseline_m();
+    let shifted = |i: usize, seconds: i64| {
+        let message = depth("/depth", "cam", i, &own);
+        let mut data = message.data.clone();
+        let own = u32::from_le_bytes(*data[4..].first_chunk().unwrap());
+        let other = u32::try_from(i64::from(own) + seconds).unwrap();
+        data[4..8].copy_from_slice(&other.to_le_bytes());
+        message.with(data)
+    };
+    for (seconds, words) in [(3600, "3599.960 s ahead"), (-60, "60.040 s behind")] {
+        let pairs = (0..3).flat_map(|i| {
+            let pixels: Vec<u8> = frames[i].pair.left().pixels().collect();
+            let image = |topic| ros_image_in("cam", topic, stamp(i), size, ("mono8", &pixels));
+            [
+                camera_info("/left/camera_info", "cam", i, (rig, 1.0, 0.0), size),
+                camera_info("/right/camera_info", "cam", i, (rig, 1.0, -fb), size),
+                image("/left/image_rect"),
+                image("/right/image_rect"),
+                shifted(i, seconds),
+            ]
+        });
+        bag::write(&fixture.path(""), &pairs.collect::<Vec<_>>());
+        let expected = ["topic:/depth", "stamps are from another time", words];
+        fixture
+            .svl("score bag.mcap --algo z=topic:/depth --rerun none -o rep")
+            .failed(1, &expected);
+    }
 }
 
 /// The lines of the page run in their order, with the limits that it names.

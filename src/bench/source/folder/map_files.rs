@@ -133,8 +133,8 @@ impl MapFiles {
         })
     }
 
-    /// The files of an algorithm's maps, disparities unless `unit_m` is given. The pattern is a path
-    /// of its own.
+    /// The files of an algorithm's maps, disparities unless `unit_m` is given. The pattern is a
+    /// path of its own.
     ///
     /// # Errors
     /// As [`MapFiles::new`].
@@ -196,8 +196,8 @@ impl MapFiles {
         self.without
     }
 
-    /// Disparities from the file with the frame's name, or else, of those whose names are times, from
-    /// the one nearest to its stamp.
+    /// Disparities from the file with the frame's name, or else, of those whose names are times,
+    /// from the one nearest to its stamp.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
@@ -230,10 +230,14 @@ impl MapFiles {
             Ok(disparity) => disparity,
             Err(error) => {
                 self.told.unreadable += 1;
+                let what = match self.role {
+                    SensorRole::Truth => "truth",
+                    SensorRole::Map => "map",
+                };
                 match self.told.unreadable {
-                    ..MAX_NAMED => tracing::warn!("{error}; left out, its pair is without"),
+                    ..MAX_NAMED => tracing::warn!("{error}; left out, its pair has no {what}"),
                     MAX_NAMED => tracing::warn!(
-                        "{error}; left out, its pair is without; further files that cannot be \
+                        "{error}; left out, its pair has no {what}; further files that cannot be \
                          read are not named"
                     ),
                     _ => {}
@@ -338,8 +342,8 @@ impl MapFiles {
         let file = self.files.keys().next();
         let file = file.map(|key| String::from_utf8_lossy(key));
         tracing::warn!(
-            "{}: no file fits the pair '{pair}': the part at * is '{}' in the first file; names have \
-             to be equal, or times at most {} ms apart ({skew})",
+            "{}: no file fits the pair '{pair}': the part at * is '{}' in the first file; names \
+             have to be equal, or times at most {} ms apart ({skew})",
             self.asked(),
             file.unwrap_or_default(),
             self.max_skew_ns as f64 / 1e6

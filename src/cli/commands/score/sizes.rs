@@ -1,4 +1,4 @@
-//! Sizes of the user's robot, without a scenario of its own: what is near, the cells, the tolerance.
+//! Sizes of the user's robot, without a scenario of its own: what is near, cells, tolerance.
 
 use crate::cli::shared::usage;
 use svl::scenario::{MAX_GRID, Scenario};
@@ -10,24 +10,31 @@ const MIN_TOLERANCE_M: f64 = 0.001;
 /// In place of the scenario's.
 #[derive(Clone, clap::Args)]
 pub(super) struct SizeArgs {
-    /// Distance below which something is an obstacle, metres [default: the scenario's, else 0.5]
+    /// Distance of an obstacle, metres [default: 0.5]
     ///
     /// Near obstacles are missed, found and false by it; beyond one and a half times as far nothing
-    /// has to be avoided yet.
-    #[arg(id = "near_m", long = "near", value_name = "M", value_parser = usage::within(0.01..=1000.0))]
+    /// has to be avoided yet [default: the scenario's, else 0.5].
+    #[arg(
+        id = "near_m", long = "near", value_name = "M",
+        value_parser = usage::within(0.01..=1000.0)
+    )]
     near: Option<f64>,
-    /// Cells of the obstacle grid [default: the scenario's, else 5x3]
+    /// Cells of the obstacle grid [default: 5x3]
+    ///
+    /// [default: the scenario's, else 5x3].
     #[arg(id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape)]
     cells: Option<GridShape>,
-    /// Tolerance of a right cell: 5% of its distance, 0.1m, or both as 0.1m,5%, of which the larger
-    /// counts [default: the scenario's, else 0.1m,20%]
+    /// Tolerance of a right cell: 5%, 0.1m, or both
+    ///
+    /// Per cent of the distance, metres, or both as 0.1m,5%, of which the larger counts [default:
+    /// the scenario's, else 0.1m,20%].
     #[arg(long, value_name = "M|P%", value_parser = tolerance)]
-    tolerance: Option<Tolerance>,
+    tolerance: Option<CellTolerance>,
 }
 
 /// Metres, and per cent of the distance: the larger counts.
 #[derive(Clone, Copy)]
-struct Tolerance {
+struct CellTolerance {
     metres: Option<f64>,
     percent: Option<f64>,
 }
@@ -40,8 +47,8 @@ fn shape(text: &str) -> Result<GridShape, String> {
     shape.ok_or_else(|| format!("expected COLUMNSxROWS, as 8x4, each 1 to {MAX_GRID}"))
 }
 
-fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let mut found = Tolerance {
+fn tolerance(text: &str) -> Result<CellTolerance, String> {
+    let mut found = CellTolerance {
         metres: None,
         percent: None,
     };
@@ -94,7 +101,7 @@ impl SizeArgs {
             *clear_m *= near_m / *obstacle_m;
             *obstacle_m = near_m;
         }
-        if let Some(Tolerance { metres, percent }) = self.tolerance {
+        if let Some(CellTolerance { metres, percent }) = self.tolerance {
             *tolerance_m = metres.unwrap_or(MIN_TOLERANCE_M);
             // Of no distance more than the metres.
             *tolerance_percent = percent.unwrap_or(f64::EPSILON);

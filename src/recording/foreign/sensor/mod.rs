@@ -212,7 +212,7 @@ impl SensorTopic {
         self.measurements.latency()
     }
 
-    /// Disparities of the left image from the nearest measurement within the limit, if there is one.
+    /// Disparities of the left image from the nearest measurement within the limit, if any.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
