@@ -8,7 +8,7 @@
 
 use mcap::records::MessageHeader;
 use std::io::Cursor;
-use svl::recording::{Reader, Recording, Selection, TruthSelection};
+use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection};
 
 // Videos are read up to their decoder: no input starts ffmpeg.
 // SAFETY: nothing else runs yet.
@@ -34,18 +34,22 @@ libfuzzer_sys::fuzz_target!(init: unsafe { std::env::set_var("PATH", "") }, |byt
             // Decodes the first message of each topic that could be a truth.
             let truths = reader.truth_topics().unwrap_or_default().into_iter();
             let max_skew_ns = u64::MAX;
-            let truths = truths.map(|topic| TruthSelection { topic, max_skew_ns });
-            let truths = truths.filter_map(|truth| reader.truth(&truth).ok());
+            let truths = truths.map(|topic| SensorSelection {
+                topic,
+                max_skew_ns,
+                role: SensorRole::Truth,
+            });
+            let truths = truths.filter_map(|truth| reader.sensor(&truth).ok());
             let mut truths: Vec<_> = truths.collect();
             let mut images = 2 * u64::from(reader.next_pair().is_ok());
             loop {
                 match reader.next_pair() {
                     Ok(None) => break,
-                    Ok(Some(mut frame)) => {
+                    Ok(Some(frame)) => {
                         images += 2;
                         for truth in &mut truths {
                             // The reason why it has none.
-                            let _ = truth.attach(&mut frame);
+                            let _ = truth.measured(&frame);
                         }
                     }
                     Err(_) => {}

@@ -2,7 +2,7 @@
 #![no_main]
 
 use svl::Error;
-use svl::recording::{Reader, Recording, Selection, TruthSelection};
+use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("a.bag", bytes, |path| {
@@ -16,9 +16,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let truths = reader.truth_topics().unwrap_or_default().into_iter();
         let truths = truths.filter_map(|topic| {
             reader
-                .truth(&TruthSelection {
+                .sensor(&SensorSelection {
                     topic,
                     max_skew_ns: u64::MAX,
+                    role: SensorRole::Map,
                 })
                 .ok()
         });
@@ -26,8 +27,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         loop {
             match reader.next_pair() {
                 Ok(None) | Err(Error::Damaged { .. }) => break,
-                Ok(Some(mut frame)) => truths.iter_mut().for_each(|truth| {
-                    let _ = truth.attach(&mut frame);
+                Ok(Some(frame)) => truths.iter_mut().for_each(|truth| {
+                    let _ = truth.measured(&frame);
                 }),
                 Err(_) => {}
             }

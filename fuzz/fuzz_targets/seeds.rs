@@ -456,6 +456,7 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
         )),
         color: None,
         exposure: stereo::Exposure::default(),
+        maps: Vec::new(),
         recorded: None,
         calibration: None,
     })

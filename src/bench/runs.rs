@@ -6,7 +6,7 @@ use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
     self, Limited, Opened, PlausibleSource, RecordingSource, ReferenceSource, Request, RunSource,
-    Source, SourceKind, SourceOrigin, run_request,
+    Source, SourceKind, SourceOrigin, run_request, with_files,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -112,7 +112,8 @@ impl ScoredSource {
 
 /// The pairs of a source that the scenario asks for, with the truth that it asks for.
 fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn Source>> {
-    let source = Limited::new(Box::new(source), scenario.options.range(), None);
+    let source = with_files(Box::new(source), &scenario.algorithms)?;
+    let source = Limited::new(source, scenario.options.range(), None);
     let references = scenario.options.references()?;
     Ok(match &references[..] {
         [] => Box::new(PlausibleSource::new(Box::new(source))),
@@ -251,6 +252,21 @@ pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
     named
         .map(Path::to_owned)
         .or_else(|| variable().map(PathBuf::from))
+}
+
+/// Refuses algorithms that report maps which others computed, where pairs have none.
+///
+/// # Errors
+/// [`Error::Usage`] with the first.
+pub fn refuse_recorded(algorithms: &[Algorithm]) -> Result<()> {
+    match algorithms.iter().find(|a| a.spec().is_recorded()) {
+        None => Ok(()),
+        Some(algorithm) => Err(Error::Usage(format!(
+            "{}: matches no images; `svl score` and `svl replay` read its maps with the pairs of a \
+             recording",
+            algorithm.label()
+        ))),
+    }
 }
 
 /// Warns of algorithms that are scored against themselves.

@@ -34,14 +34,14 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
 }
 
 /// Disparities, `+∞` for none, from the same files and images of 8 bits, whose values are `scale`
-/// times the disparity; 0 is none.
+/// times the disparity. `has_zeros`: false where 0 is none.
 ///
 /// # Errors
 /// As [`read_depth`].
-pub fn read_disparity_steps(path: &Path, scale: f32) -> Result<Plane<f32>> {
+pub fn read_disparity_steps(path: &Path, scale: f32, has_zeros: bool) -> Result<Plane<f32>> {
     let (values, _) = values(path, true)?;
     Ok(values.map(|value| {
-        if value == 0.0 || !value.is_finite() {
+        if (value == 0.0 && !has_zeros) || !value.is_finite() {
             f32::INFINITY
         } else {
             value / scale
@@ -129,7 +129,7 @@ mod tests {
         let found = depths(&metres, None);
         assert!(found[0] == 1.5 && found[1].is_nan());
         let scaled = array("<u2", &[0, 0, 0, 3]);
-        let disparities = read_disparity_steps(&scaled, 256.0).unwrap();
+        let disparities = read_disparity_steps(&scaled, 256.0, false).unwrap();
         assert_eq!(disparities.row(0), [f32::INFINITY, 3.0]);
         std::fs::write(&metres, b"\x93NUMPY").unwrap();
         assert!(read_depth(&metres, None).is_err());

@@ -273,6 +273,7 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
         recorded: None,
         pose: left.pose,
         truth,
+        maps: Vec::new(),
         color,
         exposure,
     })

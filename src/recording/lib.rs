@@ -76,8 +76,8 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
-    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, TopicPairs, TruthSelection,
-    TruthTopic, UnpairedImages, VideoSummary,
+    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, SensorRole,
+    SensorSelection, SensorTopic, TopicLatency, TopicPairs, UnpairedImages, VideoSummary,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
@@ -85,7 +85,7 @@ pub use opened::Recording;
 pub use reader::Reader;
 pub use recovery::Recovery;
 pub use result::{AlgorithmResult, PairResult, StoredResults};
-pub use ros::{ResultMessage, ResultOptions, diagnostics, result_messages, scan_transform};
+pub use ros::{CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, scan_transform};
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
 pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
@@ -102,6 +102,9 @@ use svl_files::BitDepth;
 
 /// Name of the attachment with the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
+
+/// Topic of the true depths in a recording of svl's.
+pub const TRUTH_DEPTH: &str = "/truth/depth";
 
 /// Prefix of the names of attached calibration files, with which the pairs were rectified or, if
 /// raw, can be.
@@ -172,7 +175,7 @@ impl TopicKind {
             TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
             TopicKind::Baseline => "/rig/baseline",
             TopicKind::Pose => "/rig/pose",
-            TopicKind::Depth => "/truth/depth",
+            TopicKind::Depth => TRUTH_DEPTH,
             TopicKind::Disparity => "/truth/disparity",
             TopicKind::Visibility => "/truth/visibility",
             TopicKind::Surface => "/truth/surface",

@@ -2,7 +2,7 @@
 
 use super::assembly::PairAssembler;
 use super::container::Container;
-use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic, truth_topics};
+use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic, truth_topics};
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
@@ -159,17 +159,17 @@ impl Reader {
         self.source.remarks()
     }
 
-    /// The truth of another sensor in the recording.
+    /// The distances that a topic of the recording has.
     ///
     /// # Errors
-    /// [`Error::Format`] for a topic that cannot be the truth; [`Error::Io`].
-    pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
+    /// [`Error::Format`] for a topic that cannot have any; [`Error::Io`].
+    pub fn sensor(&self, selection: &SensorSelection) -> Result<SensorTopic> {
         let (topics, pairs) = (self.source.topics(), self.source.stamps());
-        TruthTopic::open(&self.recording, topics, pairs, selection)
+        SensorTopic::open(&self.recording, topics, pairs, selection)
     }
 
     /// The topics that measure distances, decided by the first message of each: those that
-    /// [`Reader::truth`] accepts.
+    /// [`Reader::sensor`] accepts.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].

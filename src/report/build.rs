@@ -1,5 +1,6 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
+use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
 use super::maps::maps;
@@ -7,8 +8,8 @@ use super::rows::Row;
 use super::sources::{SUMMARY, Sources};
 use super::sweeps::sweeps;
 use super::units::{
-    ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
-    read_tables, remove_file, write_tables,
+    ReportPlan, ReportTables, RunUnits, StoredSession, TopicDelay, UNITS, Units, collect_tables,
+    made_of, read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
 use crate::outputs::{FolderRule, write, write_json};
@@ -132,6 +133,8 @@ impl Report<'_> {
             manifest.warnings.push(warning);
         }
         summary.add_drives(&tables.drives);
+        summary.add_accuracy(&tables.accuracy);
+        summary.latency = self.latency();
         summary.ending = self.ending()?;
         summary.rule = plan.part("cells")?.unwrap_or_default();
         let columns: Option<ColumnChoice> = plan.part("columns")?;
@@ -266,6 +269,20 @@ impl Report<'_> {
             }
         }
         manifest
+    }
+
+    /// The delays of the topics of all runs.
+    fn latency(&self) -> Vec<TopicDelay> {
+        let facts = self.runs.iter().filter(|run| run.run.stress.is_none());
+        let delays = facts.filter_map(|run| {
+            let delays = run.facts.as_ref()?.latency.iter();
+            let name = &run.run.run;
+            Some(delays.map(move |delay| TopicDelay {
+                run: name.clone(),
+                ..delay.clone()
+            }))
+        });
+        delays.flatten().collect()
     }
 
     /// The end of the run: what is missing of it.
@@ -448,7 +465,10 @@ fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
 fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     let mut times: Vec<(String, Vec<f64>)> = Vec::new();
     for row in rows.iter().filter(|row| row.stress.is_none()) {
-        let ms = row.total_us as f64 / 1e3;
+        let Some(total_us) = row.total_us else {
+            continue;
+        };
+        let ms = total_us as f64 / 1e3;
         match times
             .iter_mut()
             .find(|(algorithm, _)| *algorithm == row.algorithm)
@@ -474,7 +494,8 @@ fn is_recording(name: &str) -> bool {
 
 fn is_table(name: &str) -> bool {
     let stem = name.strip_suffix(".csv").or(name.strip_suffix(".parquet"));
-    stem.is_some_and(|stem| REPORT_TABLES.split(' ').any(|own| own == stem))
+    let mut names = TABLES.iter().map(|table| table.name).chain(["algorithms"]);
+    stem.is_some_and(|stem| names.any(|own| own == stem))
 }
 
 /// The folder of a report.
@@ -485,10 +506,6 @@ pub const REPORT: FolderRule = FolderRule {
     mark: "units/plan.json",
     cure: "name another folder with -o",
 };
-
-/// Its tables, each as `.csv` and `.parquet`.
-const REPORT_TABLES: &str =
-    "rows cells failures checkpoints algorithms summary verdicts drives tracks";
 
 const REPORT_FILES: &[&str] = &[
     MANIFEST,

@@ -37,10 +37,23 @@ impl Summary {
             .chain(failed)
             .chain(doubtful);
         parts
+            .chain(self.nothing_near())
             .chain(profile)
             .chain(self.mixed_times())
             .chain(self.outliers())
             .collect()
+    }
+
+    /// Caution about obstacles where nothing is near.
+    fn nothing_near(&self) -> Option<String> {
+        let near = self.algorithms.iter().filter_map(|a| a.totals.get("near"));
+        let (near_m, _) = self.rule.obstacle_and_clear_m();
+        near.reduce(f64::max).filter(|near| *near == 0.0).map(|_| {
+            format!(
+                "in the truth nothing is nearer than {near_m} m, so no obstacle can be missed or \
+                 found; --near M sets what is near"
+            )
+        })
     }
 
     /// Caution about times of several sessions.

@@ -1,5 +1,6 @@
 //! The tables of a report and the meanings of their columns.
 
+use super::accuracy::AccuracyRow;
 use super::columns::ColumnDescription;
 use super::drives::{DriveRow, TrackRow};
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
@@ -40,6 +41,11 @@ pub const TABLES: &[TableDescription] = &[
         name: "checkpoints",
         about: "one checkpoint of one run through one algorithm",
         columns: CheckpointRow::columns,
+    },
+    TableDescription {
+        name: "accuracy",
+        about: "the errors of the distances of one algorithm in one range",
+        columns: AccuracyRow::columns,
     },
     TableDescription {
         name: "failures",

@@ -7,6 +7,7 @@
 //!                                       html::ReportPage, summary and verdicts
 //! ```
 
+mod accuracy;
 mod algorithm_parameters;
 mod answer;
 mod build;
@@ -45,6 +46,7 @@ mod totals;
 pub mod units;
 mod words;
 
+pub use accuracy::AccuracyRow;
 pub use algorithm_parameters::write_algorithms;
 pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use choice::{OBJECTIVES, better_first, pareto_front};

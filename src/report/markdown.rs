@@ -19,7 +19,12 @@ impl Summary {
             page.push_str(&format!("\n## {}\n\n{}", escape(title), table.markdown()));
         };
         section("All metrics", &self.all_metrics());
-        let single = [self.checkpoint_table(), self.drive_table()];
+        let single = [
+            self.checkpoint_table(),
+            self.drive_table(),
+            self.accuracy_table(),
+            self.latency_table(),
+        ];
         let tables = single.into_iter().flatten().chain(self.stress_tables());
         for table in tables.chain(self.speed_table()) {
             section(&table.title, &table);

@@ -176,15 +176,16 @@ record! {
         /// it.
         disparities: Option<u32>,
         /// Time of smoothing.
-        smoothing_us: u64,
+        smoothing_us: Option<u64>,
         /// Time of the texture filter.
-        texture_us: u64,
+        texture_us: Option<u64>,
         /// Time of matching.
-        matching_us: u64,
+        matching_us: Option<u64>,
         /// Time of the consistency checks.
-        checks_us: u64,
-        /// Time of the whole pair, filters included.
-        total_us: u64,
+        checks_us: Option<u64>,
+        /// Time of the whole pair, filters included; the times are absent for a map that others
+        /// computed.
+        total_us: Option<u64>,
         /// A column per metric of frames.
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
@@ -422,7 +423,7 @@ static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
 static METRICS_IN_SUMMARIES: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
     METRICS
         .iter()
-        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .filter_map(|metric| Some((metric, metric.summary_column()?)))
         .collect()
 });
 
@@ -523,18 +524,19 @@ fn stored_metrics(order: &MetricOrder, fields: &[&MetricValues]) -> Vec<Column> 
 
 /// The column of a metric of frames.
 fn metric_column(metric: &Metric) -> ColumnDescription {
-    let (name, total) = metric.column().expect("a metric of frames");
+    let name = metric.summary_column().expect("a metric with a column");
     let kind = if metric.counts() {
         "integer?"
     } else {
         "number?"
     };
-    let total = match total {
-        MetricTotal::Mean if metric.unit == MetricUnit::Share => {
+    let total = match metric.column() {
+        None => "Of the cells of all pairs.",
+        Some((_, MetricTotal::Mean)) if metric.unit == MetricUnit::Share => {
             "A fraction; totals are means over pairs."
         }
-        MetricTotal::Mean => "Totals are means over pairs.",
-        MetricTotal::Sum | MetricTotal::ShareOf(_) => "Totals are sums over pairs.",
+        Some((_, MetricTotal::Mean)) => "Totals are means over pairs.",
+        Some((_, MetricTotal::Sum | MetricTotal::ShareOf(_))) => "Totals are sums over pairs.",
     };
     let note = metric.note.map(|note| note(CellRule::default()));
     let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
@@ -543,7 +545,11 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
         meaning,
         Some(total.to_owned()),
     ];
-    let unit = (metric.unit == MetricUnit::Px).then_some("px");
+    let unit = match metric.unit {
+        MetricUnit::Px => Some("px"),
+        MetricUnit::M => Some("m"),
+        _ => None,
+    };
     ColumnDescription {
         name,
         kind,

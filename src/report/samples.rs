@@ -39,10 +39,10 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
         },
         MetricOrigin::Time => Some(Sample::Median(
             rows.iter()
-                .map(|row| row.total_us as f64 / 1000.0)
+                .filter_map(|row| Some(row.total_us? as f64 / 1000.0))
                 .collect(),
         )),
-        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+        MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
     }
 }
 

@@ -60,11 +60,12 @@ impl Sources {
 }
 
 /// The tables with all rows of a report.
-const TABLES: [&str; 6] = [
+const TABLES: [&str; 7] = [
     "rows",
     "cells",
     "failures",
     "checkpoints",
+    "accuracy",
     "drives",
     "tracks",
 ];

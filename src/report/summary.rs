@@ -1,5 +1,6 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
+use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
 use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
@@ -7,6 +8,7 @@ use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
+use super::units::TopicDelay;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -49,6 +51,12 @@ pub struct Summary {
     /// Algorithms that matched as programs of their own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub programs: Vec<ProgramSummary>,
+    /// Errors of distances by range, where cells have distances.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub accuracy: Vec<AccuracyRow>,
+    /// Delays of the topics whose maps were scored.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub latency: Vec<TopicDelay>,
     /// Drives, if the algorithms steered a robot, in the order of the algorithms.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSummary>,
@@ -224,6 +232,7 @@ impl AlgorithmSummary {
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } => self.totals.value(metric),
+            MetricOrigin::Cells { .. } => self.totals.get(metric.name),
             MetricOrigin::Time => self.p50_ms,
             MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
         }
@@ -324,7 +333,7 @@ impl Summary {
     /// that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
         match metric.origin {
-            MetricOrigin::Frame { .. } | MetricOrigin::Time => {
+            MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } | MetricOrigin::Time => {
                 let own = self.algorithms.iter().find(|a| a.algorithm == label)?;
                 own.value(metric)
             }
@@ -352,6 +361,21 @@ impl Summary {
         own.fold((0, 0), |(passed, frames), c| {
             (passed + c.passed, frames + c.frames)
         })
+    }
+
+    /// Adds the errors of distances.
+    pub fn add_accuracy(&mut self, rows: &[AccuracyRow]) {
+        for row in rows.iter().filter(|row| row.is_of_all()) {
+            let own = self.algorithms.iter_mut();
+            for summary in own.filter(|own| own.algorithm == row.algorithm) {
+                for metric in METRICS {
+                    if let MetricOrigin::Cells { number, .. } = metric.origin {
+                        summary.totals.0.set(metric.name, row.number(number));
+                    }
+                }
+            }
+        }
+        self.accuracy = rows.to_vec();
     }
 
     /// Adds the results of drives.
@@ -437,6 +461,17 @@ fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
 }
 
 fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
+    let summary = AlgorithmSummary {
+        algorithm: first(rows, "algorithm")?,
+        pairs: rows.height() as u64,
+        totals: totals(rows)?,
+        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
+        ..AlgorithmSummary::default()
+    };
+    // A map that others computed has no times.
+    if rows.column("total_us")?.null_count() == rows.height() {
+        return Ok(summary);
+    }
     let speed = Speed::from_rows(rows)?;
     let [
         smoothing_ms,
@@ -448,9 +483,6 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     ] = speed.stages_ms.map(Some);
     let time_per_gd_s = speed.time_per_gd_s();
     Ok(AlgorithmSummary {
-        algorithm: first(rows, "algorithm")?,
-        pairs: rows.height() as u64,
-        totals: totals(rows)?,
         p50_ms: Some(speed.rank_ms(0.50)),
         p95_ms: Some(speed.rank_ms(0.95)),
         p99_ms: Some(speed.rank_ms(0.99)),
@@ -464,10 +496,8 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         checks_ms,
         filters_ms,
         other_ms,
-        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
         outliers: Some(speed.outliers()),
-        memory_mb: None,
-        failed_pairs: 0,
+        ..summary
     })
 }
 

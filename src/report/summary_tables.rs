@@ -80,6 +80,71 @@ impl Summary {
         self.metric_table(&ColumnChoice::All)
     }
 
+    /// Errors of distances by range, of all algorithms by range.
+    pub fn accuracy_table(&self) -> Option<Table> {
+        let mut table = Table::new("Error against distance", "algorithm").with_texts(["true m"]);
+        table = table.with_columns([
+            "cells",
+            "bias m",
+            "RMSE m",
+            "median m",
+            "AbsRel %",
+            "noise m",
+            "flicker %",
+        ]);
+        let metres = |value: Option<f64>| value.map_or(NONE.to_owned(), |v| format!("{v:.3}"));
+        let order = self.ranked_algorithms().into_iter();
+        let own = order.flat_map(|a| self.accuracy.iter().filter(|r| r.algorithm == a.algorithm));
+        for row in own {
+            let cells = [
+                row.range_words(),
+                row.cells.to_string(),
+                metres(row.bias_m),
+                metres(row.rmse_m),
+                metres(row.median_error_m),
+                percent(row.abs_rel),
+                metres(row.noise_m),
+                percent(row.flicker),
+            ];
+            table.push(&row.algorithm, cells);
+        }
+        table.note(
+            "noise, flicker",
+            "of cells whose true distance changes by at most 1 % from a pair to the next",
+        );
+        (!self.accuracy.is_empty()).then_some(table)
+    }
+
+    /// Delays of the topics whose maps were scored.
+    pub fn latency_table(&self) -> Option<Table> {
+        let mut table = Table::new("Latency on the robot, ms", "topic").with_columns([
+            "p50",
+            "p99",
+            "images p50",
+            "images p99",
+        ]);
+        for delay in &self.latency {
+            let numbers = [delay.topic_ms, delay.images_ms]
+                .into_iter()
+                .flat_map(|pair| {
+                    let shown =
+                        |i: usize| pair.map_or(NONE.to_owned(), |ms| format!("{:.1}", ms[i]));
+                    [shown(0), shown(1)]
+                });
+            let topic = match &delay.run {
+                Some(run) if self.scope.runs > 1 => format!("{} {run}", delay.topic),
+                _ => delay.topic.clone(),
+            };
+            table.push(&topic, numbers);
+        }
+        table.note(
+            "latency",
+            "log time minus stamp: exposure, transport and processing on the robot, as recorded; \
+             the difference to that of the images is what the depth cost",
+        );
+        (!self.latency.is_empty()).then_some(table)
+    }
+
     /// The algorithms in the order of tables: the user's, else by right minus wrong where true
     /// distances are known, else by the first column that has a better direction.
     pub fn ranked_algorithms(&self) -> Vec<&AlgorithmSummary> {

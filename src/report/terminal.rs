@@ -61,6 +61,9 @@ impl Summary {
         let mut tables = vec![table];
         let drives = self.drive_table();
         tables.extend(drives.filter(|_| self.columns == ColumnChoice::All));
+        let accuracy = self.accuracy_table();
+        tables.extend(accuracy.filter(|_| self.columns == ColumnChoice::All));
+        tables.extend(self.latency_table());
         tables.extend(self.stress_tables());
         for table in &tables[1..] {
             text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));

@@ -60,6 +60,12 @@ fn stressed(
             .all(|(_, other)| other.kind().name != kind.name)
         {
             let none = base.algorithms.iter();
+            // A map that others computed has no perturbed pairs.
+            let is_perturbed = |label: &str| {
+                let mut perturbed = rows.iter().filter(|row| row.stress.is_some());
+                perturbed.any(|row| row.algorithm == label)
+            };
+            let none = none.filter(|a| is_perturbed(&a.algorithm));
             summaries.extend(none.map(|a| summary(base, base, &a.algorithm, (kind, 0.0))));
         }
         let level = summarize(text)?;

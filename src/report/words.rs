@@ -11,6 +11,7 @@ pub(super) fn number(unit: MetricUnit, value: f64) -> String {
         MetricUnit::Share => format!("{:.1}", 100.0 * value),
         MetricUnit::Count => format!("{value:.0}"),
         MetricUnit::Px => format!("{value:.2}"),
+        MetricUnit::M => format!("{value:.3}"),
         MetricUnit::Per100M => format!("{value:.1}"),
         MetricUnit::Ms => ms(value),
     }

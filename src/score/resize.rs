@@ -7,7 +7,7 @@
 
 use crate::scenario::CropScale;
 use svl_core::stereo::{
-    Frame, Geometry, Gray, Plane, Rgb, Rig, StereoPair, Truth, TruthDensity, Visibility,
+    Frame, Geometry, Gray, MapDensity, Plane, RecordedMap, Rgb, Rig, StereoPair, Truth, Visibility,
 };
 use svl_core::{Error, Result};
 
@@ -60,6 +60,11 @@ impl Resizer {
                 .truth
                 .map(|truth| self.truth(&truth, window))
                 .transpose()?,
+            maps: frame
+                .maps
+                .into_iter()
+                .map(|map| self.map(map, window))
+                .collect::<Result<_>>()?,
             ..frame
         })
     }
@@ -76,11 +81,26 @@ impl Resizer {
         )
     }
 
+    fn map(&self, map: RecordedMap, window: [usize; 4]) -> Result<RecordedMap> {
+        let (disparity, _) = self.sampled(&map.disparity, map.density, window)?;
+        Ok(RecordedMap { disparity, ..map })
+    }
+
+    /// The disparities in the window, with the pixel of the window that provides each.
+    fn sampled(
+        &self,
+        disparity: &Plane<f32>,
+        density: MapDensity,
+        window: [usize; 4],
+    ) -> Result<(Plane<f32>, Plane<(usize, usize)>)> {
+        let whole = cropped(disparity, window)?;
+        let places = sampling(&whole, density, self.scale)?;
+        let scaled = places.map(|(x, y)| (f64::from(whole.get(x, y)) * self.scale) as f32);
+        Ok((scaled, places))
+    }
+
     fn truth(&self, truth: &Truth, window: [usize; 4]) -> Result<Truth> {
-        let scale = self.scale;
-        let whole = cropped(&truth.disparity, window)?;
-        let places = sampling(&whole, truth.kind.density, scale)?;
-        let disparity = places.map(|(x, y)| (f64::from(whole.get(x, y)) * scale) as f32);
+        let (disparity, places) = self.sampled(&truth.disparity, truth.kind.density, window)?;
         let visibility = truth.visibility.as_ref();
         let visibility = visibility.map(|seen| cropped(seen, window)).transpose()?;
         let mut visibility = visibility.map(|seen| places.map(|(x, y)| seen.get(x, y)));
@@ -121,11 +141,7 @@ fn side(side: usize, scale: f64) -> usize {
 /// The pixel that provides the truth of a new one: its central pixel. For a sensor's points,
 /// between which there are none, the one nearest to the centre of the area that the new pixel
 /// covers.
-fn sampling(
-    truth: &Plane<f32>,
-    density: TruthDensity,
-    scale: f64,
-) -> Result<Plane<(usize, usize)>> {
+fn sampling(truth: &Plane<f32>, density: MapDensity, scale: f64) -> Result<Plane<(usize, usize)>> {
     let (width, height) = truth.size();
     let middle = |i: usize, side: usize| (((i as f64 + 0.5) / scale) as usize).min(side - 1);
     let covered = |i: usize, side: usize| {
@@ -139,7 +155,7 @@ fn sampling(
     let (columns, rows) = (middles(width), middles(height));
     Plane::from_fn(columns.len(), rows.len(), |x, y| {
         let (u, v) = (columns[x], rows[y]);
-        if density == TruthDensity::Dense || truth.get(u, v).is_finite() {
+        if density == MapDensity::Dense || truth.get(u, v).is_finite() {
             return (u, v);
         }
         let places = covered(y, height).flat_map(|j| covered(x, width).map(move |i| (i, j)));
@@ -237,8 +253,8 @@ mod tests {
             known.collect::<Vec<_>>()
         };
         // The pixels (1, 1) and (5, 3) are the centres.
-        assert_eq!(known(TruthDensity::Sparse), [2.0, 6.0]);
-        assert_eq!(known(TruthDensity::Dense), [6.0]);
+        assert_eq!(known(MapDensity::Sparse), [2.0, 6.0]);
+        assert_eq!(known(MapDensity::Dense), [6.0]);
     }
 
     #[test]

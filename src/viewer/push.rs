@@ -83,16 +83,13 @@ impl RerunSink {
         }
 
         let millis = |time: std::time::Duration| Scalars::single(time.as_secs_f64() * 1e3);
-        for stage in Stage::ALL {
-            self.log(
-                &algorithm.path(&format!("latency/{}", stage.name())),
-                &millis(estimate.times.get(stage)),
-            )?;
+        if let Some(times) = estimate.times {
+            for stage in Stage::ALL {
+                let path = algorithm.path(&format!("latency/{}", stage.name()));
+                self.log(&path, &millis(times.get(stage)))?;
+            }
+            self.log(&algorithm.path("latency/total"), &millis(times.total()))?;
         }
-        self.log(
-            &algorithm.path("latency/total"),
-            &millis(estimate.times.total()),
-        )?;
         for metric in METRICS {
             let Some(plot) = metric.plot else { continue };
             let value = scored.metrics.get(metric.name);

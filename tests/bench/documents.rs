@@ -46,6 +46,22 @@ const PARSED: &[(&str, &str)] = &[
         "svl score drive_0001_sync/",
         "cli::folder_truth has such a folder",
     ),
+    (
+        "svl score drive.mcap",
+        "recording::recorded_depth follows the page",
+    ),
+    (
+        "svl info drive.mcap",
+        "recording::recorded_depth follows the page",
+    ),
+    (
+        "svl report today",
+        "recording::recorded_depth follows the page",
+    ),
+    (
+        "svl score depth.toml",
+        "recording::recorded_depth follows the page",
+    ),
     ("svl datasets fetch", "needs the network"),
     ("svl train v5", "takes minutes; cli::train is a short one"),
     ("svl view", "opens a window"),

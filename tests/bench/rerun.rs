@@ -44,6 +44,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         recorded: None,
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
         truth: Some(Truth::exact(truth, None)),
+        maps: Vec::new(),
         color: None,
         exposure: Exposure::default(),
     }
@@ -99,7 +100,7 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
         own_grid: false,
         unfiltered: None,
         range_px: None,
-        times,
+        times: Some(times),
     }
 }
 

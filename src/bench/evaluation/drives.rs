@@ -5,6 +5,7 @@ use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::run::{Monitor, Pace};
+use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -79,6 +80,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
             scenario.name
         )));
     };
+    refuse_recorded(&scenario.algorithms)?;
     let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
     let levels: Vec<_> = plan.stresses().collect();

@@ -9,6 +9,7 @@ use crate::source::{PairRegister, RunSource};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::Result;
+use svl_core::matcher::{Algorithm, MapPlace};
 use svl_report::units::{BLOCK, FileStamp, KeptResults, ReportRun, files_of};
 use svl_score::judge::Judge;
 use svl_score::manifest::RunRecord;
@@ -112,6 +113,8 @@ pub(super) struct WantedResults<'a> {
     pub(super) shard: Option<Shard>,
     /// Algorithms whose results depend on all earlier pairs of a run.
     pub(super) run_memory: BTreeSet<String>,
+    /// The algorithms that match the run.
+    pub(super) labels: BTreeSet<String>,
 }
 
 impl WantedResults<'_> {
@@ -129,7 +132,8 @@ impl Wanted for WantedResults<'_> {
             false => (place / BLOCK) as usize,
         };
         let is_own = self.shard.is_none_or(|shard| shard.takes(self.run + block));
-        is_own && self.kept.seal(algorithm, place).is_none()
+        let is_matched = self.labels.contains(algorithm);
+        is_own && is_matched && self.kept.seal(algorithm, place).is_none()
     }
 }
 
@@ -139,16 +143,16 @@ impl Wanted for WantedResults<'_> {
 /// # Errors
 /// Those of finding the scenes of a data set.
 pub(super) fn files_of_runs(scenario: &Scenario) -> Result<Vec<Vec<FileStamp>>> {
+    let maps = map_folders(&scenario.algorithms);
     Ok(match &scenario.source {
         ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => {
-            vec![Vec::new(); seeds.len()]
+            vec![files_of(maps); seeds.len()]
         }
         ScenarioSource::Dataset { scenes } => {
             let data = data_folder(scenario.options.data.as_deref()).unwrap_or_default();
             let scenes = Scene::find_all(&data, scenes)?;
-            vec![files_of(
-                scenes.iter().map(|scene| scene.folder().to_owned()),
-            )]
+            let scenes = scenes.iter().map(|scene| scene.folder().to_owned());
+            vec![files_of(scenes.chain(maps))]
         }
         ScenarioSource::Recording(_) => {
             let options = &scenario.options;
@@ -159,10 +163,23 @@ pub(super) fn files_of_runs(scenario: &Scenario) -> Result<Vec<Vec<FileStamp>>> 
                 .into_iter()
                 .map(PathBuf::from)
                 .filter(|path| path.exists());
-            let beside: Vec<_> = beside.collect();
+            let beside: Vec<_> = beside.chain(maps).collect();
             let files = |path: &Path| files_of(beside.iter().cloned().chain([path.to_owned()]));
             let runs = scenario.recordings()?;
             runs.iter().map(|run| files(&run.path)).collect()
         }
     })
+}
+
+/// The folders of the maps in files that these algorithms report.
+fn map_folders(algorithms: &[Algorithm]) -> Vec<PathBuf> {
+    let folder = |algorithm: &Algorithm| match algorithm.recorded()?.place {
+        MapPlace::Topic(_) => None,
+        MapPlace::Files { pattern, .. } => {
+            let (before, _) = pattern.split_once('*')?;
+            let folder = before.rsplit_once('/').map_or(".", |(folder, _)| folder);
+            Some(PathBuf::from(folder))
+        }
+    };
+    algorithms.iter().filter_map(folder).collect()
 }

@@ -8,6 +8,7 @@ use crate::run::{Matchers, Outcome, Pace, report_losses, run_through};
 use crate::runs::warn_of_own_reference;
 use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest};
 use crate::source::{RunSource, Source};
+use std::collections::BTreeSet;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
 use svl_report::hash_words;
@@ -15,7 +16,7 @@ use svl_report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
 use svl_score::judge::Judge;
 use svl_score::manifest::Manifest;
 use svl_score::plausibility::MeasuredScales;
-use svl_score::scenario::{PairRange, ScenarioSource};
+use svl_score::scenario::{PairRange, Scenario, ScenarioSource};
 
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
@@ -32,6 +33,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let live = LiveTable::default();
     let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
+    warn_of_unstressed(scenario);
     let pace = Pace::Measured {
         rounds: plan.rounds,
     };
@@ -58,6 +60,22 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         labels.for_each(|label| run.forget_partial(label));
     }
     work.run(opener, pace)
+}
+
+/// Warns of the maps that others computed, which are not those of perturbed pairs.
+fn warn_of_unstressed(scenario: &Scenario) {
+    let recorded = scenario
+        .algorithms
+        .iter()
+        .filter(|a| a.spec().is_recorded());
+    let labels: Vec<_> = recorded.map(Algorithm::label).collect();
+    if !scenario.stress.is_empty() && !labels.is_empty() {
+        tracing::warn!(
+            "{}: computed before, so perturbed pairs are without: only the unperturbed ones are \
+             scored",
+            labels.join(", ")
+        );
+    }
 }
 
 /// The runs of an evaluation.
@@ -121,6 +139,11 @@ impl RunWork<'_> {
             }
         }
         drop(opener);
+        // Inputs do not have the maps of these.
+        let recorded = self.plan.scenario.algorithms.iter();
+        for algorithm in recorded.filter(|a| a.spec().is_recorded()) {
+            self.session.forget_algorithm(algorithm.label());
+        }
         for (i, (inputs, end), warnings) in found {
             let (files, after) = (self.files[self.runs[i].1].clone(), self.before(i));
             self.session.change_run(i, &inputs, |facts| {
@@ -159,7 +182,7 @@ impl RunWork<'_> {
                      matched again",
                     known.sequence
                 );
-                self.session.forget_program(label);
+                self.session.forget_algorithm(label);
             }
         }
         Ok(())
@@ -171,12 +194,20 @@ impl RunWork<'_> {
             run: i,
             shard: self.plan.shard,
             run_memory: self.matchers.with_run_memory().map(str::to_owned).collect(),
+            labels: self.labels_of(i),
         }
+    }
+
+    /// The algorithms that match a run.
+    fn labels_of(&self, i: usize) -> BTreeSet<String> {
+        let labels = self.session.plan.labels_of(&self.session.runs[i].run);
+        labels.into_iter().map(str::to_owned).collect()
     }
 
     /// True if results of a run are missing, of this shard.
     fn is_missing(&self, i: usize) -> bool {
-        let (wanted, labels) = (self.wanted(i), self.session.plan.labels());
+        let (wanted, run) = (self.wanted(i), &self.session.runs[i].run);
+        let labels = self.session.plan.labels_of(run);
         let pairs = self.session.runs[i].pairs();
         pairs.is_none_or(|pairs| (0..pairs).any(|place| wanted.wants_any(place, &labels)))
     }
@@ -264,6 +295,7 @@ impl RunWork<'_> {
             run: i,
             shard: self.plan.shard,
             run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
+            labels: self.labels_of(i),
         };
         let start = RunStart {
             wanted: Some(&wanted),
@@ -356,6 +388,7 @@ impl RunWork<'_> {
                 error: None,
                 warnings: Vec::new(),
                 scales: MeasuredScales::default(),
+                latency: Vec::new(),
                 after: self.before(i),
             },
         })
@@ -387,6 +420,7 @@ impl RunWork<'_> {
                 losses: outcome.losses.clone(),
             });
             facts.record = run.record.clone();
+            facts.latency.clone_from(&run.latency);
         }
         self.session.units.write_facts(&facts)
     }

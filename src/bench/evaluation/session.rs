@@ -151,8 +151,8 @@ impl EvaluationSession {
         self.changed.push(run);
     }
 
-    /// Forgets all results of an algorithm, whose program answers otherwise now.
-    pub(super) fn forget_program(&mut self, label: &str) {
+    /// Forgets all results of an algorithm, which answers otherwise now.
+    pub(super) fn forget_algorithm(&mut self, label: &str) {
         for run in &mut self.runs {
             let seals = run.kept.seals().iter();
             let own =

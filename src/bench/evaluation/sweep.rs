@@ -46,9 +46,16 @@ impl FromStr for Algorithms {
                 {
                     (format!("{key}="), range_of(range)?)
                 }
-                // A command or a path may contain slashes.
+                // Commands, paths and topics may contain slashes.
                 Some((key, list, range))
-                    if list.contains('/') && !matches!(range, Range::Text { .. } | Range::File) =>
+                    if list.contains('/')
+                        && matches!(
+                            range,
+                            Range::Int { .. }
+                                | Range::Real { .. }
+                                | Range::Flag { .. }
+                                | Range::Choice { .. }
+                        ) =>
                 {
                     let values = list.split('/').map(str::to_owned).collect();
                     (format!("{key}="), values)

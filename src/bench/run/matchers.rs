@@ -24,6 +24,8 @@ pub(super) struct RunMatcher {
     memory: Option<MemoryUse>,
     /// Absent where its parameters do not determine it.
     pub(super) max_disparity: Option<i32>,
+    /// True if it reports a map that others computed, which takes no time of matching.
+    is_recorded: bool,
     /// True if the user was warned of the range.
     warned_of_range: bool,
     /// The size of images that it has memory for, once it was measured.
@@ -48,6 +50,7 @@ impl RunMatcher {
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
+            is_recorded: algorithm.spec().is_recorded(),
             // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
             warm_for: None,
@@ -208,6 +211,11 @@ impl RunMatcher {
         is_first.then_some(nearest_m)
     }
 
+    /// The times of an output, if it was matched.
+    pub(super) fn times(&self, output: &MatchOutput) -> Option<StageTimes> {
+        (!self.is_recorded).then(|| output.clock.times())
+    }
+
     /// A run begins.
     pub(super) fn begin_run(&mut self) {
         // Pairs of a run that was interrupted.
@@ -232,6 +240,9 @@ impl RunMatcher {
 
     /// Sets up its memory for that pair, and learns how much that is.
     pub(super) fn warm_up(&mut self, pair: RectifiedPair<'_>, context: &MatchContext) {
+        if self.is_recorded {
+            return;
+        }
         self.spent.clear();
         let used = memory::used_by(|| {
             // An error comes again when the pair is matched, and is reported then.
@@ -283,5 +294,5 @@ pub(super) struct Matched {
     pub(super) algorithm: String,
     pub(super) output: MatchOutput,
     pub(super) range_px: Option<f64>,
-    pub(super) times: StageTimes,
+    pub(super) times: Option<StageTimes>,
 }

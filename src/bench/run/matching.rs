@@ -130,7 +130,7 @@ impl<'a> Matching<'a> {
                     matches.matched.push(Matched {
                         algorithm: entry.label.clone(),
                         range_px: entry.max_disparity.map(f64::from),
-                        times: output.clock.times(),
+                        times: entry.times(&output),
                         output,
                     });
                 }

@@ -19,7 +19,8 @@ struct LiveLine {
     algorithm: String,
     pairs: u32,
     sums: MetricValues,
-    time: Duration,
+    /// Absent for a map that others computed.
+    time: Option<Duration>,
 }
 
 impl LiveTable {
@@ -57,8 +58,10 @@ impl LiveLine {
                 let _ = write!(text, "  {name} {:5.1} %", 100.0 * share);
             }
         }
-        let ms = self.time.as_secs_f64() * 1e3 / f64::from(self.pairs);
-        let _ = write!(text, "  {ms:7.2} ms per pair");
+        if let Some(time) = self.time {
+            let ms = time.as_secs_f64() * 1e3 / f64::from(self.pairs);
+            let _ = write!(text, "  {ms:7.2} ms per pair");
+        }
         text
     }
 
@@ -79,14 +82,16 @@ impl Sink for LiveTable {
                         algorithm: algorithm.clone(),
                         pairs: 0,
                         sums: MetricValues::default(),
-                        time: Duration::ZERO,
+                        time: None,
                     });
                     lines.len() - 1
                 }
             };
             let line = &mut lines[place];
             line.pairs += 1;
-            line.time += scored.estimate.times.total();
+            if let Some(times) = scored.estimate.times {
+                *line.time.get_or_insert_default() += times.total();
+            }
             let before = line.sums;
             line.sums = MetricValues::from_fn(|metric| {
                 let [sum, value] = [&before, &scored.metrics].map(|values| values.get(metric.name));

@@ -198,7 +198,7 @@ impl Publication {
         let estimate = &scored.estimate;
         self.algorithm.clone_from(&estimate.algorithm);
         interval.cells += estimate.grid.known_share();
-        interval.matching += estimate.times.total();
+        interval.matching += estimate.times.map_or(Duration::ZERO, |times| times.total());
         let result = PairResult::new(frame, estimate, [judged.pair_hash(), scored.hash]);
         for message in result_messages(frame, &result, &self.options)? {
             self.send(message)?;

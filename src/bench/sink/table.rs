@@ -127,7 +127,7 @@ impl RunIdentity {
             .find(|algorithm| algorithm.label == estimate.algorithm);
         let (width, height) = frame.pair.size();
         let us = |time: Duration| time.as_micros() as u64;
-        let stage = |stage| us(estimate.times.get(stage));
+        let stage = |stage| estimate.times.map(|times| us(times.get(stage)));
         Row {
             session: self.session.clone(),
             scenario: self.scenario.clone(),
@@ -146,7 +146,7 @@ impl RunIdentity {
             texture_us: stage(Stage::Texture),
             matching_us: stage(Stage::Matching),
             checks_us: stage(Stage::Checks),
-            total_us: us(estimate.times.total()),
+            total_us: estimate.times.map(|times| us(times.total())),
             metrics: scored.metrics,
             result_hash: hash_words(scored.hash),
             truth: frame
@@ -154,7 +154,10 @@ impl RunIdentity {
                 .as_ref()
                 .map(|truth| truth.kind.origin.to_string()),
             run: self.run.clone(),
-            filters_us: estimate.unfiltered.as_ref().map(|_| stage(Stage::Filters)),
+            filters_us: estimate
+                .unfiltered
+                .as_ref()
+                .and_then(|_| stage(Stage::Filters)),
             stress: self.stress.clone(),
         }
     }

@@ -3,7 +3,7 @@
 use super::open::{open, open_recording};
 use super::opened::Opened;
 use super::request::Request;
-use super::{FolderTruth, Source};
+use super::{MapFiles, Source};
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -176,7 +176,7 @@ struct Recorded {
 fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
     let Some(recording) = &opened.recording else {
         return Ok(Recorded {
-            topics: FolderTruth::usual(Path::new(name)),
+            topics: MapFiles::usual(Path::new(name)),
             ..Recorded::default()
         });
     };

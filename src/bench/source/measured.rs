@@ -1,25 +1,160 @@
-//! Pairs with the truth of another sensor, of their recording or their folder.
+//! Pairs with distances that another sensor or program measured, of their recording or of files.
 
-use super::{FolderTruth, Source, wraps};
-use svl_core::Result;
-use svl_core::stereo::{Frame, Losses};
-use svl_recording::TruthTopic;
+use super::{MapFiles, Source, wraps};
+use svl_core::matcher::{Algorithm, MapPlace, MapRequest};
+use svl_core::statistics::nearest_rank;
+use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Truth};
+use svl_core::{Error, Result};
+use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
+use svl_report::units::TopicDelay;
 
-/// The measurements of another sensor.
-pub enum SensorTruth {
-    Topic(Box<TruthTopic>),
-    Files(FolderTruth),
+/// The measurements of another sensor or program.
+pub enum Measurements {
+    Topic(Box<SensorTopic>),
+    Files(MapFiles),
 }
 
-/// A source whose frames get their truth from another sensor, in place of their own.
+impl Measurements {
+    /// The disparities of a frame, if it has a measurement.
+    fn measured(&mut self, frame: &Frame) -> Result<Option<(Plane<f32>, MapDensity)>> {
+        match self {
+            Self::Topic(topic) => topic.measured(frame),
+            Self::Files(files) => files.measured(frame),
+        }
+    }
+
+    /// The topic, or the files.
+    fn name(&self) -> String {
+        match self {
+            Self::Topic(topic) => topic.topic().to_owned(),
+            Self::Files(files) => files.name(),
+        }
+    }
+}
+
+/// The maps among these that are in topics of the recording.
+///
+/// # Errors
+/// As [`Reader::sensor`]; [`Error::Usage`] for the topic of the truth.
+pub(super) fn topics_of(
+    maps: &[MapRequest],
+    reader: &Reader,
+    truth: Option<&str>,
+) -> Result<Vec<(String, Measurements)>> {
+    let topic = |map: &MapRequest| {
+        let MapPlace::Topic(topic) = &map.place else {
+            return Ok(None);
+        };
+        if truth == Some(topic) {
+            let cure = "name another topic, or another sensor as the truth (--truth)";
+            return Err(Error::Usage(format!(
+                "topic:{topic}: is the truth, too: {cure}"
+            )));
+        }
+        let selection = SensorSelection {
+            topic: topic.clone(),
+            max_skew_ns: map.max_skew_ns,
+            role: SensorRole::Map,
+        };
+        let topic = Measurements::Topic(Box::new(reader.sensor(&selection)?));
+        Ok(Some((map.source.clone(), topic)))
+    };
+    maps.iter()
+        .filter_map(|map| topic(map).transpose())
+        .collect()
+}
+
+/// The maps among these that are in files.
+///
+/// # Errors
+/// As [`MapFiles::of_maps`].
+pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, Measurements)>> {
+    let files = |map: &MapRequest| match &map.place {
+        MapPlace::Topic(_) => None,
+        MapPlace::Files {
+            pattern,
+            unit_m,
+            scale,
+        } => {
+            let files = MapFiles::of_maps(pattern, (*unit_m, *scale), map.max_skew_ns);
+            Some(files.map(|files| (map.source.clone(), Measurements::Files(files))))
+        }
+    };
+    maps.iter().filter_map(files).collect()
+}
+
+/// Refuses maps in topics for a source that is no recording.
+///
+/// # Errors
+/// [`Error::Usage`] with the first.
+pub(super) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
+    let topic = maps.iter().find_map(|map| match &map.place {
+        MapPlace::Topic(topic) => Some(topic),
+        MapPlace::Files { .. } => None,
+    });
+    match topic {
+        None => Ok(()),
+        Some(topic) => Err(Error::Usage(format!(
+            "topic:{topic}: is for recordings, and {name} is none"
+        ))),
+    }
+}
+
+/// The source with the maps in files that these algorithms report.
+///
+/// # Errors
+/// As [`MapFiles::of_maps`]; [`Error::Usage`] for maps in topics.
+pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<Box<dyn Source>> {
+    let maps: Vec<_> = algorithms.iter().filter_map(Algorithm::recorded).collect();
+    refuse_topics(&maps, &source.name())?;
+    let maps = files_of(&maps)?;
+    Ok(match maps.is_empty() {
+        true => source,
+        false => Box::new(MeasuredSource::new(source, None, maps)),
+    })
+}
+
+/// The delays of the topics among these.
+pub(super) fn delays(maps: &[(String, Measurements)]) -> Vec<TopicDelay> {
+    let ranks = |delays: &[i64]| {
+        let rank = |share| Some(nearest_rank(delays, share)? as f64 / 1e6);
+        Some([rank(0.5)?, rank(0.99)?])
+    };
+    let delay = |(_, map): &(String, Measurements)| match map {
+        Measurements::Files(_) => None,
+        Measurements::Topic(topic) => {
+            let latency = topic.latency();
+            Some(TopicDelay {
+                topic: topic.topic().to_owned(),
+                run: None,
+                topic_ms: ranks(&latency.topic_ns),
+                images_ms: ranks(&latency.images_ns),
+            })
+        }
+    };
+    maps.iter().filter_map(delay).collect()
+}
+
+/// A source whose frames get the maps of other sensors and programs, and the truth of one in place
+/// of their own.
 pub struct MeasuredSource {
     source: Box<dyn Source>,
-    truth: SensorTruth,
+    truth: Option<Measurements>,
+    /// By [`RecordedMap::source`].
+    maps: Vec<(String, Measurements)>,
 }
 
 impl MeasuredSource {
-    pub fn new(source: Box<dyn Source>, truth: SensorTruth) -> Self {
-        Self { source, truth }
+    pub fn new(
+        source: Box<dyn Source>,
+        truth: Option<Measurements>,
+        maps: Vec<(String, Measurements)>,
+    ) -> Self {
+        Self {
+            source,
+            truth,
+            maps,
+        }
     }
 }
 
@@ -27,20 +162,31 @@ impl Source for MeasuredSource {
     wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let mut frame = self.source.next()?;
-        if let Some(frame) = &mut frame {
-            match &mut self.truth {
-                SensorTruth::Topic(truth) => truth.attach(frame)?,
-                SensorTruth::Files(truth) => truth.attach(frame)?,
+        let Some(mut frame) = self.source.next()? else {
+            return Ok(None);
+        };
+        if let Some(truth) = &mut self.truth {
+            let found = truth.measured(&frame)?;
+            frame.truth = found
+                .map(|(disparity, density)| Truth::from_sensor(disparity, density, &truth.name()));
+        }
+        for (source, map) in &mut self.maps {
+            if let Some((disparity, density)) = map.measured(&frame)? {
+                frame.maps.push(RecordedMap {
+                    source: source.clone(),
+                    disparity,
+                    density,
+                });
             }
         }
-        Ok(frame)
+        Ok(Some(frame))
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
         let (without_truth, jumped) = match &self.truth {
-            SensorTruth::Topic(truth) => (truth.without(), truth.jumped()),
-            SensorTruth::Files(truth) => (truth.without(), 0),
+            None => return self.source.finish(taken),
+            Some(Measurements::Topic(truth)) => (truth.without(), truth.jumped()),
+            Some(Measurements::Files(truth)) => (truth.without(), 0),
         };
         Losses {
             without_truth,

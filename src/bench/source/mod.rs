@@ -34,13 +34,13 @@ pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
 pub use facts::{NearestDistance, SourceFacts, TruthFacts};
-pub use folder::{FolderRequest, FolderSource, FolderTruth};
+pub use folder::{FolderRequest, FolderSource, MapFiles};
 pub use limited::Limited;
 pub use live::LiveSource;
 #[cfg(not(feature = "ros2"))]
 pub(crate) use live_topics::without_ros2;
 pub use live_topics::{Listen, LiveTopics};
-pub use measured::{MeasuredSource, SensorTruth};
+pub use measured::{MeasuredSource, Measurements, with_files};
 pub use open::{SOURCES, SourceKind, SourceOrigin, expected, open, open_arena, open_recording};
 pub use opened::{Heard, Opened};
 pub use plausible::PlausibleSource;

@@ -3,17 +3,18 @@
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
 use super::live_topics::{self, LiveTopics};
+use super::measured::{refuse_topics, topics_of};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, FolderTruth, LiveSource, RecordingSource, SensorTruth,
+    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, Measurements, RecordingSource,
     VideoSource,
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
-use svl_recording::{Header, Recording, is_bag};
+use svl_recording::{Header, Recording, TRUTH_DEPTH, is_bag};
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
 use svl_sim::arena::Arena;
 
@@ -277,6 +278,9 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
         )));
     };
     refuse_options(request, kind)?;
+    if !kind.is_recording() {
+        refuse_topics(&request.maps, name)?;
+    }
     (kind.open)(request)?.prepared(request)
 }
 
@@ -376,8 +380,15 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
     let reader = source.reader();
     let truth = request.truth();
-    let truth = truth.map(|truth| reader.truth(&truth)).transpose()?;
-    let truth = truth.map(|truth| SensorTruth::Topic(Box::new(truth)));
+    // A recording of svl's has its own truth, unless another is named.
+    let own = reader.header().map(|_| TRUTH_DEPTH);
+    let truth_topic = truth.as_ref().map(|truth| truth.topic.as_str()).or(own);
+    let maps = topics_of(&request.maps, reader, truth_topic)?;
+    let truth = truth
+        .as_ref()
+        .map(|truth| reader.sensor(truth))
+        .transpose()?;
+    let truth = truth.map(|truth| Measurements::Topic(Box::new(truth)));
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -399,6 +410,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         calibration,
         own_calibration: reader.calibration(),
         truth,
+        maps,
         remarks: reader.remarks(),
         calibration_fault: reader.calibration_fault(),
         notes: note.into_iter().collect(),
@@ -470,7 +482,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         bits: source.bits(),
         ..header
     };
-    let truth_note = truth.as_ref().and_then(FolderTruth::note);
+    let truth_note = truth.as_ref().and_then(MapFiles::note);
     let (own_calibration, unread) = match source.calibration() {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -484,7 +496,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         calibration_fault: unread.cloned(),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().chain(truth_note).collect(),
-        truth: truth.map(SensorTruth::Files),
+        truth: truth.map(Measurements::Files),
         ..Opened::new(source, header, stem)
     })
 }

@@ -1,10 +1,11 @@
 //! An open source, with all that a recording of it contains.
 
 use super::calibration::{self, Calib, CalibrationFiles};
+use super::measured::{delays, files_of};
 use super::request::Request;
 use super::{
-    Limited, MeasuredSource, PlausibleSource, RectifiedSource, ReferenceSource, Resized,
-    SensorTruth, Source,
+    Limited, MeasuredSource, Measurements, PlausibleSource, RectifiedSource, ReferenceSource,
+    Resized, Source,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
+use svl_report::units::TopicDelay;
 use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use svl_score::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
@@ -32,6 +34,8 @@ pub struct Opened {
     pub recording: Option<Recording>,
     /// Stamp of the first pair, if pairs before the first frame were left out.
     pub start_ns: Option<u64>,
+    /// Delays of the topics that maps are read from.
+    pub latency: Vec<TopicDelay>,
     /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
     /// The calibration in a recording or folder of raw images.
@@ -39,7 +43,9 @@ pub struct Opened {
     /// The reason why a calibration in it cannot be used.
     pub(super) calibration_fault: Option<String>,
     /// The truth of another sensor, if one was requested.
-    pub(super) truth: Option<SensorTruth>,
+    pub(super) truth: Option<Measurements>,
+    /// The maps of topics that were requested, by their names in frames.
+    pub(super) maps: Vec<(String, Measurements)>,
     /// Shortcomings of a folder, or of a recording that svl did not write.
     pub(super) remarks: Vec<String>,
 }
@@ -84,10 +90,12 @@ impl Opened {
             is_live: false,
             recording: None,
             start_ns: None,
+            latency: Vec::new(),
             notes: Vec::new(),
             own_calibration: None,
             calibration_fault: None,
             truth: None,
+            maps: Vec::new(),
             remarks: Vec::new(),
         }
     }
@@ -107,7 +115,7 @@ impl Opened {
             self.start_ns = limited.start_ns();
             self.source = Box::new(limited);
         }
-        self = self.rectified(request)?.measured();
+        self = self.rectified(request)?.measured(request)?;
         let references = request.options.references()?;
         // Raw pairs calibrate cameras, and references replace the truth.
         if !request.raw && references.is_empty() {
@@ -177,12 +185,16 @@ impl Opened {
         Ok(self)
     }
 
-    /// Gives the pairs the truth of another sensor, if one was requested.
-    pub(super) fn measured(mut self) -> Self {
-        if let Some(truth) = self.truth.take() {
-            self.source = Box::new(MeasuredSource::new(self.source, truth));
+    /// Gives the pairs the truth of another sensor and the maps that were requested.
+    pub(super) fn measured(mut self, request: &Request<'_>) -> Result<Self> {
+        let mut maps = std::mem::take(&mut self.maps);
+        self.latency = delays(&maps);
+        maps.extend(files_of(&request.maps)?);
+        let truth = self.truth.take();
+        if truth.is_some() || !maps.is_empty() {
+            self.source = Box::new(MeasuredSource::new(self.source, truth, maps));
         }
-        self
+        Ok(self)
     }
 
     /// The recording at that path, which is `name` in rows, with the way in which it was opened.

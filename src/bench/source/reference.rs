@@ -4,7 +4,7 @@ use super::{Source, wraps};
 use svl_core::depth::GridSettings;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
 use svl_core::stereo::{
-    CellRule, Frame, Losses, Plane, RectifiedPair, Truth, TruthDensity, TruthKind, TruthOrigin,
+    CellRule, Frame, Losses, MapDensity, Plane, RectifiedPair, Truth, TruthKind, TruthOrigin,
 };
 use svl_core::{Error, Result};
 use svl_score::agreement::{both, consistent, textured};
@@ -79,7 +79,7 @@ impl ReferenceSource {
             visibility: None,
             surface: None,
             kind: TruthKind {
-                density: TruthDensity::Dense,
+                density: MapDensity::Dense,
                 origin: TruthOrigin::Reference(self.label.clone()),
             },
         });

@@ -2,8 +2,9 @@
 
 use super::FolderRequest;
 use super::calibration::Calib;
+use svl_core::matcher::{Algorithm, MapRequest};
 use svl_grab::{GrabRequest, Host};
-use svl_recording::{Selection, TruthSelection};
+use svl_recording::{Selection, SensorRole, SensorSelection};
 use svl_score::scenario::SourceOptions;
 
 /// A source to open, with its options.
@@ -15,6 +16,8 @@ pub struct Request<'a> {
     pub seed: Option<u64>,
     /// Options of reading; seeds, files and scenes are those of scenarios.
     pub options: SourceOptions,
+    /// Maps that the source has to have besides its images.
+    pub maps: Vec<MapRequest>,
     /// The pairs stay raw, to calibrate cameras with.
     pub raw: bool,
     /// Longest time of live topics by this machine's clock, seconds from the first pair on: their
@@ -34,6 +37,19 @@ impl<'a> Request<'a> {
         }
     }
 
+    /// The same with the maps that these algorithms report.
+    #[must_use]
+    pub fn with_maps(self, algorithms: &[Algorithm]) -> Self {
+        let mut maps: Vec<MapRequest> = Vec::new();
+        for map in algorithms.iter().filter_map(Algorithm::recorded) {
+            // Two labels of one map read it once.
+            if !maps.contains(&map) {
+                maps.push(map);
+            }
+        }
+        Self { maps, ..self }
+    }
+
     pub(super) fn selection(&self) -> Selection {
         let options = &self.options;
         Selection {
@@ -48,11 +64,12 @@ impl<'a> Request<'a> {
         self.options.max_skew_ms.map(nanoseconds)
     }
 
-    pub(super) fn truth(&self) -> Option<TruthSelection> {
+    pub(super) fn truth(&self) -> Option<SensorSelection> {
         let max_skew_ns = self.options.truth_skew_ms.map(nanoseconds);
-        Some(TruthSelection {
+        Some(SensorSelection {
             topic: self.options.truth.clone()?,
-            max_skew_ns: max_skew_ns.unwrap_or(TruthSelection::MAX_SKEW_NS),
+            max_skew_ns: max_skew_ns.unwrap_or(SensorSelection::MAX_SKEW_NS),
+            role: SensorRole::Truth,
         })
     }
 

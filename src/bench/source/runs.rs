@@ -8,6 +8,7 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
+use svl_report::units::TopicDelay;
 use svl_score::judge::{Judge, RunPart};
 use svl_score::manifest::RunRecord;
 use svl_score::scenario::{PairRange, RecordingRun, Scenario};
@@ -33,10 +34,11 @@ pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Req
     }
     let name = path.to_str();
     let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
-    Ok(Request {
+    let request = Request {
         options: scenario.options.clone(),
         ..Request::new(name)
-    })
+    };
+    Ok(request.with_maps(&scenario.algorithms))
 }
 
 /// A run of a scenario. Its first frame is read ahead, so that a checkpoint that no frame could
@@ -47,6 +49,8 @@ pub struct RunSource {
     pub seed: Option<u64>,
     /// The recording that it reads, where it is one.
     pub record: Option<RunRecord>,
+    /// Delays of the topics that it reads maps from.
+    pub latency: Vec<TopicDelay>,
     /// Scenario and seed of the simulation that a recording is of.
     simulated: Option<String>,
     start_ns: u64,
@@ -97,6 +101,7 @@ impl RunSource {
         let simulated = opened.header.simulated();
         Self {
             simulated,
+            latency: opened.latency,
             ..Self::ahead(opened.source, None, Some(record), opened.start_ns)
         }
     }
@@ -115,6 +120,7 @@ impl RunSource {
             seed,
             record,
             start_ns: start_ns.unwrap_or(first_ns),
+            latency: Vec::new(),
             simulated: None,
             stress: None,
             digest: None,
@@ -135,6 +141,7 @@ impl RunSource {
         Self {
             digest: self.digest,
             stress: self.stress,
+            latency: self.latency,
             ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }
@@ -150,6 +157,7 @@ impl RunSource {
         let start_ns = Some(self.start_ns);
         Self {
             digest: Some(digest),
+            latency: self.latency,
             ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }
@@ -183,6 +191,7 @@ impl RunSource {
         Self {
             stress: Some(stress),
             digest: self.digest,
+            latency: self.latency,
             ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }

@@ -79,7 +79,7 @@ impl AlgorithmEntry {
                     serde_json::Value::Null,
                     serde_json::Value::Null,
                 ),
-                Range::File => Default::default(),
+                Range::File | Range::Topic | Range::Pattern => Default::default(),
                 Range::Choice { default, .. } => (
                     default.into(),
                     serde_json::Value::Null,
@@ -188,6 +188,8 @@ fn setting(p: &matcher::Parameter) -> String {
         Range::Flag { .. } => "true, false".to_owned(),
         Range::Text { .. } => return "text".to_owned(),
         Range::File => return "file".to_owned(),
+        Range::Topic => return "topic".to_owned(),
+        Range::Pattern => return "files".to_owned(),
         Range::Choice { options, .. } => options.join(", "),
     };
     format!("{}{unit} ({range})", p.range.default())

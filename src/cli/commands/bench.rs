@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher, Value, find};
 use svl::report::table::{Table, TerminalStyle};
+use svl::runs::refuse_recorded;
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
 use svl::train::with_filters;
@@ -88,6 +89,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let algorithms = algorithms
         .into_iter()
         .map(|(algorithm, has_own_range)| {
+            refuse_recorded(std::slice::from_ref(&algorithm))?;
             if has_own_range {
                 Ok(algorithm)
             } else {

@@ -16,6 +16,7 @@ use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
 use svl::rectify::Rectifier;
 use svl::report::evidence::EvidencePage;
+use svl::runs::refuse_recorded;
 use svl::stereo::{
     CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
     StereoPair,
@@ -108,6 +109,7 @@ struct MatchReport<'a> {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let choice = args.algo.safe_choice()?;
     check(args, choice.is_some())?;
+    refuse_recorded(std::slice::from_ref(&args.algo))?;
     let mut outputs = claim(args)?;
     if args.algo.spec().is_program() {
         // svl has to end the program, so Ctrl-C must not end svl at once.

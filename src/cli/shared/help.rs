@@ -37,8 +37,8 @@ const HEADINGS: &[(&str, &str)] = &[
     ),
     (
         "Scoring",
-        "stress repeat check gate fail_on allow_loss protocol scale max_disparity verify pairs \
-         grid from_truth hidden scaling no_mean epochs",
+        "near_m shape tolerance stress repeat check gate fail_on allow_loss protocol scale \
+         max_disparity verify pairs grid from_truth hidden scaling no_mean epochs",
     ),
     (
         "Output",

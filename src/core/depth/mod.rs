@@ -13,5 +13,5 @@ pub use curve::DistanceCurve;
 pub(crate) use grid::grid_with;
 pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
 pub use pinhole::PinholeFit;
-pub use projection::project;
+pub use projection::{project, render};
 pub use stixels::{GroundPlane, Stixel, Stixels};

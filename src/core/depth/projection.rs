@@ -60,6 +60,45 @@ pub fn project(
     without_hidden(&nearest, doffs)
 }
 
+/// The disparities of the samples of a depth image, as seen in the left image of `size`: `+∞` in
+/// pixels without a sample. Each is a point, metres in the rectified left camera's frame, and the
+/// side of the square that its pixel covers there, metres: it fills the left pixels whose centres
+/// lie in the square. The nearest sample of a pixel wins, so what is behind it is hidden.
+pub fn render(
+    samples: impl IntoIterator<Item = (Point3<f64>, f64)>,
+    rig: &Rig,
+    size: (usize, usize),
+) -> Plane<f32> {
+    // The image has this size, so a plane can.
+    let mut nearest = Plane::filled(size.0, size.1, f32::INFINITY).expect("the size of an image");
+    let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+    for (point, side) in samples {
+        // False for NaN too.
+        if !(point.z > 0.0 && point.z.is_finite()) {
+            continue;
+        }
+        let disparity = rig.disparity_px(point.z) as f32;
+        let half = focal * side / point.z / 2.0;
+        let covered = |at: f64, pixels: usize| {
+            let [from, to] = [at - half, at + half].map(|edge| edge.ceil().max(0.0));
+            // Casts saturate.
+            from as usize..(to as usize).min(pixels)
+        };
+        let columns = covered(focal * point.x / point.z + cx, size.0);
+        for y in covered(focal * point.y / point.z + cy, size.1) {
+            if columns.is_empty() {
+                break;
+            }
+            for known in &mut nearest.row_mut(y)[columns.clone()] {
+                if !known.is_finite() || disparity > *known {
+                    *known = disparity;
+                }
+            }
+        }
+    }
+    nearest
+}
+
 /// True if the first disparity belongs to a point that is nearer by a tenth.
 fn is_nearer(disparity: f32, other: f32, doffs: f32) -> bool {
     // Inverse depths: f·B/z is d + doffs.
@@ -140,6 +179,7 @@ fn radius(samples: &[(usize, usize, f32)]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
 
     fn rig() -> Rig {
         Rig::new(100.0, (20.0, 15.0), 0.1, 0.0).unwrap()
@@ -160,6 +200,33 @@ mod tests {
         let seen = project(points, &rig(), (41, 31));
         assert_eq!((seen.get(3, 4), seen.get(30, 20)), (10.0, 2.5));
         assert_eq!(seen.pixels().filter(|d| d.is_finite()).count(), 2);
+    }
+
+    #[test]
+    fn samples_fill_the_pixels_that_they_cover_nearest_first() {
+        // A depth image of half the resolution: a wall at 2 m, its right half at 1 m.
+        let samples = (0..8).flat_map(|y| (0..8).map(move |x| (2 * x, 2 * y)));
+        let samples = samples.map(|(x, y)| {
+            let z = if x < 8 { 2.0 } else { 1.0 };
+            // The centre of the sample is between two pixels.
+            let shift = Vector3::new(0.5, 0.5, 0.0) * z / 100.0;
+            (at(x, y, z) + shift, 2.0 * z / 100.0)
+        });
+        let seen = render(samples.chain([(at(3, 3, f64::NAN), 1.0)]), &rig(), (41, 31));
+        for (x, y) in (0..31).flat_map(|y| (0..41).map(move |x| (x, y))) {
+            let expected = match (x, y) {
+                (0..8, 0..16) => 5.0,
+                (8..16, 0..16) => 10.0,
+                _ => f32::INFINITY,
+            };
+            assert_eq!(seen.get(x, y), expected, "({x}, {y})");
+        }
+        let both = [
+            (at(3, 4, 2.0), 0.02),
+            (at(3, 4, 1.0), 0.01),
+            (at(3, 4, 3.0), 0.03),
+        ];
+        assert_eq!(render(both, &rig(), (41, 31)).get(3, 4), 10.0);
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod mirrored;
 mod parameter;
 mod program;
 mod quotes;
+mod recorded;
 mod sgm;
 pub mod stage;
 mod truth;
@@ -24,6 +25,7 @@ mod v5;
 pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 pub use program::ProgramRecord;
+pub use recorded::{MapPlace, MapRequest};
 pub use v5::{GapSampler, GapWeights, V5Model};
 
 use crate::depth::decision::SafeChoice;
@@ -32,7 +34,8 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RectifiedPair, Rgb, Rig, Truth,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RecordedMap, RectifiedPair, Rgb, Rig,
+    Truth,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -91,6 +94,8 @@ pub struct MatchContext<'a> {
     pub color: Option<&'a [Rgb; 2]>,
     /// The truth of the frame, only for the algorithm `truth`.
     pub truth: Option<&'a Truth>,
+    /// The maps that the source has besides the images, for `topic` and `files`.
+    pub maps: &'a [RecordedMap],
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
     /// Shape of the depth grid, and the rule for a known cell.
@@ -110,6 +115,7 @@ impl Default for MatchContext<'_> {
             name: None,
             color: None,
             truth: None,
+            maps: &[],
             rig: None,
             grid: GridSettings::default(),
             cells: CellRule::default(),
@@ -127,6 +133,7 @@ impl<'a> MatchContext<'a> {
             name: frame.name.as_deref(),
             color: frame.color.as_ref(),
             truth: frame.truth.as_ref(),
+            maps: &frame.maps,
             rig: frame.rig().copied(),
             grid,
             cells,
@@ -209,6 +216,8 @@ pub enum MatcherKind {
     Program,
     /// The truth of the frame.
     Truth,
+    /// A map that others computed, which the source has besides the images: nothing is matched.
+    Recorded,
     /// Nothing: it has no disparities.
     Blind,
 }
@@ -245,6 +254,8 @@ pub const MATCHERS: &[MatcherSpec] = &[
     sgm::SPEC,
     truth::SPEC,
     blind::SPEC,
+    recorded::TOPIC,
+    recorded::FILES,
     #[cfg(feature = "exec")]
     exec::SPEC,
 ];
@@ -304,6 +315,11 @@ impl MatcherSpec {
     /// True if it reports the truth.
     pub fn is_truth(&self) -> bool {
         self.kind == MatcherKind::Truth
+    }
+
+    /// True if it reports a map that others computed: it has no time of matching.
+    pub fn is_recorded(&self) -> bool {
+        self.kind == MatcherKind::Recorded
     }
 
     /// Its parameter of that name.
@@ -420,11 +436,11 @@ pub fn with_paths(
     let Ok(spec) = find(name) else {
         return text.to_owned();
     };
-    let setting = |setting: &str| {
-        let (name, value) = setting.split_once('=')?;
+    let setting = |(i, setting): (usize, &str)| {
+        let (name, value) = parameter::named(spec, setting, i == 0);
         let parameter = spec.parameter(name)?;
         let replaced = match parameter.range {
-            Range::File if !value.is_empty() => file(unquote(value)),
+            Range::File | Range::Pattern if !value.is_empty() => file(unquote(value)),
             // The only text is a command.
             Range::Text { .. } => {
                 let words = split(unquote(value), ' ').map(|quoted| match unquote(quoted) {
@@ -441,7 +457,8 @@ pub fn with_paths(
         };
         (replaced != unquote(value)).then(|| format!("{name}={}", Value::Text(replaced)))
     };
-    let settings = split(settings, ',').map(|text| setting(text).unwrap_or(text.to_owned()));
+    let settings = split(settings, ',').enumerate();
+    let settings = settings.map(|(i, text)| setting((i, text)).unwrap_or(text.to_owned()));
     let settings = settings.collect::<Vec<_>>().join(",");
     let head = &text[..text.len() - written.len() + name.len()];
     if settings.is_empty() {
@@ -498,6 +515,11 @@ impl Algorithm {
             changes if changes.is_empty() => name.to_owned(),
             changes => format!("{name}:{changes}"),
         }
+    }
+
+    /// The map that the source has to have for it, if it reports one.
+    pub fn recorded(&self) -> Option<MapRequest> {
+        MapRequest::new(self.spec, &self.parameters)
     }
 
     /// The filters after it.

@@ -41,6 +41,10 @@ pub enum Range {
     },
     /// A file, none by default.
     File,
+    /// A topic of the recording; as the first setting it needs no name.
+    Topic,
+    /// A pattern of files; as the first setting it needs no name.
+    Pattern,
 }
 
 /// Largest file that a parameter may name, bytes.
@@ -99,7 +103,13 @@ impl Range {
             Range::Text { default } => Value::Text(default.to_owned()),
             Range::Choice { default, .. } => Value::Choice(default),
             Range::File => Value::File(None),
+            Range::Topic | Range::Pattern => Value::Text(String::new()),
         }
+    }
+
+    /// True if it needs no name as the first setting.
+    fn is_positional(&self) -> bool {
+        matches!(self, Range::Topic | Range::Pattern)
     }
 
     /// The value of `text`, if it lies in the range.
@@ -116,7 +126,9 @@ impl Range {
                 .filter(|v| (min..=max).contains(v))
                 .map(Value::Real),
             Range::Flag { .. } => text.parse().ok().map(Value::Flag),
-            Range::Text { .. } => closed(text).then(|| Value::Text(unquote(text).to_owned())),
+            Range::Text { .. } | Range::Topic | Range::Pattern => {
+                closed(text).then(|| Value::Text(unquote(text).to_owned()))
+            }
             Range::Choice { options, .. } => options
                 .iter()
                 .find(|o| **o == text)
@@ -134,7 +146,9 @@ impl std::fmt::Display for Range {
             Range::Int { min, max, .. } => write!(f, "a whole number in {min}..={max}"),
             Range::Real { min, max, .. } => write!(f, "a number in {min}..={max}"),
             Range::Flag { .. } => write!(f, "true or false"),
-            Range::Text { .. } => write!(f, "a text that closes its quotes"),
+            Range::Text { .. } | Range::Topic | Range::Pattern => {
+                write!(f, "a text that closes its quotes")
+            }
             Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
             Range::File => write!(f, "a readable file of at most {} MiB", MAX_FILE >> 20),
         }
@@ -211,6 +225,22 @@ fn index(spec: &MatcherSpec, name: &str) -> Result<usize> {
     })
 }
 
+/// Name and value of a setting. A name alone has an empty value, which only text ranges accept.
+pub(super) fn named<'a>(
+    spec: &MatcherSpec,
+    setting: &'a str,
+    is_first: bool,
+) -> (&'a str, &'a str) {
+    let named = setting.split_once('=');
+    match spec.parameters.first() {
+        Some(first) if is_first && first.range.is_positional() => {
+            let named = named.filter(|(name, _)| spec.parameter(name).is_some());
+            named.unwrap_or((first.name, setting))
+        }
+        _ => named.unwrap_or((setting, "")),
+    }
+}
+
 impl Parameters {
     /// The algorithm's defaults.
     pub fn defaults(spec: &MatcherSpec) -> Self {
@@ -232,8 +262,7 @@ impl Parameters {
         let mut parameters = Self::defaults(spec);
         let mut given = Vec::new();
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
-            // A name alone has an empty value, which only text ranges accept.
-            let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
+            let (name, text) = named(spec, setting, given.is_empty());
             let index = index(spec, name)?;
             if given.contains(&index) {
                 return Err(Error::Usage(format!(
@@ -275,7 +304,10 @@ impl Parameters {
     pub fn changes(&self, spec: &MatcherSpec) -> String {
         let values = self.iter().zip(spec.parameters);
         let changed = values.filter(|((_, value), parameter)| **value != parameter.range.default());
-        let settings = changed.map(|((name, value), _)| format!("{name}={}", value.written()));
+        let settings = changed.map(|((name, value), parameter)| match parameter.range {
+            range if range.is_positional() => value.written(),
+            _ => format!("{name}={}", value.written()),
+        });
         settings.collect::<Vec<_>>().join(",")
     }
 

@@ -28,6 +28,8 @@ pub struct Frame {
     pub calibration: Option<Arc<StereoCalibration>>,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
+    /// Disparity maps that its source has besides the images, for the algorithms that report them.
+    pub maps: Vec<RecordedMap>,
     /// Left and right in colour, of the pair's size, if the source has it. For display only:
     /// matchers use the pair, which is its luma ([`super::Gray::from_color`]).
     pub color: Option<[Rgb; 2]>,
@@ -48,6 +50,7 @@ impl Frame {
             calibration: None,
             pose: None,
             truth: None,
+            maps: Vec::new(),
             color: None,
             exposure: Exposure::default(),
             recorded: None,
@@ -70,7 +73,8 @@ impl Frame {
     pub fn memory_bytes(&self) -> usize {
         let (width, height) = self.pair.size();
         let color = self.color.as_ref().map_or(0, |_| 6);
-        let per_pixel = 2 + color + self.truth.as_ref().map_or(0, |_| 6);
+        let maps = 4 * self.maps.len();
+        let per_pixel = 2 + color + maps + self.truth.as_ref().map_or(0, |_| 6);
         width * height * per_pixel
     }
 
@@ -171,10 +175,20 @@ pub struct Truth {
     pub kind: TruthKind,
 }
 
+/// A disparity map of the left image that others computed: published in the recording, or in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedMap {
+    /// Where it is from, as [`crate::matcher::MapRequest::source`] names it.
+    pub source: String,
+    /// Disparity in pixels, `+∞` where unknown.
+    pub disparity: Plane<f32>,
+    pub density: MapDensity,
+}
+
 /// Origin and density of a truth; exact and dense by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct TruthKind {
-    pub density: TruthDensity,
+    pub density: MapDensity,
     pub origin: TruthOrigin,
 }
 
@@ -212,7 +226,7 @@ impl Truth {
     }
 
     /// The truth of another sensor, named after its topic or files.
-    pub fn from_sensor(disparity: Plane<f32>, density: TruthDensity, name: &str) -> Self {
+    pub fn from_sensor(disparity: Plane<f32>, density: MapDensity, name: &str) -> Self {
         Self {
             kind: TruthKind {
                 density,
@@ -233,11 +247,11 @@ impl Truth {
     }
 }
 
-/// Density of a truth, which decides how it is shrunk along with a pair and how its cells are
-/// scored.
+/// Density of a map from a sensor, which decides how it is shrunk along with a pair, how a truth's
+/// cells are scored and how many pixels make a cell of a recorded map known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum TruthDensity {
+pub enum MapDensity {
     /// A measurement for every pixel, with holes.
     #[default]
     Dense,
@@ -365,7 +379,8 @@ pub struct Estimate {
     pub unfiltered: Option<DepthGrid>,
     /// The greatest disparity searched, pixels, if known.
     pub range_px: Option<f64>,
-    pub times: StageTimes,
+    /// Absent if nothing was matched: a map that others computed.
+    pub times: Option<StageTimes>,
 }
 
 impl Estimate {

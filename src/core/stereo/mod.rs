@@ -29,8 +29,8 @@ pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};
 pub use frame::{
-    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, Pose, Surface, Truth, TruthDensity,
-    TruthKind, TruthOrigin, Visibility,
+    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, MapDensity, Pose, RecordedMap,
+    Surface, Truth, TruthKind, TruthOrigin, Visibility,
 };
 pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
 pub use identity::{FittedTo, PairId};

@@ -4,9 +4,7 @@ use rustdds::RepresentationIdentifier;
 use rustdds::bytes::Bytes;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};
 use std::convert::Infallible;
-
-/// OMG encapsulation header of little-endian CDR.
-const HEADER: [u8; 4] = [0, 1, 0, 0];
+use svl_recording::CDR_LE;
 
 /// Hands over messages as they are. Those in another representation are errors of DDS.
 pub(super) struct RawCdr;
@@ -40,7 +38,7 @@ impl Decode<'_, Vec<u8>> for RawDecoder {
         bytes: &[u8],
         _: RepresentationIdentifier,
     ) -> Result<Vec<u8>, Infallible> {
-        Ok([&HEADER, bytes].concat())
+        Ok([&CDR_LE, bytes].concat())
     }
 }
 
@@ -59,5 +57,5 @@ impl SerializerAdapter<Bytes> for RawCdr {
 /// The message without its header, which DDS writes itself.
 pub(super) fn body(message: Vec<u8>) -> Bytes {
     let mut body = Bytes::from(message);
-    body.split_off(HEADER.len().min(body.len()))
+    body.split_off(CDR_LE.len().min(body.len()))
 }

@@ -30,7 +30,7 @@ pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;
 pub use pose_summary::{FramePoses, PoseSummary};
-pub use sensor::{RawCamera, TruthSelection, TruthTopic};
+pub use sensor::{RawCamera, SensorRole, SensorSelection, SensorTopic, TopicLatency};
 pub(super) use sensor::{head, truth_topics};
 pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
@@ -385,6 +385,7 @@ impl PairSource for Foreign {
             calibration: calibration.map(Arc::new),
             pose,
             truth: None,
+            maps: Vec::new(),
             color,
             exposure,
             recorded: None,

@@ -1,4 +1,7 @@
-//! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed.
+//! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed and only
+//! read.
+
+use super::CDR_LE;
 
 /// Reads the fields of one message in their order. Everything it returns is within the bytes.
 pub(crate) struct MessageReader<'a> {
@@ -96,9 +99,92 @@ impl<'a> MessageReader<'a> {
     }
 }
 
+/// Writes the fields of one message in CDR in their order.
+pub(super) struct CdrWriter {
+    data: Vec<u8>,
+}
+
+impl CdrWriter {
+    /// `capacity`: the length that is expected.
+    pub(super) fn with_capacity(capacity: usize) -> Self {
+        let mut data = Vec::with_capacity(capacity);
+        data.extend(CDR_LE);
+        Self { data }
+    }
+
+    pub(super) fn finish(self) -> Vec<u8> {
+        self.data
+    }
+
+    /// CDR aligns a number to its size, from the start of the body.
+    fn number<const N: usize>(&mut self, number: [u8; N]) {
+        let body = self.data.len() - CDR_LE.len();
+        let at = CDR_LE.len() + body.next_multiple_of(N);
+        self.data.resize(at, 0);
+        self.data.extend(number);
+    }
+
+    pub(super) fn u8(&mut self, number: u8) {
+        self.data.push(number);
+    }
+
+    pub(super) fn u32(&mut self, number: u32) {
+        self.number(number.to_le_bytes());
+    }
+
+    pub(super) fn f32(&mut self, number: f32) {
+        self.number(number.to_le_bytes());
+    }
+
+    pub(super) fn f64(&mut self, number: f64) {
+        self.number(number.to_le_bytes());
+    }
+
+    /// Length of a sequence, whose elements follow. Sequences of svl are far below 4 GB: sides of
+    /// an image are at most `MAX_SIDE`.
+    pub(super) fn length(&mut self, length: usize) {
+        self.u32(length as u32);
+    }
+
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
+        self.length(bytes.len());
+        self.data.extend_from_slice(bytes);
+    }
+
+    pub(super) fn str(&mut self, text: &str) {
+        // A closing zero is counted.
+        self.length(text.len() + 1);
+        self.data.extend_from_slice(text.as_bytes());
+        self.data.push(0);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut writer = CdrWriter::with_capacity(0);
+        writer.u8(7);
+        writer.str("ab");
+        writer.f64(1.5);
+        writer.bytes(&[1, 2]);
+        writer.f32(2.5);
+        writer.u32(9);
+        let data = writer.finish();
+        assert_eq!(data.len(), CDR_LE.len() + 42);
+        let mut reader = MessageReader::new(&data[CDR_LE.len()..], true);
+        assert_eq!(
+            (reader.u8(), reader.str(), reader.f64()),
+            (Ok(7), Ok("ab"), Ok(1.5))
+        );
+        assert_eq!(
+            (reader.bytes(), reader.f32(), reader.u32()),
+            (Ok(&[1, 2][..]), Ok(2.5), Ok(9))
+        );
+        assert_eq!(reader.remaining(), 0);
+    }
 
     #[test]
     fn cdr_is_aligned_and_ros_1_is_packed() {

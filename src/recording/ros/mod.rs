@@ -17,5 +17,5 @@ pub(super) use write::*;
 /// The encoding of ROS 1's messages.
 pub(super) const ROS1: &str = "ros1";
 
-/// OMG encapsulation header of little-endian CDR.
-const CDR_LE: [u8; 4] = [0, 1, 0, 0];
+/// OMG encapsulation header of little-endian CDR, with which a message of ROS 2 begins.
+pub const CDR_LE: [u8; 4] = [0, 1, 0, 0];

@@ -1,8 +1,9 @@
 //! Results of an algorithm as ROS 2 messages in CDR, for live topics and bags.
 
+use super::message::CdrWriter;
 use super::result_message::{ResultMessage, ResultOptions};
 use super::scan::scan;
-use super::write::{Cdr, encode, encode_32fc1, header_fields, image_fields};
+use super::write::{encode, encode_32fc1, header_fields, image_fields};
 use crate::{AlgorithmCells, CellReport, Encoded, PairResult, RosStamp};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Plane, Rig};
@@ -61,24 +62,24 @@ fn cell_points(cells: &AlgorithmCells, rig: &Rig, size: (usize, usize)) -> Vec<C
 fn cloud(points: &[CloudPoint], fourth: &str, stamp: RosStamp, frame_id: &str) -> Encoded {
     let data = points.as_flattened();
     let data: Vec<u8> = data.iter().flat_map(|value| value.to_le_bytes()).collect();
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, frame_id);
-        cdr.write_u32(1);
-        cdr.write_u32(points.len() as u32);
+        cdr.u32(1);
+        cdr.u32(points.len() as u32);
         let fields = ["x", "y", "z", fourth];
-        cdr.write_sequence_length(fields.len());
+        cdr.length(fields.len());
         for (offset, name) in (0..).step_by(size_of::<f32>()).zip(fields) {
-            cdr.write_string(name);
-            cdr.write_u32(offset);
-            cdr.write_u8(FLOAT32);
-            cdr.write_u32(1);
+            cdr.str(name);
+            cdr.u32(offset);
+            cdr.u8(FLOAT32);
+            cdr.u32(1);
         }
-        cdr.write_bool(false);
-        cdr.write_u32(size_of::<CloudPoint>() as u32);
-        cdr.write_u32(data.len() as u32);
-        cdr.write_bytes(&data);
+        cdr.u8(0);
+        cdr.u32(size_of::<CloudPoint>() as u32);
+        cdr.u32(data.len() as u32);
+        cdr.bytes(&data);
         // Dense: all points are finite, NaN probabilities apart.
-        cdr.write_bool(true);
+        cdr.u8(1);
     };
     let definition = include_str!("PointCloud2.msg");
     encode("sensor_msgs/msg/PointCloud2", definition, data.len(), body)
@@ -112,21 +113,21 @@ fn disparity_image(result: &PairResult, rig: &Rig, stamp: RosStamp, frame_id: &s
     let (width, height) = map.size();
     let pixels = map.pixels().flat_map(|d| value(d).to_le_bytes());
     let pixels: Vec<u8> = pixels.collect();
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, frame_id);
         header_fields(cdr, stamp, frame_id);
         image_fields(cdr, (width, height), "32FC1", &pixels);
-        cdr.write_f32(rig.focal_px() as f32);
-        cdr.write_f32(rig.baseline_m() as f32);
+        cdr.f32(rig.focal_px() as f32);
+        cdr.f32(rig.baseline_m() as f32);
         // The window of valid pixels: all, as it says nothing of single ones.
         [0, 0, height as u32, width as u32]
             .into_iter()
-            .for_each(|side| cdr.write_u32(side));
-        cdr.write_bool(false);
-        cdr.write_f32(0.0);
-        cdr.write_f32(range_px + doffs);
+            .for_each(|side| cdr.u32(side));
+        cdr.u8(0);
+        cdr.f32(0.0);
+        cdr.f32(range_px + doffs);
         // The step of a disparity: matchers interpolate between whole pixels.
-        cdr.write_f32(1.0 / 16.0);
+        cdr.f32(1.0 / 16.0);
     };
     let definition = include_str!("DisparityImage.msg");
     encode(
@@ -150,17 +151,17 @@ pub fn diagnostics(
     values: &[(&str, String)],
 ) -> Result<ResultMessage> {
     let stamp = RosStamp::new(stamp_ns)?;
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, "");
-        cdr.write_sequence_length(1);
-        cdr.write_u8(level);
+        cdr.length(1);
+        cdr.u8(level);
         for text in [name, message, ""] {
-            cdr.write_string(text);
+            cdr.str(text);
         }
-        cdr.write_sequence_length(values.len());
+        cdr.length(values.len());
         for (key, value) in values {
-            cdr.write_string(key);
-            cdr.write_string(value);
+            cdr.str(key);
+            cdr.str(value);
         }
     };
     // Live only, so that its definition has no reader.

@@ -1,7 +1,8 @@
 //! The cells of a result as a planar scan, for navigation: obstacle, free, unknown.
 
+use super::message::CdrWriter;
 use super::result_message::{ResultMessage, ResultOptions};
-use super::write::{Cdr, encode, encode_transform, header_fields};
+use super::write::{encode, encode_transform, header_fields};
 use crate::{AlgorithmCells, CellReport, Encoded, PairResult, RosStamp};
 use std::ops::Range;
 use svl_core::Result;
@@ -82,21 +83,21 @@ pub(super) fn scan(
         }
     };
     let (ranges, intensities): (Vec<f64>, Vec<f64>) = (0..beams as usize).map(beam).unzip();
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, &scan_frame(&options.frame_id));
         let [first, last] = [right + 0.5 * step, left - 0.5 * step];
         // All beams are of one moment.
         let numbers = [first, last, step, 0.0, 0.0].map(|number| number as f32);
         let numbers = numbers.into_iter().chain([range_min, RANGE_MAX_M as f32]);
-        numbers.for_each(|number| cdr.write_f32(number));
+        numbers.for_each(|number| cdr.f32(number));
         // A cell of the range's end is in range also after rounding; NaN stays NaN.
         let ranges = ranges.iter().map(|&range| range as f32);
         let ranges = ranges.map(|range| if range < range_min { range_min } else { range });
-        cdr.write_sequence_length(ranges.len());
-        ranges.for_each(|range| cdr.write_f32(range));
-        cdr.write_sequence_length(intensities.len());
+        cdr.length(ranges.len());
+        ranges.for_each(|range| cdr.f32(range));
+        cdr.length(intensities.len());
         let intensities = intensities.iter();
-        intensities.for_each(|intensity| cdr.write_f32(*intensity as f32));
+        intensities.for_each(|intensity| cdr.f32(*intensity as f32));
     };
     let definition = include_str!("LaserScan.msg");
     encode(

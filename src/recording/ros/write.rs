@@ -1,12 +1,9 @@
 //! Encodes ROS 2 messages as CDR, with the definitions that allow reading a bag without ROS.
 
-use super::CDR_LE;
+use super::message::CdrWriter;
 use crate::{Encoded, RosStamp, frame_id, images};
-use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
 use svl_core::stereo::{Plane, Pose, Rig, Side};
-
-pub(super) type Cdr<'a> = CdrWriter<'a, LittleEndian>;
 
 /// A sensor_msgs/msg/Image of grey pixels.
 pub(crate) fn encode_8bit<P: images::Pixel>(
@@ -54,27 +51,27 @@ fn encode_image(
 
 /// The fields of a sensor_msgs/msg/Image after its header.
 pub(super) fn image_fields(
-    cdr: &mut Cdr,
+    cdr: &mut CdrWriter,
     (width, height): (usize, usize),
     encoding: &str,
     pixels: &[u8],
 ) {
     // Sides of a plane are 1 ..= MAX_SIDE, so sizes in bytes fit 32 bits.
-    cdr.write_u32(height as u32);
-    cdr.write_u32(width as u32);
-    cdr.write_string(encoding);
-    cdr.write_u8(0);
-    cdr.write_u32((pixels.len() / height) as u32);
-    cdr.write_bytes(pixels);
+    cdr.u32(height as u32);
+    cdr.u32(width as u32);
+    cdr.str(encoding);
+    cdr.u8(0);
+    cdr.u32((pixels.len() / height) as u32);
+    cdr.bytes(pixels);
 }
 
 /// A sensor_msgs/msg/CompressedImage of pixels in that encoding, with the format string of
 /// image_transport.
 pub(crate) fn encode_png(png: &[u8], encoding: &str, stamp: RosStamp, frame_id: &str) -> Encoded {
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, frame_id);
-        cdr.write_string(&format!("{encoding}; png compressed "));
-        cdr.write_bytes(png);
+        cdr.str(&format!("{encoding}; png compressed "));
+        cdr.bytes(png);
     };
     encode(
         "sensor_msgs/msg/CompressedImage",
@@ -92,12 +89,12 @@ pub(crate) fn encode_camera_info(
     camera: Side,
     stamp: RosStamp,
 ) -> Encoded {
-    let body = |cdr: &mut Cdr| {
+    let body = |cdr: &mut CdrWriter| {
         header_fields(cdr, stamp, frame_id(Side::Left));
-        cdr.write_u32(height as u32);
-        cdr.write_u32(width as u32);
-        cdr.write_string("plumb_bob");
-        cdr.write_sequence_length(5);
+        cdr.u32(height as u32);
+        cdr.u32(width as u32);
+        cdr.str("plumb_bob");
+        cdr.length(5);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // Row-major in the message, column-major in nalgebra.
         let (k, p) = (
@@ -109,10 +106,10 @@ pub(crate) fn encode_camera_info(
             .chain(k.as_slice())
             .chain(&identity)
             .chain(p.as_slice())
-            .for_each(|&v| cdr.write_f64(v));
+            .for_each(|&v| cdr.f64(v));
         // No binning and no region of interest.
-        (0..6).for_each(|_| cdr.write_u32(0));
-        cdr.write_bool(false);
+        (0..6).for_each(|_| cdr.u32(0));
+        cdr.u8(0);
     };
     encode(
         "sensor_msgs/msg/CameraInfo",
@@ -129,13 +126,13 @@ pub(crate) fn encode_transform(
     stamp: RosStamp,
 ) -> Encoded {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
-    let body = |cdr: &mut Cdr| {
-        cdr.write_sequence_length(1);
+    let body = |cdr: &mut CdrWriter| {
+        cdr.length(1);
         header_fields(cdr, stamp, parent);
-        cdr.write_string(child);
+        cdr.str(child);
         [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
             .into_iter()
-            .for_each(|v| cdr.write_f64(v));
+            .for_each(|v| cdr.f64(v));
     };
     encode(
         "tf2_msgs/msg/TFMessage",
@@ -151,7 +148,7 @@ pub(crate) fn encode_string(text: &str) -> Encoded {
         "std_msgs/msg/String",
         include_str!("String.msg"),
         text.len(),
-        |cdr| cdr.write_string(text),
+        |cdr| cdr.str(text),
     )
 }
 
@@ -160,25 +157,24 @@ pub(super) fn encode(
     schema: &'static str,
     definition: &'static str,
     bytes: usize,
-    body: impl FnOnce(&mut Cdr),
+    body: impl FnOnce(&mut CdrWriter),
 ) -> Encoded {
     // 256 bytes for the headers and the fixed fields.
-    let mut data = Vec::with_capacity(bytes + 256);
-    data.extend_from_slice(&CDR_LE);
-    body(&mut CdrWriter::new(&mut data));
+    let mut cdr = CdrWriter::with_capacity(bytes + 256);
+    body(&mut cdr);
     Encoded {
         schema,
         schema_encoding: "ros2msg",
         definition: Cow::Borrowed(definition.as_bytes()),
         encoding: "cdr",
-        data,
+        data: cdr.finish(),
     }
 }
 
-pub(super) fn header_fields(cdr: &mut Cdr, stamp: RosStamp, frame_id: &str) {
+pub(super) fn header_fields(cdr: &mut CdrWriter, stamp: RosStamp, frame_id: &str) {
     let (seconds, nanoseconds) = stamp.parts();
     // Stamps end before 2038, so the signed field stays positive.
-    cdr.write_u32(seconds);
-    cdr.write_u32(nanoseconds);
-    cdr.write_string(frame_id);
+    cdr.u32(seconds);
+    cdr.u32(nanoseconds);
+    cdr.str(frame_id);
 }

@@ -196,12 +196,10 @@ pub(super) fn numbers(row: &Row) -> String {
         let value = metric.show(row.metrics.get(metric.name)?);
         Some(format!("{value} {}", metric.head))
     };
-    let time = format!("{} ms", ms(row.total_us as f64 / 1000.0));
-    let numbers = METRICS
-        .iter()
-        .filter(is_mean)
-        .filter_map(words)
-        .chain([time]);
+    let time = row
+        .total_us
+        .map(|us| format!("{} ms", ms(us as f64 / 1000.0)));
+    let numbers = METRICS.iter().filter(is_mean).filter_map(words).chain(time);
     let unbroken = numbers.map(|words| words.replace(' ', "\u{a0}"));
     unbroken.collect::<Vec<_>>().join(", ")
 }

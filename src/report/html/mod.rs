@@ -143,6 +143,7 @@ impl ReportPage {
         let plots = [
             plots::trade_offs(self, &colors)?,
             plots::speed(self, &colors)?,
+            plots::accuracy(self, &colors)?,
             plots::maps(self, &colors)?,
         ];
         for plot in plots.iter().flatten() {

@@ -407,6 +407,41 @@ fn clouds(
     clouds
 }
 
+/// The median error over the distance; nothing without distances.
+pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+    let summary = &page.summary;
+    let algorithms = summary.algorithms.iter();
+    let series = algorithms.filter(|a| !summary.is_reference(a)).map(|a| {
+        let own = summary.accuracy.iter();
+        let own = own.filter(|row| row.algorithm == a.algorithm && !row.is_of_all());
+        let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
+        Series {
+            name: a.algorithm.clone(),
+            form: SeriesStyle::Both,
+            points: points.filter(|(_, error_m)| *error_m > 0.0).collect(),
+        }
+    });
+    let series: Vec<_> = series.filter(|series| !series.points.is_empty()).collect();
+    if series.is_empty() {
+        return Ok(Vec::new());
+    }
+    let log = |label: &str| Axis {
+        log: true,
+        ..Axis::new(label)
+    };
+    let chart = Chart {
+        title: String::new(),
+        x: log("true distance, m"),
+        y: log("median error, m"),
+        series,
+    };
+    Ok(vec![PlotView {
+        title: "Error against distance".into(),
+        about: "Median absolute error of the cells in each range of true distances.",
+        svg: chart.svg_in(colors)?,
+    }])
+}
+
 /// Time of a stage of an algorithm.
 type StageTime = fn(&AlgorithmSummary) -> Option<f64>;
 

@@ -5,7 +5,7 @@ use super::super::plot::AlgorithmColors;
 use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
-use super::plots::{StressView, maps, speed, stress, trade_offs};
+use super::plots::{StressView, accuracy, maps, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
 use super::{CheckpointFigure, ReportPage};
 use crate::page::{ImageView, PageImages, PlotView, css_color};
@@ -34,6 +34,9 @@ pub(super) struct ReportPageView<'a> {
     metrics: Table,
     checkpoints: Option<Table>,
     speed: Option<Table>,
+    accuracy: Option<Table>,
+    accuracy_plot: Vec<PlotView>,
+    latency: Option<Table>,
     drives: Option<Table>,
     cases: Option<&'a Table>,
     stress_tables: Vec<Table>,
@@ -155,6 +158,9 @@ impl<'a> ReportPageView<'a> {
             metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
             speed: summary.speed_table(),
+            accuracy: summary.accuracy_table(),
+            accuracy_plot: accuracy(page, &colors)?,
+            latency: summary.latency_table(),
             drives: summary.drive_table(),
             cases: page.cases.as_ref(),
             stress_tables: summary.stress_tables(),

@@ -32,7 +32,7 @@ use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
 use svl_score::judge::CheckpointFrame;
 use svl_score::losses::Missing;
-use svl_score::manifest::{Manifest, RunRecord, hash};
+use svl_score::manifest::{AlgorithmRecord, Manifest, RunRecord, hash};
 use svl_score::plausibility::MeasuredScales;
 
 /// Number of selected pairs of a run in a block.
@@ -85,6 +85,14 @@ impl ReportPlan {
     }
 
     /// The labels of the algorithms, in their order.
+    /// The labels of the algorithms that match a run: a map that others computed is not that of
+    /// perturbed pairs.
+    pub fn labels_of(&self, run: &ReportRun) -> Vec<&str> {
+        let own = |record: &&AlgorithmRecord| run.stress.is_none() || !record.is_recorded();
+        let records = self.manifest.algorithms.iter().filter(own);
+        records.map(|record| record.label.as_str()).collect()
+    }
+
     pub fn labels(&self) -> Vec<&str> {
         self.manifest.labels().collect()
     }
@@ -149,9 +157,25 @@ pub struct RunFacts {
     pub warnings: Vec<RunWarning>,
     /// The factors between the truth and the algorithms.
     pub scales: MeasuredScales,
+    /// Delays of the topics that it reads maps from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub latency: Vec<TopicDelay>,
     /// The runs that were registered before it, whose pairs it has no copies of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after: Vec<String>,
+}
+
+/// Log time minus stamp of a topic's messages and of the left images: transport and processing on
+/// the robot, not time of matching.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TopicDelay {
+    pub topic: String,
+    /// Name of the recording.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    /// Median and 99th percentile, by nearest rank; none without stamps.
+    pub topic_ms: Option<[f64; 2]>,
+    pub images_ms: Option<[f64; 2]>,
 }
 
 impl RunFacts {
@@ -161,6 +185,9 @@ impl RunFacts {
         new.for_each(|warning| warning.add_to(&mut self.warnings));
         self.end = self.end.take().or(other.end);
         self.record = self.record.take().or(other.record);
+        if self.latency.is_empty() {
+            self.latency = other.latency;
+        }
         for (label, scale) in other.scales.algorithms {
             self.scales.algorithms.entry(label).or_insert(scale);
         }

@@ -4,6 +4,7 @@ use super::block::{CELLS, DRIVES, FAILURES, FRAMES, ROWS, TRACKS};
 use super::kept::KeptResults;
 use super::store::{StoredSeal, StoredSession, Units};
 use super::{ReportPlan, ReportRun, RunFacts, SealedPair};
+use crate::accuracy::{AccuracyRow, AccuracyTally};
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{DriveRow, TrackRow};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, FrameRow, Record, Row};
@@ -93,8 +94,8 @@ impl RunUnits {
         let pairs = self.pairs();
         pairs.is_some()
             && plan
-                .manifest
-                .labels()
+                .labels_of(&self.run)
+                .into_iter()
                 .all(|label| Some(count(label)) == pairs)
     }
 }
@@ -105,6 +106,8 @@ pub struct ReportTables {
     pub rows: Vec<Row>,
     pub failures: Vec<FailureRow>,
     pub checkpoints: Vec<CheckpointRow>,
+    /// Of cells, where they are asked for.
+    pub accuracy: Vec<AccuracyRow>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -143,6 +146,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.tracks = read_rows(&file("tracks"))?;
     } else {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
+        tables.accuracy = read_rows(&file("accuracy"))?;
     }
     Ok(tables)
 }
@@ -184,6 +188,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
         write_table(folder, "tracks", &tables.tracks)?;
     } else {
         write_table(folder, "checkpoints", &tables.checkpoints)?;
+        write_table(folder, "accuracy", &tables.accuracy)?;
     }
     Ok(tables)
 }
@@ -210,12 +215,17 @@ pub fn collect_tables(
     let places = plan.manifest.labels().map(str::to_owned).zip(0..);
     let places: HashMap<String, usize> = places.collect();
     let rule = ScoreRule::new(plan)?;
+    let mut accuracy = AccuracyTally::new(rule.cells);
     for run in runs {
+        accuracy.begin_run();
         let mut tallies = RunTallies::new(plan, &rule, &run.run);
         let mut collect = |mut rows_of_pair: PairRows| -> Result<()> {
             rows_of_pair.sort(&places);
             if let Some(pair) = &rows_of_pair.pair {
                 rule.add_agreed(&mut rows_of_pair.rows, &rows_of_pair.cells, pair.has_rig);
+            }
+            if let (Some(row), false) = (rows_of_pair.rows.first(), plan.is_driven()) {
+                accuracy.add(row.stamp_ns, &rows_of_pair.cells);
             }
             take(TakenRows {
                 rows: &rows_of_pair.rows,
@@ -240,6 +250,7 @@ pub fn collect_tables(
         }
         tables.checkpoints.extend(tallies.into_rows());
     }
+    tables.accuracy = accuracy.into_rows(&plan.labels());
     Ok(tables)
 }
 

@@ -214,7 +214,6 @@ mod tests {
     use super::*;
     use svl_core::depth;
     use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
-    use svl_core::timing::StageTimes;
 
     /// Noise with disparity 6.
     fn frame() -> Frame {
@@ -243,7 +242,7 @@ mod tests {
             own_grid: false,
             unfiltered: None,
             range_px: None,
-            times: StageTimes::default(),
+            times: None,
         }
     }
 

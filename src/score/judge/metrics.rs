@@ -152,6 +152,8 @@ pub enum MetricUnit {
     Share,
     Count,
     Px,
+    /// Metres.
+    M,
     /// Limited and compared as a ratio, as machines differ.
     Ms,
     /// Number per 100 m driven.
@@ -177,12 +179,29 @@ pub enum MetricOrigin {
         value: FrameValue,
         total: MetricTotal,
     },
+    /// The cells of all pairs of an algorithm.
+    Cells {
+        /// Its column in the summary.
+        column: &'static str,
+        number: CellNumber,
+    },
     /// The time per pair; over frames, the median by nearest rank.
     Time,
     /// The frames that show a checkpoint; the fraction in which it passes.
     Checkpoints,
     /// The drives through courses.
     Drives(DriveNumber),
+}
+
+/// A number of the errors of an algorithm's distances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CellNumber {
+    Bias,
+    Rmse,
+    MedianError,
+    AbsRel,
+    Noise,
+    Flicker,
 }
 
 /// A metric of an algorithm's drives.
@@ -707,6 +726,96 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
+        name: "bias",
+        words: "bias of distances",
+        group: "distance error",
+        head: "bias m",
+        unit: MetricUnit::M,
+        origin: MetricOrigin::Cells {
+            column: "bias_m",
+            number: CellNumber::Bias,
+        },
+        note: Some(|_| {
+            let words = "of the cells with a reported and a true distance: the mean of reported \
+                         minus true (bias), the root of the mean square (RMSE), the median of the \
+                         absolute error, and the mean of absolute error over true distance (AbsRel); \
+                         accuracy.csv has them by range";
+            ("distance error", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "rmse",
+        words: "RMSE of distances",
+        group: "distance error",
+        head: "RMSE m",
+        unit: MetricUnit::M,
+        better: Better::Less,
+        origin: MetricOrigin::Cells {
+            column: "rmse_m",
+            number: CellNumber::Rmse,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "median_error",
+        words: "median error of distances",
+        group: "distance error",
+        head: "median m",
+        unit: MetricUnit::M,
+        better: Better::Less,
+        origin: MetricOrigin::Cells {
+            column: "median_error_m",
+            number: CellNumber::MedianError,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "abs_rel",
+        words: "mean relative error of distances",
+        group: "distance error",
+        head: "AbsRel %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Cells {
+            column: "abs_rel",
+            number: CellNumber::AbsRel,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "noise",
+        words: "noise of distances over time",
+        group: "over time",
+        head: "noise m",
+        unit: MetricUnit::M,
+        better: Better::Less,
+        origin: MetricOrigin::Cells {
+            column: "noise_m",
+            number: CellNumber::Noise,
+        },
+        note: Some(|_| {
+            let words = "of cells whose true distance changes by at most 1 % from a pair to the next: \
+                         the standard deviation of the error (noise), and the fraction that changes \
+                         between known and unknown or by more than the tolerance (flicker)";
+            ("over time", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "flicker",
+        words: "flickering cells",
+        group: "over time",
+        head: "flicker %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Cells {
+            column: "flicker",
+            number: CellNumber::Flicker,
+        },
+        ..DETAIL
+    },
+    Metric {
         name: "scored_pairs",
         words: "scored pairs",
         group: "scored",
@@ -874,6 +983,14 @@ impl Metric {
         }
     }
 
+    /// Its column in summaries; `None` if it has a table of its own.
+    pub fn summary_column(&self) -> Option<&'static str> {
+        match self.origin {
+            MetricOrigin::Frame { column, .. } | MetricOrigin::Cells { column, .. } => Some(column),
+            _ => None,
+        }
+    }
+
     /// True if any frame of an algorithm can have it, without checkpoints and drives.
     pub fn is_of_frames(&self) -> bool {
         matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
@@ -899,6 +1016,7 @@ impl Metric {
             MetricUnit::Share => format!("{:.1} %", 100.0 * value),
             MetricUnit::Count => format!("{value:.0}"),
             MetricUnit::Px => format!("{value:.2} px"),
+            MetricUnit::M => format!("{value:.3} m"),
             MetricUnit::Ms => format!("{value:.2} ms"),
             MetricUnit::Per100M => format!("{value:.1} per 100 m"),
         }

@@ -26,8 +26,8 @@ pub use disparity::DisparityScore;
 pub use filtered::FilterTally;
 pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use metrics::{
-    Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel, MetricOrigin,
-    MetricTotal, MetricUnit, MetricValues, RunKind,
+    Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel,
+    MetricOrigin, MetricTotal, MetricUnit, MetricValues, RunKind,
 };
 pub use support::agreed_cells;
 pub use surfaces::SurfaceTally;

@@ -72,7 +72,6 @@ mod tests {
     use super::*;
     use svl_core::depth;
     use svl_core::stereo::{DisparityMap, GridShape, Plane, Rig};
-    use svl_core::timing::StageTimes;
 
     const SHAPE: GridShape = GridShape {
         columns: 2,
@@ -94,7 +93,7 @@ mod tests {
             own_grid: false,
             unfiltered: None,
             range_px: None,
-            times: StageTimes::default(),
+            times: None,
         }
     }
 

@@ -9,7 +9,7 @@ use super::sparse::SparseCell;
 use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
-    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Rig, Truth, TruthDensity, TruthOrigin,
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, MapDensity, Rig, Truth, TruthOrigin,
 };
 
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
@@ -53,7 +53,7 @@ impl TrueCells {
     pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
         let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
         let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
-        let are_points = truth.kind.density == TruthDensity::Sparse;
+        let are_points = truth.kind.density == MapDensity::Sparse;
         let settings = GridSettings {
             min_valid: if is_reference {
                 depth::MIN_VALID
@@ -265,19 +265,19 @@ mod tests {
         };
         // Ten points in the left cell, nine in the right one.
         let tenth = |x| x % 4 == 0 && x < 76;
-        for density in [TruthDensity::Sparse, TruthDensity::Dense] {
+        for density in [MapDensity::Sparse, MapDensity::Dense] {
             let cells = known(tenth, density, TruthOrigin::Exact);
             assert_eq!(cells, [true, false]);
         }
         let reference = |is_known| {
             let origin = TruthOrigin::Reference("sgm".into());
-            known(is_known, TruthDensity::Dense, origin)
+            known(is_known, MapDensity::Dense, origin)
         };
         assert_eq!(reference(tenth), [true, true]);
         assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [false, false]);
         // Points on three quarters of the pixels, in three of eight parts of the left cell.
         let uneven = |x| !(15..40).contains(&x);
-        let [sparse, dense] = [TruthDensity::Sparse, TruthDensity::Dense]
+        let [sparse, dense] = [MapDensity::Sparse, MapDensity::Dense]
             .map(|density| known(uneven, density, TruthOrigin::Exact));
         assert_eq!((sparse, dense), ([false, true], [false, true]));
     }
@@ -300,7 +300,7 @@ mod tests {
             cells.grid().cell(0, 0).depth.unwrap().median_px
         };
         assert_eq!(
-            [TruthDensity::Dense, TruthDensity::Sparse].map(median),
+            [MapDensity::Dense, MapDensity::Sparse].map(median),
             [4.0, 7.0]
         );
     }

@@ -151,6 +151,11 @@ pub struct AlgorithmRecord {
 }
 
 impl AlgorithmRecord {
+    /// True if it reports a map that others computed.
+    pub fn is_recorded(&self) -> bool {
+        matcher::find(&self.name).is_ok_and(matcher::MatcherSpec::is_recorded)
+    }
+
     /// Warnings about its program for the user, available at the end of the run.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let of_program = self.program.iter().flat_map(ProgramRecord::warnings);

@@ -290,7 +290,7 @@ impl TruthSpread {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthDensity};
+    use svl_core::stereo::{Geometry, Gray, MapDensity, StereoPair};
 
     /// 40 pixels wide, with a focal length of 50 px and a baseline of 0.1 m.
     fn frame(disparities: &[f32], has_rig: bool) -> Frame {
@@ -301,11 +301,7 @@ mod tests {
         let rig = has_rig.then(|| Rig::new(50.0, (20.0, 12.0), 0.1, 0.0).unwrap());
         let disparity = Plane::from_vec(width, height, values).unwrap();
         Frame {
-            truth: Some(Truth::from_sensor(
-                disparity,
-                TruthDensity::Dense,
-                "d/*.png",
-            )),
+            truth: Some(Truth::from_sensor(disparity, MapDensity::Dense, "d/*.png")),
             ..Frame::new(
                 StereoPair::new(image.clone(), image).unwrap(),
                 Geometry::Rectified(rig),

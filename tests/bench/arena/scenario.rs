@@ -168,9 +168,9 @@ fn an_excellent_matcher_passes_every_checkpoint_and_poor_ones_none() {
             frames.into_iter().map(move |i| (checkpoint, arena, i))
         })
     });
-    // Every fourth: one or two of each checkpoint in each run.
+    // Every fourth in the nightly checks: one or two of each checkpoint in each run.
     frames
-        .step_by(4)
+        .step_by(crate::common::step(4))
         .collect::<Vec<_>>()
         .par_iter()
         .for_each(|&(checkpoint, arena, index)| {

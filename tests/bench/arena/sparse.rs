@@ -7,10 +7,7 @@ use svl::depth::{GridSettings, grid};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::score::{CellJudgement, Judge, Verdict};
 use svl::source::dataset::Scene;
-use svl::stereo::{
-    CellRule, Estimate, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
-};
-use svl::timing::StageTimes;
+use svl::stereo::{CellRule, Estimate, Frame, MapDensity, Plane, RectifiedPair, Truth, TruthKind};
 
 /// True for a pixel (x, y) of a frame that has a point.
 type HasPoint = Box<dyn Fn(usize, usize, &Dense) -> bool>;
@@ -158,7 +155,7 @@ fn thinned(dense: &Dense, has_point: &HasPoint) -> Frame {
     Frame {
         truth: Some(Truth {
             kind: TruthKind {
-                density: TruthDensity::Sparse,
+                density: MapDensity::Sparse,
                 ..TruthKind::default()
             },
             ..Truth::exact(Plane::from_fn(width, height, kept).unwrap(), None)
@@ -186,7 +183,7 @@ fn estimate(algorithm: &Algorithm, frame: &Frame) -> Estimate {
         own_grid,
         unfiltered: None,
         range_px: None,
-        times: StageTimes::default(),
+        times: None,
     }
 }
 

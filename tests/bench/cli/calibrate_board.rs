@@ -38,8 +38,16 @@ fn still(poses: u64) -> impl Iterator<Item = u64> {
 #[test]
 fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let fixture = Fixture::new();
-    let args = "calibrate board board --square-m 0.03 --yes --json -o calib.xml";
-    let answer = fixture.json(args);
+    let (source, reasons): (_, &[_]) = if crate::common::is_nightly() {
+        ("board", &["moving", "nothing new"])
+    } else {
+        // Half of the poses twice.
+        let twice = still(12).flat_map(|pair| [pair; 2]);
+        write_pictures(&fixture, twice.chain(still(24).skip(12)));
+        ("pictures", &["nothing new"])
+    };
+    let args = format!("calibrate board {source} --square-m 0.03 --yes --json -o calib.xml");
+    let answer = fixture.json(&args);
     let truth = MovingBoard::new(1).unwrap();
     let truth = truth.truth();
     let cameras = [("left", truth.left()), ("right", truth.right())];
@@ -64,9 +72,9 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
         "{}",
         solution["rms_px"]
     );
-    for reason in ["moving", "nothing new"] {
+    for reason in reasons {
         assert!(
-            answer["refused"][reason].as_u64().unwrap() > 10,
+            answer["refused"][*reason].as_u64() > Some(10),
             "{}",
             answer["refused"]
         );
@@ -95,12 +103,12 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
 #[test]
 fn a_recording_of_the_board_says_the_same_as_the_board() {
     let fixture = Fixture::new();
-    fixture.run("record board --frames 70 -o board.mcap");
+    fixture.run("record board --frames 46 -o board.mcap");
     let text = fixture.run("calibrate board board.mcap --yes -o calib.yaml");
     assert_says(
         &text,
         &[
-            "of 70 pairs accepted",
+            "of 46 pairs accepted",
             "moving",
             "worth more pairs",
             "in squares",
@@ -203,7 +211,7 @@ fn the_viewer_gets_the_pairs_with_their_corners() {
 fn cameras_that_see_the_board_are_calibrated() {
     let fixture = Fixture::new();
     let args = "calibrate board sim:scene=board --yes --rate 10 -o calib.xml";
-    let enough = || fixture.path("calib-report/right06.png").exists();
+    let enough = || fixture.path("calib-report/right04.png").exists();
     let (code, stderr) = super::interrupt::interrupted(&fixture, args, enough);
     assert_eq!(code, Some(0), "{stderr}");
     assert!(fixture.path("calib.xml").is_file());

@@ -1,7 +1,7 @@
 //! `svl train filter`, `svl label frames|windows`, and filters in a run.
 
 use super::fixture::{Fixture, assert_says};
-use crate::common::python;
+use crate::common::{is_nightly, python};
 use std::sync::LazyLock;
 use svl::filter::{FilterKind, FilterModel, Spectrum};
 use svl::fit::filter::FrameLabels;
@@ -39,9 +39,11 @@ static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
         "{said}"
     );
     let bytes = std::fs::read(fixture.path("floor.safetensors")).unwrap();
-    // Equal data, equal bytes, on any number of threads.
-    fixture.run(&format!("{train} -o again.safetensors --threads 1"));
-    assert!(bytes == std::fs::read(fixture.path("again.safetensors")).unwrap());
+    if is_nightly() {
+        // Equal data, equal bytes, on any number of threads.
+        fixture.run(&format!("{train} -o again.safetensors --threads 1"));
+        assert!(bytes == std::fs::read(fixture.path("again.safetensors")).unwrap());
+    }
     (bytes, fixture.text("floor.html"))
 });
 
@@ -153,7 +155,8 @@ fn algorithms_run_with_and_without_filters() {
     fixture.run(&format!("{replay} --algo v3 -o result.mcap"));
     let verified = fixture.run("-q replay result.mcap --verify --filter floor.safetensors");
     assert_says(&verified, &["v3+floor"]);
-    let bench = "bench --algo v3 --filter floor.safetensors --max-disparity 60 --json";
+    let bench = "bench --algo v3 --filter floor.safetensors --max-disparity 60 --size 96x64 \
+                 --json";
     assert_eq!(fixture.json(bench)[1]["algo"], "v3:max_disparity=60+floor");
 }
 

@@ -4,7 +4,7 @@ use super::fixture::{Fixture, assert_says};
 use crate::recording::bag::png;
 use svl::scenario::SourceOptions;
 use svl::source::{Request, open};
-use svl::stereo::{Frame, TruthDensity, TruthOrigin};
+use svl::stereo::{Frame, MapDensity, TruthOrigin};
 
 const SIZE: (usize, usize) = (40, 24);
 const CALIB: &str = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\ndoffs=0\n\
@@ -68,7 +68,7 @@ fn depth_images_and_arrays_are_the_same_truth() {
             *step == 0 && disparity.is_infinite() || (f64::from(disparity) - expected).abs() < 1e-6
         );
     }
-    assert_eq!(truth(&by_name[0]).kind.density, TruthDensity::Dense);
+    assert_eq!(truth(&by_name[0]).kind.density, MapDensity::Dense);
     for pattern in ["depth/*.npy", "depth/*.png:unit=0.001"] {
         let others = frames(&fixture, "p", pattern);
         let pairs = others.iter().zip(&by_name);
@@ -359,7 +359,7 @@ fn kitti_s_scans_are_moved_into_the_camera() {
     let known: Vec<_> = pixels.filter(|at| known(*at)).collect();
     assert_eq!(known, [(15, 12)]);
     assert!((truth.disparity.get(15, 12) - 1.0).abs() < 1e-5);
-    assert_eq!(truth.kind.density, TruthDensity::Sparse);
+    assert_eq!(truth.kind.density, MapDensity::Sparse);
     assert_says(
         &fixture.run("info day/drive"),
         &["velodyne_points/data/*.bin"],

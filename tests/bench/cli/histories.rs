@@ -7,9 +7,9 @@ use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Number of histories, by default and in `.ci/nightly`; the variable `SVL_HISTORIES` has another,
-/// and `SVL_HISTORY` the first.
-const HISTORIES: [u64; 2] = [2, 20];
+/// The histories by default and in `.ci/nightly`; the variable `SVL_HISTORIES` has another number
+/// of them, and `SVL_HISTORY` the first.
+const HISTORIES: [std::ops::Range<u64>; 2] = [1..2, 0..20];
 
 /// Commands of a history.
 const STEPS: usize = 6;
@@ -259,14 +259,10 @@ fn a_report_is_that_of_a_fresh_run_whatever_was_done_to_its_folder() {
         let text = std::env::var(name).ok();
         text.map_or(or, |text| text.parse().unwrap())
     };
-    let first = number("SVL_HISTORY", 0);
-    for seed in first
-        ..first
-            + number(
-                "SVL_HISTORIES",
-                HISTORIES[usize::from(crate::common::is_nightly())],
-            )
-    {
+    let default = &HISTORIES[usize::from(crate::common::is_nightly())];
+    let first = number("SVL_HISTORY", default.start);
+    let count = number("SVL_HISTORIES", default.end - default.start);
+    for seed in first..first + count {
         let mut history = History::new(seed);
         history.log.push(format!("history {seed}"));
         for _ in 0..STEPS {

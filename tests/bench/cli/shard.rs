@@ -158,20 +158,15 @@ fn snakemake_runs_the_shards_and_merges_them() {
 
 #[test]
 fn drives_are_shared_out_too() {
-    let fixture = Fixture::new();
-    let text = "name = \"small\"\nalgorithms = [\"truth\", \"blind\"]\n[source]\nkind = \
-                \"drive\"\nseeds = [1, 7]\n[arena]\nframes = 400\nrate_hz = \
-                6.0\n[arena.rig]\nwidth_px = 120\nheight_px = 90\n";
-    fixture.write("small.toml", text);
-    fixture.run("score small.toml -q --drives none -o whole");
+    let fixture = super::drive::driven();
     merged(&fixture, "score small.toml -q --drives none", 2);
     for table in ["rows", "cells", "drives", "tracks", "summary"] {
         let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-        assert_eq!(table_lines("all-2"), table_lines("whole"), "{table}");
+        assert_eq!(table_lines("all-2"), table_lines("r"), "{table}");
     }
     assert_eq!(
         fixture.text("all-2/courses.json"),
-        fixture.text("whole/courses.json")
+        fixture.text("r/courses.json")
     );
 }
 

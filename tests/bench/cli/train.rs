@@ -120,14 +120,14 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
 #[test]
 fn the_network_is_learned_and_the_tables_on_other_runs() {
     let fixture = short_arena();
-    let train = "-q train v5 short.toml --seeds 4..9 --epochs 20";
+    let train = "-q train v5 short.toml --seeds 4..9 --epochs 12";
     let text = fixture.run(&format!("{train} --threads 1 -o own.safetensors"));
     assert_says(
         &text,
         &[
             "pixels of gaps, 4 runs",
             "1 run",
-            "20 epochs",
+            "12 epochs",
             "within 2 px",
         ],
     );
@@ -139,10 +139,10 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
     let network = &json["network"];
     let epochs = network["epochs"].as_array().unwrap();
     let number = |epoch: &serde_json::Value, key: &str| epoch[key].as_f64().unwrap();
-    let [first, last] = [&epochs[0], &epochs[19]].map(|epoch| number(epoch, "held_out"));
+    let [first, last] = [&epochs[0], &epochs[11]].map(|epoch| number(epoch, "held_out"));
     assert!(last < first - 0.05, "{json}");
     assert!(
-        number(&epochs[19], "held_out_right") > number(network, "filled_right"),
+        number(&epochs[11], "held_out_right") > number(network, "filled_right"),
         "{json}"
     );
     // The tables are of the third and the sixth run, from what votes measure, too.

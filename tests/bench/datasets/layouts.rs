@@ -2,7 +2,7 @@
 
 use super::tree::{DISPARITY, Tree, WIDTH, expect_truth};
 use crate::common::assert_says;
-use svl::stereo::{Frame, TruthDensity, Visibility};
+use svl::stereo::{Frame, MapDensity, Visibility};
 
 const CALIB: &str = "cam0=[1000 0 11; 0 1000 2; 0 0 1]\ncam1=[1000 0 13; 0 1000 2; 0 0 \
                      1]\ndoffs=2\nbaseline=160\nwidth=24\nheight=6\nndisp=16\n";
@@ -198,7 +198,7 @@ fn kitti_2012() {
     for frame in &frames {
         expect_truth(frame, true);
         let density = frame.truth.as_ref().unwrap().kind.density;
-        assert_eq!(density, TruthDensity::Sparse);
+        assert_eq!(density, MapDensity::Sparse);
         // The grey cameras, not the coloured ones.
         expect_rig(frame, 700.0, 0.5, 0.0);
     }

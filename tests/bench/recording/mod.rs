@@ -18,6 +18,7 @@ mod kill;
 mod live_topics;
 mod poses;
 mod realsense;
+mod recorded_depth;
 mod recovery;
 mod ros1;
 mod round_trip;

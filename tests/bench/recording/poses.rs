@@ -8,7 +8,7 @@ use crate::common::assert_says;
 use re_cdr::{CdrWriter, LittleEndian};
 use std::path::Path;
 use svl::report::{CheckpointRow, read_rows};
-use svl::stereo::{Frame, Truth, TruthDensity};
+use svl::stereo::{Frame, MapDensity, Truth};
 
 /// Speed along the optical axis, m/s, of a robot that starts at x = 3 m.
 const SPEED: f64 = 1.5;
@@ -244,10 +244,7 @@ fn a_truth_of_another_time_is_moved_to_the_pair_s() {
     for (a, b) in disparities[0].pixels().zip(disparities[1].pixels()) {
         assert!(a == b || (a - b).abs() < 1e-4, "{a} {b}");
     }
-    assert_eq!(
-        moved[1].as_ref().unwrap().kind.density,
-        TruthDensity::Sparse
-    );
+    assert_eq!(moved[1].as_ref().unwrap().kind.density, MapDensity::Sparse);
     // Without poses it stays where it was measured, which is reported.
     let none: fn(u64) -> Message =
         |stamp| transform("/other", stamp, ["a", "b"], [0.0; 3], [0.0; 4]);

@@ -5,8 +5,8 @@ use super::frames::{image, read};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use std::path::Path;
-use svl::recording::{Reader, TruthSelection};
-use svl::stereo::{Frame, TruthDensity};
+use svl::recording::{Reader, SensorRole, SensorSelection};
+use svl::stereo::{Frame, MapDensity, Truth};
 
 const SIZE: (usize, usize) = (64, 48);
 const FOCAL_PX: f64 = 48.5;
@@ -85,14 +85,16 @@ fn messages(unit: &str) -> Vec<Message> {
 /// The frames with the truth of the depth images.
 fn with_truth(path: &Path, topic: &str) -> Vec<Frame> {
     let mut reader = Reader::open(path).unwrap();
-    let selection = TruthSelection {
+    let selection = SensorSelection {
         topic: topic.to_owned(),
         max_skew_ns: 1_000_000,
+        role: SensorRole::Truth,
     };
-    let mut truth = reader.truth(&selection).unwrap();
+    let mut truth = reader.sensor(&selection).unwrap();
     let mut frames = Vec::new();
     while let Some(mut frame) = reader.next_pair().unwrap() {
-        truth.attach(&mut frame).unwrap();
+        let found = truth.measured(&frame).unwrap();
+        frame.truth = found.map(|(map, density)| Truth::from_sensor(map, density, topic));
         frames.push(frame);
     }
     frames
@@ -112,7 +114,7 @@ fn check(frames: &[Frame], unit_m: f64) {
         );
         assert!((rig.baseline_m() - BASELINE_M).abs() < 1e-12);
         let truth = frame.truth.as_ref().unwrap();
-        assert_eq!(truth.kind.density, TruthDensity::Dense);
+        assert_eq!(truth.kind.density, MapDensity::Dense);
         for (step, disparity) in steps(i).into_iter().zip(truth.disparity.pixels()) {
             let expected = FOCAL_PX * BASELINE_M / (f64::from(step) * unit_m);
             assert_eq!(

@@ -8,7 +8,7 @@ use foxglove::messages as fox;
 use std::path::{Path, PathBuf};
 use svl::scenario::SourceOptions;
 use svl::source::{Opened, Request, open_recording};
-use svl::stereo::{Frame, Plane, Truth, TruthDensity, TruthKind, TruthOrigin};
+use svl::stereo::{Frame, MapDensity, Plane, Truth, TruthKind, TruthOrigin};
 
 pub(super) const SIZE: (usize, usize) = (24, 16);
 pub(super) const START_NS: u64 = 1_700_000_000_000_000_000;
@@ -187,7 +187,7 @@ fn an_aligned_depth_image_is_dense_and_without_what_is_no_depth() {
         assert_eq!(
             truth.kind,
             TruthKind {
-                density: TruthDensity::Dense,
+                density: MapDensity::Dense,
                 origin: TruthOrigin::Sensor("/depth".into()),
             }
         );
@@ -392,7 +392,7 @@ fn a_cloud_is_moved_into_the_left_camera() {
     let clouds = (0..2).map(|i| cloud("lidar", stamp(i), &points));
     let (found, without) = truths(clouds.chain([tf("/tf_static", &links)]), "/points");
     let truth = found[1].as_ref().unwrap();
-    assert_eq!((truth.kind.density, without), (TruthDensity::Sparse, 0));
+    assert_eq!((truth.kind.density, without), (MapDensity::Sparse, 0));
     let known: Vec<_> = (0..16)
         .flat_map(|y| (0..24).map(move |x| (x, y)))
         .filter(|&(x, y)| truth.disparity.get(x, y).is_finite())
@@ -566,7 +566,7 @@ fn topics_that_are_no_truth_are_refused_in_one_line() {
 #[test]
 fn a_recording_keeps_how_its_truth_was_measured() {
     let kind = TruthKind {
-        density: TruthDensity::Sparse,
+        density: MapDensity::Sparse,
         origin: TruthOrigin::Sensor("/points".into()),
     };
     let mut frame = full(0, SIZE);

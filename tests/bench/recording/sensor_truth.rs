@@ -13,9 +13,7 @@ use svl::matcher::Algorithm;
 use svl::scenario::SourceOptions;
 use svl::score::{CellJudgement, CellTally, TrueCells, Verdict};
 use svl::source::{Request, open_recording};
-use svl::stereo::{
-    CellRule, DepthGrid, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
-};
+use svl::stereo::{CellRule, DepthGrid, Frame, MapDensity, Plane, RectifiedPair, Truth, TruthKind};
 
 const FRAMES: u64 = 40;
 const ALGORITHMS: [&str; 3] = ["v3", "bm", "sgm"];
@@ -162,7 +160,7 @@ fn thinned(frame: &Frame, points: usize, seed: u64) -> Frame {
         }
     }
     let kind = TruthKind {
-        density: TruthDensity::Sparse,
+        density: MapDensity::Sparse,
         ..TruthKind::default()
     };
     Frame {
@@ -220,11 +218,11 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
         line("exact", algorithm, &judged(&exact, grids));
     }
     for (topic, density) in [
-        ("/cam0/depth32", TruthDensity::Dense),
-        ("/cam0/depth16", TruthDensity::Dense),
-        ("/tof/image", TruthDensity::Sparse),
-        ("/lidar/points", TruthDensity::Sparse),
-        ("/scan", TruthDensity::Sparse),
+        ("/cam0/depth32", MapDensity::Dense),
+        ("/cam0/depth16", MapDensity::Dense),
+        ("/tof/image", MapDensity::Sparse),
+        ("/lidar/points", MapDensity::Sparse),
+        ("/scan", MapDensity::Sparse),
     ] {
         let sensor = frames(&bag, Some(topic));
         let kind: &TruthKind = &sensor[0].truth.as_ref().unwrap().kind;

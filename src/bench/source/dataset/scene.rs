@@ -183,6 +183,7 @@ impl Scene {
             stamp_ns: SceneSource::STAMPS.stamp_ns(sequence),
             name: Some(self.name.clone()),
             truth: truth::read(|name| self.file(name), pair.size())?,
+            maps: Vec::new(),
             geometry: Geometry::Rectified(self.rig(pair.size())?),
             calibration: None,
             recorded: None,

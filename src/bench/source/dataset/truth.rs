@@ -3,7 +3,7 @@
 use super::entry::{Form, Seen};
 use super::files;
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{Plane, Truth, TruthDensity, TruthKind, Visibility, cross_check};
+use svl_core::stereo::{MapDensity, Plane, Truth, TruthKind, Visibility, cross_check};
 use svl_core::{Error, Result};
 use svl_files::{read_mask, read_pfm, read_scaled_disparity};
 
@@ -57,10 +57,10 @@ impl Form {
         self.scale(height).is_some()
     }
 
-    fn density(&self) -> TruthDensity {
+    fn density(&self) -> MapDensity {
         match self {
-            Self::Points { .. } => TruthDensity::Sparse,
-            Self::Pfm | Self::Scaled { .. } | Self::ScaledBySize(_) => TruthDensity::Dense,
+            Self::Points { .. } => MapDensity::Sparse,
+            Self::Pfm | Self::Scaled { .. } | Self::ScaledBySize(_) => MapDensity::Dense,
         }
     }
 

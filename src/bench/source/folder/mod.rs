@@ -2,12 +2,12 @@
 
 mod cameras;
 mod layout;
+mod map_files;
 mod pairs;
 mod poses;
 mod stamps;
-mod truth;
 
-pub use truth::FolderTruth;
+pub use map_files::MapFiles;
 
 use super::Source;
 use cameras::{cameras, size_mismatch};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use svl_core::stereo::{Exposure, Frame, Geometry, Losses, Pose, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
-use svl_recording::{StampOrigin, TruthSelection};
+use svl_recording::{SensorSelection, StampOrigin};
 
 /// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -109,8 +109,8 @@ impl FolderSource {
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Usage`].
-    pub fn truth(&self, selection: &TruthSelection) -> Result<FolderTruth> {
-        FolderTruth::new(&self.folder, self.layout, selection)
+    pub fn truth(&self, selection: &SensorSelection) -> Result<MapFiles> {
+        MapFiles::new(&self.folder, self.layout, selection)
     }
 
     /// Origin of the stamps, if not the cameras.
@@ -166,6 +166,7 @@ impl FolderSource {
             recorded: None,
             pose: self.poses[number],
             truth: None,
+            maps: Vec::new(),
             color,
             exposure: Exposure {
                 trigger_id: sequence,

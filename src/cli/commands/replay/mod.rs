@@ -106,7 +106,10 @@ pub(crate) struct Args {
     /// Distance in the published scan of cells of state near, metres
     ///
     /// They have none of their own, and are unknown in the scan without this.
-    #[arg(long, value_name = "M", requires = "publish", value_parser = usage::within(0.01..=100.0))]
+    #[arg(
+        long = "scan-near", value_name = "M", requires = "publish",
+        value_parser = usage::within(0.01..=100.0)
+    )]
     near: Option<f64>,
     /// Compare the results with those of an earlier run
     ///

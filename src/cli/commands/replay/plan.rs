@@ -56,13 +56,17 @@ impl<'a> Plan<'a> {
             Some(name) => name.clone(),
             None => newest_or_arena(terminal)?.display().to_string(),
         };
-        let mut opened = open(args, &name, terminal)?;
+        let mut opened = open(args, &name, &args.algo, terminal)?;
         let earlier = earlier(args, &name, &opened)?;
         let algorithms = match (&args.algo[..], &earlier) {
             ([], Some(earlier)) => earlier.algorithms()?,
             ([], None) => vec![Algorithm::default()],
             (named, _) => named.to_vec(),
         };
+        // The maps of an earlier run's algorithms are known only now.
+        if args.algo.is_empty() && algorithms.iter().any(|a| a.spec().is_recorded()) {
+            opened = open(args, &name, &algorithms, terminal)?;
+        }
         let described = described(args, &name, &algorithms)?;
         let algorithms = with_filters(algorithms, &args.filters.models()?);
         let matchers = Matchers::new(&algorithms)?;
@@ -215,7 +219,12 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
     )?)
 }
 
-fn open(args: &Args, name: &str, terminal: &Terminal) -> anyhow::Result<Opened> {
+fn open(
+    args: &Args,
+    name: &str,
+    algorithms: &[Algorithm],
+    terminal: &Terminal,
+) -> anyhow::Result<Opened> {
     let options = &args.options;
     options.refuse(NOT_TAKEN, "is for scenarios; `svl score` accepts them")?;
     if args.publish.is_some() && args.algo.len() > 1 {
@@ -231,7 +240,7 @@ fn open(args: &Args, name: &str, terminal: &Terminal) -> anyhow::Result<Opened> 
         },
         ..Request::new(name)
     };
-    Ok(open_recording(&request, terminal)?)
+    Ok(open_recording(&request.with_maps(algorithms), terminal)?)
 }
 
 /// The results that `--verify` compares with.

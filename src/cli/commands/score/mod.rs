@@ -2,6 +2,7 @@
 
 mod live;
 mod scenario;
+mod sizes;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
@@ -10,6 +11,7 @@ use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use clap::builder::NonEmptyStringValueParser;
+use sizes::SizeArgs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
@@ -34,6 +36,8 @@ Examples:
   svl score bags/*.mcap --every 10 --from 5
   svl score ros2: --to 30                        records 30 s first
   svl score own.toml                             with checkpoints of your own
+  svl score own.mcap --algo zed=topic:/zed/depth --truth /lidar --near 2
+      depth that the robot published, against a lidar
   svl score arena --algo v3 --algo v3:max_disparity=64
   svl score arena --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS -o reports/mine
@@ -79,6 +83,8 @@ pub(crate) struct Args {
     /// [default: the scenario's].
     #[arg(long, value_name = "KIND")]
     stress: Vec<StressLevels>,
+    #[command(flatten)]
+    sizes: SizeArgs,
     #[command(flatten)]
     source: SourceOptions,
     /// Match each pair N times; its time is the median

@@ -38,6 +38,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
         distinct_kinds(&args.stress)?;
         scenario.stress.clone_from(&args.stress);
     }
+    args.sizes.change(&mut scenario)?;
     if let Some(columns) = &args.columns {
         scenario.columns = columns.clone();
     }

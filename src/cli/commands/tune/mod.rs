@@ -308,6 +308,7 @@ fn open<'a>(
     }
     let mut scenario = args.scenario_of(&args.what)?;
     runs::change(std::slice::from_mut(&mut scenario), &args.source, name)?;
+    scenario.algorithms = algorithms.to_vec();
     let open_first = {
         let scenario = scenario.clone();
         move |quiet: bool| -> anyhow::Result<_> {

@@ -460,6 +460,6 @@ fn remember(delay: Duration, delays: &mut VecDeque<u64>) {
 fn times_ms(rows: &[Row]) -> [Option<f64>; 2] {
     LABELS.map(|label| {
         let row = rows.iter().find(|row| row.algorithm == label);
-        row.map(|row| row.total_us as f64 / 1e3)
+        Some(row?.total_us? as f64 / 1e3)
     })
 }

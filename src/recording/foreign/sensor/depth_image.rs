@@ -110,7 +110,17 @@ pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f3
     Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
 }
 
+/// The samples of an image of floats, as they are.
+pub(super) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    values(&ros::read(channel, data, ros::image)?.1)
+}
+
 fn depths(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+    values(raw).map(|depths| depths.map(known))
+}
+
+/// The samples of an image of depths, in metres, before invalid ones are removed.
+fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
     let why_no_depths = || encoding::why_no_depths(raw.encoding);
     let encoding = encoding::named(raw.encoding).ok_or_else(why_no_depths)?;
     let rows = encoding.rows(raw)?;
@@ -127,8 +137,7 @@ fn depths(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
         _ => return Err(why_no_depths()),
     };
     let (width, height) = (raw.width as usize, raw.height as usize);
-    let depths = Plane::from_vec(width, height, depths).map_err(|e| e.to_string())?;
-    Ok(depths.map(known))
+    Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
 }
 
 fn metres(millimetres: u16) -> f32 {

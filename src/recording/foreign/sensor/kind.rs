@@ -1,6 +1,6 @@
 //! The kinds of messages that measure distances, with their readers.
 
-use super::{Channel, Plane, depth_image, points};
+use super::{Channel, Plane, depth_image, points, truth};
 use crate::foreign::{image, json};
 use crate::{decode_protobuf, ros};
 use foxglove::messages;
@@ -13,6 +13,8 @@ pub(super) enum Measured {
     Depth(Plane<f32>),
     /// Points in the sensor's frame, metres.
     Points(Vec<Point3<f64>>),
+    /// Disparities of the left image as svl matched it, pixels; `+∞` for invalid pixels.
+    Disparity(Plane<f32>),
 }
 
 impl Measured {
@@ -28,7 +30,9 @@ impl Measured {
     /// Memory use in bytes.
     pub(super) fn bytes(&self) -> usize {
         match self {
-            Self::Depth(depth) => size_of::<f32>() * depth.width() * depth.height(),
+            Self::Depth(map) | Self::Disparity(map) => {
+                size_of::<f32>() * map.width() * map.height()
+            }
             Self::Points(points) => size_of::<Point3<f64>>() * points.len(),
         }
     }
@@ -48,6 +52,8 @@ pub(super) struct MeasuredKind {
 enum Decode {
     Depth(Read<Plane<f32>>),
     Points(Read<Vec<Point3<f64>>>),
+    /// Disparities in pixels instead of depths in metres.
+    Disparity(Read<Plane<f32>>),
 }
 
 /// All kinds. A new one is its function and a line here.
@@ -74,6 +80,13 @@ const KINDS: &[MeasuredKind] = &[
     cloud("foxglove.PointCloud", "protobuf", points::foxglove_cloud),
     cloud("foxglove.LaserScan", "protobuf", points::foxglove_scan),
 ];
+
+/// The disparities in a result of svl's.
+const OWN_RESULT: MeasuredKind = MeasuredKind {
+    schema: "sensor_msgs/msg/Image",
+    encoding: "cdr",
+    decode: Decode::Disparity(depth_image::floats),
+};
 
 const fn depth(
     schema: &'static str,
@@ -106,6 +119,14 @@ const fn cloud(
 /// # Errors
 /// The type of the messages, if it is none that measures distances.
 pub(super) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
+    if is_bare_disparity(channel) {
+        let is_own = is_own_result(channel) && channel.schema == OWN_RESULT.schema;
+        return is_own.then_some(&OWN_RESULT).ok_or_else(|| {
+            "its images are disparities, by their name, and do not say of which scale and camera: \
+             name depth images, or publish stereo_msgs/msg/DisparityImage"
+                .to_owned()
+        });
+    }
     let kind = KINDS.iter().find(|kind| kind.schema == channel.schema);
     let kind = kind.ok_or_else(|| {
         let known = joined(KINDS.iter().map(|kind| kind.schema));
@@ -121,6 +142,21 @@ pub(super) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
             channel.schema, channel.encoding, kind.encoding
         ))
     }
+}
+
+/// True for a topic of images that are disparities by their name: their pixels have the format of
+/// depths.
+fn is_bare_disparity(channel: &Channel) -> bool {
+    let name = channel.topic.to_lowercase();
+    name.contains("disparity")
+        && !name.contains("depth")
+        && channel.schema.ends_with("Image")
+        && !channel.schema.ends_with("DisparityImage")
+}
+
+/// True for a result in a recording of svl's.
+pub(super) fn is_own_result(channel: &Channel) -> bool {
+    channel.topic.starts_with("/algo/")
 }
 
 /// True for an image in mono16, whose samples may be depths or brightness.
@@ -144,6 +180,11 @@ impl MeasuredKind {
         matches!(self.decode, Decode::Depth(_))
     }
 
+    /// True for disparities of the left image as svl matched it: its messages name no frame.
+    pub(super) fn is_own(&self) -> bool {
+        matches!(self.decode, Decode::Disparity(_))
+    }
+
     /// True for disparities, which are those of a rectified camera by definition.
     pub(super) fn is_disparity(&self) -> bool {
         self.schema.ends_with("DisparityImage")
@@ -163,6 +204,9 @@ impl MeasuredKind {
         let measured = match self.decode {
             Decode::Depth(decode) => Measured::Depth(decode(channel, data)?),
             Decode::Points(decode) => Measured::Points(decode(channel, data)?),
+            Decode::Disparity(decode) => {
+                Measured::Disparity(truth::from_file(&decode(channel, data)?))
+            }
         };
         Ok((stamp, measured))
     }

@@ -4,11 +4,12 @@
 //! measurements themselves are read separately, in file order, next to the pairs.
 
 use super::transforms::plain;
-use super::{Channel, EventReader, FileEvent, Recording, kind};
+use super::{Channel, EventReader, FileEvent, Recording, SensorRole, SensorSelection, kind};
 use crate::foreign::PairStamps;
 use kind::{Measured, MeasuredKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use svl_core::statistics::nearest_rank;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 
@@ -53,6 +54,38 @@ impl Stamps {
     }
 }
 
+/// Stamps that are later than the log time by no more are rounded.
+const MAX_EARLY_NS: i64 = 1_000_000;
+
+/// Log time minus stamp, sorted, ns: transport and processing on the robot. A clock that differs
+/// from the recorder's makes it negative, or too long.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TopicLatency {
+    /// Of the measurements.
+    pub topic_ns: Vec<i64>,
+    /// Of the left images.
+    pub images_ns: Vec<i64>,
+}
+
+impl TopicLatency {
+    fn median(delays: &[i64]) -> Option<i64> {
+        nearest_rank(delays, 0.5)
+    }
+
+    /// Time by which messages are logged before their stamps, if most are: their clock is not that
+    /// of the recorder.
+    pub(super) fn early_ns(&self) -> Option<u64> {
+        let median = Self::median(&self.topic_ns)?;
+        (median < -MAX_EARLY_NS).then(|| median.unsigned_abs())
+    }
+
+    /// Time by which the stamps of the measurements are behind those of the images, by their log
+    /// times: that between their clocks, besides the difference of their latencies.
+    fn offset_ns(&self) -> Option<i64> {
+        Some(Self::median(&self.topic_ns)? - Self::median(&self.images_ns)?)
+    }
+}
+
 /// The stamps in a recording.
 #[derive(Default)]
 struct StampScan {
@@ -63,13 +96,14 @@ struct StampScan {
     starts: Vec<u64>,
     /// Number of measurements without one.
     without_stamp: u64,
+    latency: TopicLatency,
 }
 
 impl StampScan {
     /// Reads all of a recording. `look` is called with every message.
     fn run(
         recording: &Recording,
-        topic: &str,
+        [topic, left]: [&str; 2],
         mut pair_stamps: PairStamps,
         look: &mut dyn FnMut(&Channel, u64, &[u8]),
     ) -> Result<Self> {
@@ -90,6 +124,17 @@ impl StampScan {
                 };
                 look(channel, log_time, &data);
                 pair_stamps.take_in(channel, log_time, &data, kind::head, &mut found.pairs.0);
+                let delays = match channel.topic.as_str() {
+                    name if name == topic => Some(&mut found.latency.topic_ns),
+                    name if name == left => Some(&mut found.latency.images_ns),
+                    _ => None,
+                };
+                if let Some(delays) = delays
+                    && let Ok((Some(stamp), _)) = kind::head(channel, &data)
+                {
+                    // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
+                    delays.push(log_time.wrapping_sub(stamp).cast_signed());
+                }
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);
                     let has_none = matches!(&head, Ok((None, _))) && log_time > 0;
@@ -104,6 +149,8 @@ impl StampScan {
         for stamps in [&mut found.pairs, &mut found.stamps] {
             stamps.0.sort_by_key(|(stamp, _)| *stamp);
         }
+        found.latency.topic_ns.sort_unstable();
+        found.latency.images_ns.sort_unstable();
         Ok(found)
     }
 }
@@ -130,11 +177,11 @@ fn warn_of_first(recording: &Recording, topic: &str, log_time: u64, reason: &str
 /// The measurements of a topic.
 pub(super) struct Measurements {
     recording: Recording,
-    topic: String,
-    limit_ns: u64,
+    selection: SensorSelection,
     kind: &'static MeasuredKind,
     pairs: Stamps,
     stamps: Stamps,
+    latency: TopicLatency,
     /// Index of the first message of each file.
     starts: Vec<u64>,
     messages: Box<dyn EventReader>,
@@ -156,7 +203,8 @@ impl Measurements {
     /// [`svl_core::Error::Io`]. Inner: stamps that do not assign measurements to pairs.
     pub(super) fn find(
         recording: &Recording,
-        (topic, limit_ns): (&str, u64),
+        selection: &SensorSelection,
+        left: &str,
         (frame, unit_m): (&str, Option<f32>),
         kind: &'static MeasuredKind,
         pair_stamps: PairStamps,
@@ -167,24 +215,26 @@ impl Measurements {
             stamps,
             starts,
             without_stamp,
-        } = StampScan::run(recording, topic, pair_stamps, look)?;
+            latency,
+        } = StampScan::run(recording, [&selection.topic, left], pair_stamps, look)?;
         if without_stamp > 0 {
             let path = recording.path().display();
             let measurements = svl_core::counted(without_stamp, "measurement");
             tracing::warn!(
-                "{path}: --truth {topic}: {measurements} without a stamp; the log time, which is \
-                 later, is used instead"
+                "{path}: {}: {measurements} without a stamp; the log time, which is later, is used \
+                 instead",
+                selection.asked()
             );
         }
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let found = Self {
             recording: recording.clone(),
-            topic: topic.to_owned(),
-            limit_ns,
+            selection: selection.clone(),
             kind,
             pairs,
             stamps,
+            latency,
             starts,
             messages: first.messages()?,
             next_file: 1,
@@ -205,16 +255,26 @@ impl Measurements {
         let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
             return Ok(());
         };
-        let apart = |a: (u64, u64), b: (u64, u64)| a.1.saturating_add(self.limit_ns) < b.0;
+        let limit_ns = self.selection.max_skew_ns;
+        let apart = |a: (u64, u64), b: (u64, u64)| a.1.saturating_add(limit_ns) < b.0;
         if !apart(pairs, measured) && !apart(measured, pairs) {
             return Ok(());
         }
         let range =
             |(first, last): (u64, u64)| format!("{} to {} s", seconds(first), seconds(last));
+        let offset = self.latency.offset_ns().map(|ns| {
+            format!(
+                "; by the log times the clock of the measurements is {:.3} s {}: correct their \
+                 stamps and record again",
+                ns.unsigned_abs() as f64 / 1e9,
+                if ns > 0 { "behind" } else { "ahead" }
+            )
+        });
         Err(format!(
-            "its stamps are from another time: the pairs are from {}, the measurements from {}",
+            "its stamps are from another time: the pairs are from {}, the measurements from {}{}",
             range(pairs),
-            range(measured)
+            range(measured),
+            offset.unwrap_or_default()
         ))
     }
 
@@ -223,7 +283,8 @@ impl Measurements {
     fn check_stamps(&self) -> std::result::Result<(), String> {
         let mut by_order = 0;
         for &(stamp, _) in &self.pairs.0 {
-            let Some((nearest, _)) = self.stamps.nearest(stamp, self.limit_ns, |_| true) else {
+            let limit_ns = self.selection.max_skew_ns;
+            let Some((nearest, _)) = self.stamps.nearest(stamp, limit_ns, |_| true) else {
                 continue;
             };
             let counts = [self.pairs.at(stamp).len(), self.stamps.at(nearest).len()];
@@ -244,9 +305,9 @@ impl Measurements {
             by_order += 1;
         }
         if by_order > 0 {
-            let (path, topic) = (self.recording.path().display(), &self.topic);
+            let (path, asked) = (self.recording.path().display(), self.selection.asked());
             tracing::warn!(
-                "{path}: --truth {topic}: {by_order} pairs share their stamps, as many \
+                "{path}: {asked}: {by_order} pairs share their stamps, as many \
                  measurements do: used in the order of the file"
             );
         }
@@ -258,7 +319,7 @@ impl Measurements {
     /// # Errors
     /// [`svl_core::Error::Io`].
     pub(super) fn for_pair(&mut self, frame: &Frame) -> Result<Option<(u64, Arc<Measured>)>> {
-        let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
+        let (stamp_ns, limit_ns) = (frame.stamp_ns, self.selection.max_skew_ns);
         self.held
             .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
         let sharing = self.pairs.at(stamp_ns);
@@ -273,13 +334,29 @@ impl Measurements {
         // If it cannot be read, the pair gets the next nearest.
         loop {
             let readable = |number: u64| !self.unreadable.contains(&number);
-            let Some((_, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable) else {
+            let Some((nearest_ns, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable)
+            else {
                 return Ok(None);
             };
+            if self.belongs_to_another(nearest_ns, stamp_ns) {
+                return Ok(None);
+            }
             if let Some(found) = self.fetch(number, stamp_ns)? {
                 return Ok(Some(found));
             }
         }
+    }
+
+    /// True if a map is that of another pair, which is nearer to it: it is the answer to one.
+    fn belongs_to_another(&self, measured_ns: u64, pair_ns: u64) -> bool {
+        let limit_ns = self.selection.max_skew_ns;
+        let nearest = self.pairs.nearest(measured_ns, limit_ns, |_| true);
+        self.selection.role == SensorRole::Map && nearest.is_some_and(|(stamp, _)| stamp != pair_ns)
+    }
+
+    /// Log time minus stamp of the measurements and of the left images.
+    pub(super) fn latency(&self) -> &TopicLatency {
+        &self.latency
     }
 
     /// Reads on to a message, or again from the start of its file. Others on the way that later
@@ -301,7 +378,7 @@ impl Measurements {
                     channel,
                     log_time,
                     data,
-                })) if channel.topic == self.topic => {
+                })) if channel.topic == self.selection.topic => {
                     let this = self.next;
                     self.next += 1;
                     let head = kind::head(channel, &data).ok();
@@ -319,7 +396,8 @@ impl Measurements {
                         }
                         Err(reason) => {
                             if self.unreadable.is_empty() {
-                                warn_of_first(&self.recording, &self.topic, log_time, &reason);
+                                let topic = &self.selection.topic;
+                                warn_of_first(&self.recording, topic, log_time, &reason);
                             }
                             self.unreadable.insert(this);
                         }

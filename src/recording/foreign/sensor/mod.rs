@@ -1,4 +1,5 @@
-//! Ground truth from another sensor of the recording: depth images, point clouds, laser scans.
+//! Distances that another sensor or program of the recording measured, as truth or as the map of an
+//! algorithm: depth images, disparity images, point clouds, laser scans.
 
 mod depth_image;
 mod kind;
@@ -13,8 +14,9 @@ use crate::messages::{Channel, EventReader, FileEvent};
 use crate::{Recording, truth};
 pub(crate) use kind::head;
 use measurements::Measurements;
+pub use measurements::TopicLatency;
 use std::collections::BTreeSet;
-use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
+use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
 use view::{PairCamera, Setup, View};
@@ -23,23 +25,42 @@ use view::{PairCamera, Setup, View};
 /// at 1 m/s.
 const UNMOVED_S: f64 = 0.005;
 
-/// Topic of the truth, and the largest time difference of a measurement.
+/// Topic of the measurements, the largest time difference of one, and their use.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TruthSelection {
+pub struct SensorSelection {
     pub topic: String,
     /// Largest difference between the stamps of a pair and its measurement.
     pub max_skew_ns: u64,
+    pub role: SensorRole,
 }
 
-impl TruthSelection {
+/// Use of the measurements of a topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorRole {
+    /// The truth: points between which nothing is known stay points.
+    Truth,
+    /// The map of an algorithm: the samples of a depth image cover the pixels that they see, and a
+    /// measurement is that of one pair.
+    Map,
+}
+
+impl SensorSelection {
     /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
     pub const MAX_SKEW_NS: u64 = 20_000_000;
+
+    /// What the user wrote.
+    fn asked(&self) -> String {
+        match self.role {
+            SensorRole::Truth => format!("--truth {}", self.topic),
+            SensorRole::Map => format!("topic:{}", self.topic),
+        }
+    }
 }
 
-/// The measurements of a topic, as truths of the pairs of the same recording.
-pub struct TruthTopic {
+/// The measurements of a topic, for the pairs of the same recording.
+pub struct SensorTopic {
     recording: Recording,
-    topic: String,
+    selection: SensorSelection,
     measurements: Measurements,
     setup: Setup,
     /// Projection of measurements into the left camera of the last pair.
@@ -64,10 +85,7 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
             && !topics::is_copy(channel, &channels)
             // ZED's confidence map has the pixel format of its depth image.
             && !channel.topic.contains("confidence")
-            // A disparity map as an image has the same pixel format as a depth image.
-            && (!channel.topic.contains("disparity") || channel.schema.ends_with("DisparityImage"))
-            // A result in a bag of svl's.
-            && !channel.topic.starts_with("/algo/")
+            && !kind::is_own_result(channel)
             && kind::find(channel).is_ok()
     };
     let candidates = channels.iter().filter(is_candidate);
@@ -100,7 +118,7 @@ fn is_named_depth(topic: &str) -> bool {
     topic.to_lowercase().contains("depth")
 }
 
-impl TruthTopic {
+impl SensorTopic {
     /// Finds the topic, the left camera, the transform between the two, and the measurement of each
     /// pair. `topics`: those of the left and the right images.
     ///
@@ -112,12 +130,12 @@ impl TruthTopic {
         recording: &Recording,
         topics: [&str; 2],
         pairs: PairStamps,
-        selection: &TruthSelection,
+        selection: &SensorSelection,
     ) -> Result<Self> {
         let channels = recording.channels()?;
-        let TruthSelection { topic, max_skew_ns } = selection;
+        let topic = &selection.topic;
         let wrong = |reason: String| {
-            let reason = format!("--truth {topic}: {reason}");
+            let reason = format!("{}: {reason}", selection.asked());
             Error::format(recording.path(), reason)
         };
         let Some(channel) = channels.iter().find(|channel| channel.topic == *topic) else {
@@ -131,7 +149,8 @@ impl TruthTopic {
         let kind = kind::find(channel).map_err(wrong)?;
         let setup = Setup::find(recording, &channels, topics[0], topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
-        let sensor_frame = setup.sensor_frame().to_owned();
+        let frame = setup.sensor_frame();
+        let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
         let sensor = (sensor_frame.as_str(), setup.unit_m());
         let mut conflict = None;
         let mut look = |channel: &Channel, log_time: u64, data: &[u8]| {
@@ -141,8 +160,9 @@ impl TruthTopic {
                 conflict = found.map(|found| format!("{}: {found}", channel.topic));
             }
         };
-        let wanted = (topic.as_str(), *max_skew_ns);
-        let measurements = Measurements::find(recording, wanted, sensor, kind, pairs, &mut look)?;
+        let measurements = Measurements::find(
+            recording, selection, topics[0], sensor, kind, pairs, &mut look,
+        )?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
             tracing::warn!(
@@ -150,10 +170,20 @@ impl TruthTopic {
                  from the bag"
             );
         }
+        let measurements = measurements.map_err(wrong)?;
+        if let Some(early_ns) = measurements.latency().early_ns() {
+            let path = recording.path().display();
+            tracing::warn!(
+                "{path}: {}: its stamps are {:.0} ms later than their log times: the clock of its \
+                 sensor is not the recorder's, and its measurements may be those of other pairs",
+                selection.asked(),
+                early_ns as f64 / 1e6
+            );
+        }
         Ok(Self {
             recording: recording.clone(),
-            topic: topic.clone(),
-            measurements: measurements.map_err(wrong)?,
+            selection: selection.clone(),
+            measurements,
             setup,
             view: None,
             poses: PoseReader::open(recording, &channels)?,
@@ -161,6 +191,10 @@ impl TruthTopic {
             jumped: 0,
             warned_of_time: false,
         })
+    }
+
+    pub fn topic(&self) -> &str {
+        &self.selection.topic
     }
 
     /// Number of pairs so far without a measurement.
@@ -173,27 +207,30 @@ impl TruthTopic {
         self.jumped
     }
 
-    /// Attaches to the frame the truth from the nearest measurement within the limit, if there is
-    /// one.
+    /// Log time minus stamp of the measurements and of the left images.
+    pub fn latency(&self) -> &TopicLatency {
+        self.measurements.latency()
+    }
+
+    /// Disparities of the left image from the nearest measurement within the limit, if there is one.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
     /// the left image is unknown; [`Error::Io`].
-    pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
+    pub fn measured(&mut self, frame: &Frame) -> Result<Option<(Plane<f32>, MapDensity)>> {
         let Some(rig) = frame.rig().copied() else {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
         };
-        frame.truth = None;
         let Some((stamp_ns, measured)) = self.measurements.for_pair(frame)? else {
             self.without += 1;
-            return Ok(());
+            return Ok(None);
         };
         let camera = self.setup.pair_camera(frame, rig, stamp_ns);
         let view = match self.view.take() {
             Some((last_camera, view)) if last_camera == camera => view,
             _ => {
-                let view = self.setup.view(&self.topic, &measured, &camera);
+                let view = self.setup.view(&self.selection.topic, &measured, &camera);
                 view.map_err(|reason| self.wrong(&reason))?
             }
         };
@@ -204,15 +241,13 @@ impl TruthTopic {
                 self.warn_of_jump(stamp_ns, frame.stamp_ns, &jump);
                 self.jumped += 1;
                 self.view = Some((camera, view));
-                return Ok(());
+                return Ok(None);
             }
         };
-        let disparity = view.disparities(&measured, motion.as_ref(), &rig, camera.size);
-        let density = view.density(motion.is_some());
+        let role = self.selection.role;
+        let found = view.disparities(&measured, motion.as_ref(), &rig, camera.size, role);
         self.view = Some((camera, view));
-        let disparity = disparity.map_err(|reason| self.wrong(&reason))?;
-        frame.truth = Some(Truth::from_sensor(disparity, density, &self.topic));
-        Ok(())
+        found.map(Some).map_err(|reason| self.wrong(&reason))
     }
 
     /// The motion of points of a static world, from the rectified left camera at the measurement's
@@ -236,9 +271,9 @@ impl TruthTopic {
         if apart_s > UNMOVED_S && !std::mem::replace(&mut self.warned_of_time, true) {
             let path = self.recording.path().display();
             tracing::warn!(
-                "{path}: --truth {}: a measurement is {:.1} ms from its pair, and no pose moves it \
+                "{path}: {}: a measurement is {:.1} ms from its pair, and no pose moves it \
                  there: at 1 m/s its distance is off by {:.1} cm, at 90°/s its direction by {:.1}°",
-                self.topic,
+                self.selection.asked(),
                 apart_s * 1e3,
                 apart_s * 1e2,
                 apart_s * 90.0
@@ -251,11 +286,11 @@ impl TruthTopic {
     fn warn_of_jump(&self, measured_ns: u64, pair_ns: u64, jump: &PoseStep) {
         if self.jumped == 0 {
             tracing::warn!(
-                "{}: --truth {}: the measurement of {:.3} s, and others like it, are not used: \
+                "{}: {}: the measurement of {:.3} s, and others like it, are not used: \
                  between it and its pair the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it \
                  cannot be moved to {:.3} s",
                 self.recording.path().display(),
-                self.topic,
+                self.selection.asked(),
                 measured_ns as f64 / 1e9,
                 jump.metres,
                 jump.radians.to_degrees(),
@@ -266,7 +301,7 @@ impl TruthTopic {
     }
 
     fn wrong(&self, reason: &str) -> Error {
-        let reason = format!("--truth {}: {reason}", self.topic);
+        let reason = format!("{}: {reason}", self.selection.asked());
         Error::format(self.recording.path(), reason)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::kind::{self, Measured, MeasuredKind};
 use super::transforms::{Conflict, Transforms, plain};
-use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
+use super::{Channel, FileEvent, MapDensity, Plane, Recording, Rig, SensorRole};
 use super::{topics, truth};
 use crate::foreign::camera::Calibration;
 use crate::foreign::camera_track::CameraTrack;
@@ -10,7 +10,7 @@ use crate::foreign::realsense;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::depth::project;
+use svl_core::depth::{MIN_VALID, project, render};
 use svl_core::stereo::{Frame, Geometry, Intrinsics};
 
 /// A depth image's camera is the left one if their focal lengths and principal points differ by
@@ -233,8 +233,16 @@ impl Setup {
         let &PairCamera { size, raw, .. } = camera;
         let rig = &camera.rig;
         let left_from_sensor = self.rotation(camera) * self.left_from_sensor;
-        let Measured::Depth(depth) = measured else {
-            return Ok(View::Points(left_from_sensor));
+        let depth = match measured {
+            Measured::Depth(depth) => depth,
+            Measured::Points(_) => return Ok(View::Points(left_from_sensor)),
+            Measured::Disparity(map) if map.size() == size => return Ok(View::Aligned),
+            Measured::Disparity(map) => {
+                let ((w, h), (width, height)) = (map.size(), size);
+                return Err(format!(
+                    "its maps are {w}x{h}, the left images {width}x{height}"
+                ));
+            }
         };
         let (width, height) = depth.size();
         let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
@@ -275,6 +283,7 @@ impl Setup {
             size: depth.size(),
             rays: rays(&camera, depth.size(), left_from_sensor.rotation * back),
             origin: left_from_sensor.translation.vector,
+            focal_px: camera.focal_px().0,
         })
     }
 }
@@ -314,7 +323,9 @@ impl Found {
         if channel.topic == wanted.left && self.left_frame.is_none() {
             self.left_frame = kind::head(channel, data).ok().map(|head| head.1);
         }
-        if channel.topic == wanted.topic && self.frame.is_none() {
+        if wanted.kind.is_own() {
+            self.frame = self.left_frame.clone().map(Ok);
+        } else if channel.topic == wanted.topic && self.frame.is_none() {
             let read = wanted.kind.read(channel, log_time, data);
             self.frame = Some(read.and_then(|_| Ok(kind::head(channel, data)?.1)));
         }
@@ -405,6 +416,44 @@ fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
 }
 
+/// The disparities of the samples of a depth image of another camera or time: points, each with the
+/// side of the square that its pixel covers.
+fn of_samples(
+    samples: impl Iterator<Item = (Point3<f64>, f64)>,
+    rig: &Rig,
+    size: (usize, usize),
+    role: SensorRole,
+) -> (Plane<f32>, MapDensity) {
+    match role {
+        SensorRole::Map => (render(samples, rig, size), MapDensity::Dense),
+        SensorRole::Truth => {
+            let points = samples.map(|(point, _)| point);
+            (project(points, rig, size), MapDensity::Sparse)
+        }
+    }
+}
+
+/// The disparities of a cloud. A stereo camera's has a point per pixel, and none is hidden behind
+/// those of its neighbours; a lidar's has few, between which the camera does not see what it does.
+fn of_points(
+    points: impl Iterator<Item = Point3<f64>> + Clone,
+    rig: &Rig,
+    size: (usize, usize),
+    role: SensorRole,
+) -> (Plane<f32>, MapDensity) {
+    if role == SensorRole::Map {
+        let pixels = points
+            .clone()
+            .map(|point| (point, point.z / rig.focal_px()));
+        let disparity = render(pixels, rig, size);
+        let known = disparity.pixels().filter(|d| d.is_finite()).count();
+        if known as f64 >= MIN_VALID * (size.0 * size.1) as f64 {
+            return (disparity, MapDensity::Dense);
+        }
+    }
+    (project(points, rig, size), MapDensity::Sparse)
+}
+
 /// Projection of the measurements into the left camera.
 pub(super) enum View {
     /// Depth images with the left camera's own pixels.
@@ -415,21 +464,16 @@ pub(super) enum View {
         size: (usize, usize),
         rays: Vec<Vector3<f64>>,
         origin: Vector3<f64>,
+        /// Its focal length, pixels.
+        focal_px: f64,
     },
     /// Points of a sensor with that pose in the rectified left camera's frame.
     Points(Isometry3<f64>),
 }
 
 impl View {
-    /// Density of measurements as they are, or after a motion.
-    pub(super) fn density(&self, is_moved: bool) -> TruthDensity {
-        match self {
-            Self::Aligned if !is_moved => TruthDensity::Dense,
-            _ => TruthDensity::Sparse,
-        }
-    }
-
-    /// `motion` moves the points to the left camera at the time of the pair.
+    /// The disparities of a measurement, with their density. `motion` moves the points to the left
+    /// camera at the time of the pair.
     ///
     /// # Errors
     /// For a depth image of another size than the first.
@@ -439,7 +483,8 @@ impl View {
         motion: Option<&Isometry3<f64>>,
         rig: &Rig,
         size: (usize, usize),
-    ) -> std::result::Result<Plane<f32>, String> {
+        role: SensorRole,
+    ) -> std::result::Result<(Plane<f32>, MapDensity), String> {
         let moved = |point: Point3<f64>| motion.map_or(point, |motion| motion * point);
         let expected = match self {
             Self::Camera { size, .. } => *size,
@@ -452,26 +497,38 @@ impl View {
                     "a depth image is {w}x{h}, the first was {width}x{height}"
                 ))
             }
-            (Self::Camera { rays, origin, .. }, Measured::Depth(depth)) => {
+            (
+                Self::Camera {
+                    rays,
+                    origin,
+                    focal_px,
+                    ..
+                },
+                Measured::Depth(depth),
+            ) => {
                 let depths = depth.rows().flatten().zip(rays);
-                let point =
-                    |(&z, ray): (&f32, &Vector3<f64>)| Point3::from(ray * f64::from(z) + origin);
-                Ok(project(depths.map(point).map(moved), rig, size))
+                let sample = |(&z, ray): (&f32, &Vector3<f64>)| {
+                    let z = f64::from(z);
+                    (moved(Point3::from(ray * z + origin)), z / focal_px)
+                };
+                Ok(of_samples(depths.map(sample), rig, size, role))
             }
             (Self::Aligned, Measured::Depth(depth)) if motion.is_some() => {
                 let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
                 let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
-                let points = pixels.map(|(x, y)| {
+                let samples = pixels.map(|(x, y)| {
                     let z = f64::from(depth.get(x, y));
-                    Point3::new((x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z)
+                    let [u, v] = [x as f64 - cx, y as f64 - cy].map(|at| at / focal * z);
+                    (moved(Point3::new(u, v, z)), z / focal)
                 });
-                Ok(project(points.map(moved), rig, size))
+                Ok(of_samples(samples, rig, size, role))
             }
-            (_, Measured::Depth(depth)) => Ok(truth::disparities(depth, rig)),
+            (_, Measured::Depth(depth)) => Ok((truth::disparities(depth, rig), MapDensity::Dense)),
             (Self::Points(pose), Measured::Points(points)) => {
                 let points = points.iter().map(|point| moved(pose * point));
-                Ok(project(points, rig, size))
+                Ok(of_points(points, rig, size, role))
             }
+            (_, Measured::Disparity(map)) => Ok((map.clone(), MapDensity::Dense)),
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
         }
     }

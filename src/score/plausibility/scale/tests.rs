@@ -2,9 +2,8 @@ use super::*;
 use crate::judge::Judge;
 use svl_core::depth;
 use svl_core::stereo::{
-    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, Plane, Rig, StereoPair, TruthDensity,
+    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, Rig, StereoPair,
 };
-use svl_core::timing::StageTimes;
 
 const SIZE: (usize, usize) = (64, 64);
 
@@ -31,7 +30,7 @@ fn estimate(algorithm: &str, px: impl Fn(usize, usize) -> f32) -> Estimate {
         own_grid: false,
         unfiltered: None,
         range_px: None,
-        times: StageTimes::default(),
+        times: None,
     }
 }
 
@@ -41,7 +40,7 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     let pair = StereoPair::new(image.clone(), image).unwrap();
     let disparity = Plane::from_fn(SIZE.0, SIZE.1, |x, y| truth(true_px(x, y))).unwrap();
     let frame = Frame {
-        truth: Some(Truth::from_sensor(disparity, TruthDensity::Dense, name)),
+        truth: Some(Truth::from_sensor(disparity, MapDensity::Dense, name)),
         ..Frame::new(pair, Geometry::Rectified(Some(rig())))
     };
     let mut estimates = vec![

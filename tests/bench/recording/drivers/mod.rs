@@ -238,7 +238,13 @@ fn bags_of_drivers_are_recorded_and_scored() {
             known >= 60 && 10 * near >= 9 * known,
             "{name}: {near} of {known}"
         );
-        if driver.truth.is_some() {
+        if let Some(topic) = driver.truth {
+            check_score(&fixture, name);
+            // The driver's own depth as an algorithm, against what the images say.
+            fixture.run(&format!(
+                "score {bag}{options} --reference bm:max_disparity=16 --algo own=topic:{topic} \
+                 --rerun none -o report"
+            ));
             check_score(&fixture, name);
         }
     }

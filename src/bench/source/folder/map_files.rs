@@ -1,16 +1,17 @@
-//! Files beside a folder's images that measure the truth: depth images, disparities, KITTI's laser
-//! scans.
+//! Files that have the disparities of pairs, as truth or as the map of an algorithm: depth images,
+//! disparities, KITTI's laser scans.
 
 use super::layout::{Cameras, Images, Layout, find_ending};
 use super::stamps::epoch_ns;
 use nalgebra::Isometry3;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
-use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
+use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, counted};
 use svl_files::{has_ending, read_depth, read_disparity_steps, read_points};
-use svl_recording::{RawCamera, TruthSelection, disparities};
+use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities};
 use svl_score::plausibility::{TruthUnit, is_better_match};
 
 /// Extensions of the files that are read.
@@ -32,16 +33,19 @@ const KITTI: TruthUnit = TruthUnit::Disparity(256.0);
 /// Largest difference of time between image and measurement that is not reported.
 const MAX_OFFSET_NS: u64 = 5_000_000;
 
-/// The files of a pattern, as truths of a folder's pairs.
-pub struct FolderTruth {
+/// The files of a pattern, for the pairs of a source.
+pub struct MapFiles {
     folder: PathBuf,
     pattern: String,
+    role: SensorRole,
     /// Meaning of the files' values, if they are not those that depths have by default.
     unit: Option<TruthUnit>,
     /// True if their names say that they are disparities.
     is_recognized: bool,
     /// By the part at `*` of their names.
     files: Images,
+    /// Those whose names are numbers, for pairs without a name.
+    numbered: BTreeMap<u64, PathBuf>,
     /// Those by stamp whose names are times.
     times: Vec<(u64, PathBuf)>,
     max_skew_ns: u64,
@@ -67,17 +71,18 @@ struct Told {
     late: bool,
 }
 
-impl FolderTruth {
+impl MapFiles {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if no file fits the pattern, or for a laser scanner whose
     /// position is unknown; [`Error::Usage`] for a pattern without `*` and an impossible unit.
     pub(super) fn new(
         folder: &Path,
         layout: Option<&Layout>,
-        selection: &TruthSelection,
+        selection: &SensorSelection,
     ) -> Result<Self> {
         let (pattern, said) = TruthUnit::split(&selection.topic)?;
-        let usage = |why: &str| Error::Usage(format!("--truth '{}': {why}", selection.topic));
+        let asked = asked(selection.role, pattern);
+        let usage = |why: &str| Error::Usage(format!("{asked}: {why}"));
         if pattern.matches('*').count() != 1 {
             return Err(usage(
                 "is a pattern with one * for the part that is equal in the names of the images",
@@ -90,23 +95,34 @@ impl FolderTruth {
                 .iter()
                 .any(|known| ending.eq_ignore_ascii_case(known));
             let why = if is_read || ending == "*" {
-                format!("no such file; usual ones are {}", USUAL.join(", "))
+                match selection.role {
+                    SensorRole::Truth => {
+                        format!("no such file; usual ones are {}", USUAL.join(", "))
+                    }
+                    SensorRole::Map => "no such file".to_owned(),
+                }
             } else {
                 format!("is not read; convert to one of {}", ENDINGS.join(", "))
             };
-            let why = format!("--truth '{pattern}': {why}");
+            let why = format!("{asked}: {why}");
             return Err(Error::format(folder, why));
         }
         let recognized = by_name(pattern).filter(|_| said.is_none());
         let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
         let times = found.iter().filter_map(stamp).collect();
+        let number = |(key, path): (&Vec<u8>, &PathBuf)| {
+            Some((str::from_utf8(key).ok()?.parse().ok()?, path.clone()))
+        };
+        let numbered = found.iter().filter_map(number).collect();
         let has_scans = found.values().any(|path| has_ending(path, "bin"));
         Ok(Self {
             folder: folder.to_owned(),
             pattern: pattern.to_owned(),
+            role: selection.role,
             unit: said.or(recognized),
             is_recognized: recognized.is_some(),
             files: found,
+            numbered,
             times,
             max_skew_ns: selection.max_skew_ns,
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
@@ -115,6 +131,39 @@ impl FolderTruth {
             has_found: false,
             told: Told::default(),
         })
+    }
+
+    /// The files of an algorithm's maps, disparities unless `unit_m` is given. The pattern is a path
+    /// of its own.
+    ///
+    /// # Errors
+    /// As [`MapFiles::new`].
+    pub(crate) fn of_maps(
+        pattern: &str,
+        (unit_m, scale): (Option<f64>, Option<f64>),
+        max_skew_ns: u64,
+    ) -> Result<Self> {
+        let folder = Path::new(if pattern.starts_with('/') { "/" } else { "." });
+        let has_integers = INTEGERS
+            .iter()
+            .any(|ending| has_ending(Path::new(pattern), ending));
+        let unit = match (unit_m, scale) {
+            (Some(unit_m), _) => format!("unit={unit_m}"),
+            (None, Some(scale)) => format!("disparity={scale}"),
+            (None, None) if has_integers => KITTI.to_string(),
+            (None, None) => TruthUnit::Disparity(1.0).to_string(),
+        };
+        let selection = SensorSelection {
+            topic: format!("{pattern}:{unit}"),
+            max_skew_ns,
+            role: SensorRole::Map,
+        };
+        Self::new(folder, None, &selection)
+    }
+
+    /// What the user wrote.
+    fn asked(&self) -> String {
+        asked(self.role, &self.pattern)
     }
 
     /// Those of the usual patterns that have files.
@@ -137,7 +186,7 @@ impl FolderTruth {
     }
 
     /// Its files with the meaning of their values.
-    fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let unit = self.unit.map(|unit| format!(":{unit}"));
         self.pattern.clone() + &unit.unwrap_or_default()
     }
@@ -147,24 +196,23 @@ impl FolderTruth {
         self.without
     }
 
-    /// Attaches the truth of the file with the frame's name, or else, of those whose names are
-    /// times, of the one nearest to its stamp.
+    /// Disparities from the file with the frame's name, or else, of those whose names are times, from
+    /// the one nearest to its stamp.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
     /// size.
-    pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
+    pub fn measured(&mut self, frame: &Frame) -> Result<Option<(Plane<f32>, MapDensity)>> {
         let is_disparity = matches!(self.unit, Some(TruthUnit::Disparity(_)));
         let rig = frame.rig().copied();
         if rig.is_none() && !is_disparity {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
         }
-        frame.truth = None;
         let Some((path, apart_ns)) = self.file(frame) else {
             self.without += 1;
             self.warn_of_misfit(frame);
-            return Ok(());
+            return Ok(None);
         };
         self.has_found = true;
         self.warn_of_time(frame, &path, apart_ns);
@@ -183,15 +231,15 @@ impl FolderTruth {
             Err(error) => {
                 self.told.unreadable += 1;
                 match self.told.unreadable {
-                    ..MAX_NAMED => tracing::warn!("{error}; left out, its pair has no truth"),
+                    ..MAX_NAMED => tracing::warn!("{error}; left out, its pair is without"),
                     MAX_NAMED => tracing::warn!(
-                        "{error}; left out, its pair has no truth; further files that cannot be \
+                        "{error}; left out, its pair is without; further files that cannot be \
                          read are not named"
                     ),
                     _ => {}
                 }
                 self.without += 1;
-                return Ok(());
+                return Ok(None);
             }
         };
         if disparity.size() != size {
@@ -204,13 +252,12 @@ impl FolderTruth {
         }
         let known = disparity.pixels().filter(|d| d.is_finite()).count();
         // Laser points in an image, as KITTI's depth maps, are spread as in a cloud.
-        let density = if 2 * known < size.0 * size.1 {
-            TruthDensity::Sparse
+        let density = if 2 * known < size.0 * size.1 && self.role == SensorRole::Truth {
+            MapDensity::Sparse
         } else {
-            TruthDensity::Dense
+            MapDensity::Dense
         };
-        frame.truth = Some(Truth::from_sensor(disparity, density, &self.name()));
-        Ok(())
+        Ok(Some((disparity, density)))
     }
 
     /// The disparities of a laser scan.
@@ -233,7 +280,10 @@ impl FolderTruth {
     /// it has, the pair decides.
     fn disparity(&mut self, path: &Path, rig: Option<Rig>, frame: &Frame) -> Result<Plane<f32>> {
         let unit_m = match (self.unit, rig) {
-            (Some(TruthUnit::Disparity(scale)), _) => return read_disparity_steps(path, scale),
+            (Some(TruthUnit::Disparity(scale)), _) => {
+                let map = read_disparity_steps(path, scale, self.has_zeros(path))?;
+                return Ok(self.without_negative(map, path));
+            }
             (Some(TruthUnit::Depth(unit_m)), _) => Some(unit_m),
             (None, _) => None,
         };
@@ -247,12 +297,12 @@ impl FolderTruth {
             let TruthUnit::Disparity(scale) = KITTI else {
                 return Ok(from_depth);
             };
-            let as_disparity = read_disparity_steps(path, scale)?;
+            let as_disparity = read_disparity_steps(path, scale, false)?;
             if is_better_match(&frame.pair, &as_disparity, &from_depth) {
                 tracing::warn!(
-                    "--truth '{}': its values match the two images as disparities and not as \
-                     depths: read as :{KITTI}; :unit=0.001 is for depths in millimetres",
-                    self.pattern
+                    "{}: its values match the two images as disparities and not as depths: read as \
+                     :{KITTI}; :unit=0.001 is for depths in millimetres",
+                    self.asked()
                 );
                 self.unit = Some(KITTI);
                 return Ok(as_disparity);
@@ -261,18 +311,36 @@ impl FolderTruth {
         Ok(from_depth)
     }
 
+    /// True if 0 is a disparity: that of a point at infinity, in a matcher's PFM.
+    fn has_zeros(&self, path: &Path) -> bool {
+        self.role == SensorRole::Map && has_ending(path, "pfm")
+    }
+
+    /// The map without negative values in NumPy's arrays of OpenCV's matchers, where they are none.
+    fn without_negative(&self, map: Plane<f32>, path: &Path) -> Plane<f32> {
+        if self.role == SensorRole::Truth || has_ending(path, "pfm") {
+            return map;
+        }
+        map.map(|d| if d < 0.0 { f32::INFINITY } else { d })
+    }
+
     /// Warns once of names and times that fit no pair.
     fn warn_of_misfit(&mut self, frame: &Frame) {
         if self.has_found || std::mem::replace(&mut self.told.misfit, true) {
             return;
         }
-        let pair = frame.name.as_deref().unwrap_or("?");
+        let number = frame.sequence.to_string();
+        let pair = frame.name.as_deref().unwrap_or(&number);
+        let skew = match self.role {
+            SensorRole::Truth => "--truth-skew-ms",
+            SensorRole::Map => "skew_ms=",
+        };
         let file = self.files.keys().next();
         let file = file.map(|key| String::from_utf8_lossy(key));
         tracing::warn!(
-            "--truth '{}': no file fits the pair '{pair}': the part at * is '{}' in the first \
-             file; names have to be equal, or times at most {} ms apart (--truth-skew-ms)",
-            self.pattern,
+            "{}: no file fits the pair '{pair}': the part at * is '{}' in the first file; names have \
+             to be equal, or times at most {} ms apart ({skew})",
+            self.asked(),
             file.unwrap_or_default(),
             self.max_skew_ns as f64 / 1e6
         );
@@ -285,8 +353,8 @@ impl FolderTruth {
             return;
         }
         tracing::warn!(
-            "--truth '{}': {} is {:.1} ms from its pair: at 1 m/s the scene moves by {:.0} mm",
-            self.pattern,
+            "{}: {} is {:.1} ms from its pair: at 1 m/s the scene moves by {:.0} mm",
+            self.asked(),
             path.display(),
             apart_ns as f64 / 1e6,
             apart_ns as f64 / 1e6
@@ -295,10 +363,21 @@ impl FolderTruth {
 
     /// The frame's file and its distance in time, in ns; zero if names are no times.
     fn file(&self, frame: &Frame) -> Option<(PathBuf, u64)> {
-        let name = frame.name.as_deref().unwrap_or_default().as_bytes();
+        let name = frame.name.as_deref().unwrap_or_default();
         let apart = |stamp_ns: u64| stamp_ns.abs_diff(frame.stamp_ns);
-        if let Some(path) = self.files.get(name) {
-            return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
+        // A scene of a data set also by its own name, without that of the data set.
+        let (_, own) = name.rsplit_once('/').unwrap_or_default();
+        for name in [name.as_bytes(), own.as_bytes()] {
+            if let Some(path) = self.files.get(name) {
+                return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
+            }
+        }
+        if let Some(path) = self
+            .numbered
+            .get(&frame.sequence)
+            .filter(|_| name.is_empty())
+        {
+            return Some((path.clone(), 0));
         }
         let nearest = self
             .times
@@ -311,8 +390,16 @@ impl FolderTruth {
 
     fn wrong(&self, why: &str) -> Error {
         let files = counted(self.files.len() as u64, "file");
-        let reason = format!("--truth '{}', {files}: {why}", self.pattern);
+        let reason = format!("{}, {files}: {why}", self.asked());
         Error::format(&self.folder, reason)
+    }
+}
+
+/// What the user wrote.
+fn asked(role: SensorRole, pattern: &str) -> String {
+    match role {
+        SensorRole::Truth => format!("--truth '{pattern}'"),
+        SensorRole::Map => format!("files:'{pattern}'"),
     }
 }
 

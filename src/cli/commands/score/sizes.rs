@@ -1,0 +1,104 @@
+//! Sizes of the user's robot, without a scenario of its own: what is near, the cells, the tolerance.
+
+use crate::cli::shared::usage;
+use svl::scenario::{MAX_GRID, Scenario};
+use svl::stereo::{CellRule, GridShape};
+
+/// Least tolerance in metres where only one relative to the distance is given.
+const MIN_TOLERANCE_M: f64 = 0.001;
+
+/// In place of the scenario's.
+#[derive(Clone, clap::Args)]
+pub(super) struct SizeArgs {
+    /// Distance below which something is an obstacle, metres [default: the scenario's, else 0.5]
+    ///
+    /// Near obstacles are missed, found and false by it; beyond one and a half times as far nothing
+    /// has to be avoided yet.
+    #[arg(id = "near_m", long = "near", value_name = "M", value_parser = usage::within(0.01..=1000.0))]
+    near: Option<f64>,
+    /// Cells of the obstacle grid [default: the scenario's, else 5x3]
+    #[arg(id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape)]
+    cells: Option<GridShape>,
+    /// Tolerance of a right cell: 5% of its distance, 0.1m, or both as 0.1m,5%, of which the larger
+    /// counts [default: the scenario's, else 0.1m,20%]
+    #[arg(long, value_name = "M|P%", value_parser = tolerance)]
+    tolerance: Option<Tolerance>,
+}
+
+/// Metres, and per cent of the distance: the larger counts.
+#[derive(Clone, Copy)]
+struct Tolerance {
+    metres: Option<f64>,
+    percent: Option<f64>,
+}
+
+fn shape(text: &str) -> Result<GridShape, String> {
+    let side = |text: &str| text.parse().ok().filter(|n| (1..=MAX_GRID).contains(n));
+    let sides = text.split_once('x');
+    let sides = sides.and_then(|(columns, rows)| Some((side(columns)?, side(rows)?)));
+    let shape = sides.map(|(columns, rows)| GridShape { columns, rows });
+    shape.ok_or_else(|| format!("expected COLUMNSxROWS, as 8x4, each 1 to {MAX_GRID}"))
+}
+
+fn tolerance(text: &str) -> Result<Tolerance, String> {
+    let mut found = Tolerance {
+        metres: None,
+        percent: None,
+    };
+    for part in text.split(',') {
+        let (number, place) = match (part.strip_suffix('%'), part.strip_suffix('m')) {
+            (Some(number), _) => (number, &mut found.percent),
+            (_, Some(number)) => (number, &mut found.metres),
+            _ => return Err(EXPECTED.to_owned()),
+        };
+        let number = number.parse().ok();
+        let number = number.filter(|n: &f64| *n > 0.0 && n.is_finite() && place.is_none());
+        *place = Some(number.ok_or(EXPECTED)?);
+    }
+    Ok(found)
+}
+
+const EXPECTED: &str =
+    "expected per cent of the distance as 5%, metres as 0.1m, or both as 0.1m,5%";
+
+impl SizeArgs {
+    /// Changes a scenario.
+    pub(super) fn change(&self, scenario: &mut Scenario) -> anyhow::Result<()> {
+        if let Some(shape) = self.cells {
+            let own = scenario.grid.shape();
+            if shape != own && !scenario.checkpoints.is_empty() {
+                let (columns, rows) = (own.columns, own.rows);
+                return Err(usage::wrong(format!(
+                    "--cells: the checkpoints of '{}' are of {columns}x{rows} cells; omit it",
+                    scenario.name
+                )));
+            }
+            (scenario.grid.columns, scenario.grid.rows) = (shape.columns, shape.rows);
+        }
+        let CellRule::Distance {
+            tolerance_m,
+            tolerance_percent,
+            obstacle_m,
+            clear_m,
+        } = &mut scenario.cells
+        else {
+            return match (self.near, self.tolerance) {
+                (None, None) => Ok(()),
+                _ => Err(usage::wrong(format!(
+                    "--near and --tolerance: '{}' scores disparities, in pixels",
+                    scenario.name
+                ))),
+            };
+        };
+        if let Some(near_m) = self.near {
+            *clear_m *= near_m / *obstacle_m;
+            *obstacle_m = near_m;
+        }
+        if let Some(Tolerance { metres, percent }) = self.tolerance {
+            *tolerance_m = metres.unwrap_or(MIN_TOLERANCE_M);
+            // Of no distance more than the metres.
+            *tolerance_percent = percent.unwrap_or(f64::EPSILON);
+        }
+        Ok(())
+    }
+}

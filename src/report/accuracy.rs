@@ -1,0 +1,255 @@
+//! Errors of distances by range, and their stability over time, from the cells of a run.
+//!
+//! Depth users judge a camera so: "Tuning depth cameras for best performance" (Grunnet-Jepsen,
+//! Sweetser, Woodfill, Intel) names fill rate, Z accuracy, and temporal noise; AbsRel is that of
+//! Eigen, Puhrsch and Fergus (Depth Map Prediction from a Single Image, NIPS 2014, section 4.2).
+
+use super::rows::{CellRow, record};
+use std::collections::BTreeMap;
+use svl_core::statistics::nearest_rank;
+use svl_core::stereo::{CellRule, CellState};
+use svl_score::judge::{CellNumber, Verdict};
+
+/// Largest change of a true distance, of the distance, of a cell at rest between successive pairs.
+const MAX_MOTION: f64 = 0.01;
+/// Longest time between successive pairs, ns: scenes of a data set do not follow each other.
+const MAX_GAP_NS: u64 = 1_000_000_000;
+/// Nearest bound that doubles, metres, and the last one.
+const BOUNDS_M: (f64, f64) = (1.0, 16.0);
+
+record! {
+    #[derive(Default)]
+    /// Errors of an algorithm's distances: of all, then by range of the true distance. A cell counts
+    /// if it is scored and has a distance. Unperturbed pairs only.
+    AccuracyRow {
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// Least true distance.
+        from_m: f64,
+        /// True distances are nearer; absent for the last range and for all.
+        to_m: Option<f64>,
+        /// Number of cells with a reported and a true distance.
+        cells: u64,
+        /// Mean of reported minus true distance.
+        bias_m: Option<f64>,
+        /// Root of the mean squared error.
+        rmse_m: Option<f64>,
+        /// Median absolute error, by nearest rank.
+        median_error_m: Option<f64>,
+        /// Mean of the absolute error over the true distance, a fraction.
+        abs_rel: Option<f64>,
+        /// Number of cells at rest: scored in two successive pairs with true distances that differ
+        /// by at most 1 %.
+        resting: u64,
+        /// Standard deviation of the error over time: the root of half the mean squared difference
+        /// of successive errors, of the cells at rest without a flicker.
+        noise_m: Option<f64>,
+        /// Fraction of the cells at rest that change between known and unknown, or by more than the
+        /// tolerance of a right cell.
+        flicker: Option<f64>,
+    }
+}
+
+impl AccuracyRow {
+    /// The number of a metric.
+    pub(super) fn number(&self, number: CellNumber) -> Option<f64> {
+        match number {
+            CellNumber::Bias => self.bias_m,
+            CellNumber::Rmse => self.rmse_m,
+            CellNumber::MedianError => self.median_error_m,
+            CellNumber::AbsRel => self.abs_rel,
+            CellNumber::Noise => self.noise_m,
+            CellNumber::Flicker => self.flicker,
+        }
+    }
+
+    /// The range of true distances.
+    pub(super) fn range_words(&self) -> String {
+        match self.to_m {
+            None if self.is_of_all() => "all".to_owned(),
+            None => format!("from {}", self.from_m),
+            Some(to_m) => format!("{}–{to_m}", self.from_m),
+        }
+    }
+
+    /// Middle of the range on a logarithmic scale, metres.
+    pub(super) fn middle_m(&self) -> f64 {
+        let to_m = self.to_m.unwrap_or(2.0 * self.from_m);
+        (self.from_m.max(to_m / 2.0) * to_m).sqrt()
+    }
+
+    /// True for the row of all distances.
+    pub(super) fn is_of_all(&self) -> bool {
+        self.from_m == 0.0 && self.to_m.is_none()
+    }
+}
+
+/// The errors of an algorithm in a range.
+#[derive(Default)]
+struct Errors {
+    /// Reported minus true distances.
+    errors_m: Vec<f32>,
+    relative: f64,
+    resting: u64,
+    flickers: u64,
+    /// Those known in both pairs and without a flicker, and their squared differences of successive
+    /// errors.
+    steady: u64,
+    squares: f64,
+}
+
+/// The last pair of a cell.
+struct LastCell {
+    place: u64,
+    true_m: f64,
+    reported_m: Option<f64>,
+}
+
+/// The errors of all algorithms, while the cells of a run's pairs come in their order.
+pub(super) struct AccuracyTally {
+    rule: CellRule,
+    bounds_m: Vec<f64>,
+    /// By label and range, that of all first.
+    errors: BTreeMap<String, Vec<Errors>>,
+    /// By label, column and row.
+    last: BTreeMap<(String, u32, u32), LastCell>,
+    /// Number of pairs so far, and the stamp of the last one.
+    place: u64,
+    stamp_ns: u64,
+}
+
+impl AccuracyTally {
+    pub(super) fn new(rule: CellRule) -> Self {
+        let (near_m, _) = rule.obstacle_and_clear_m();
+        let (mut next, end) = BOUNDS_M;
+        let mut bounds_m = vec![near_m];
+        while next <= end {
+            if next > near_m {
+                bounds_m.push(next);
+            }
+            next *= 2.0;
+        }
+        Self {
+            rule,
+            bounds_m,
+            errors: BTreeMap::new(),
+            last: BTreeMap::new(),
+            place: 0,
+            stamp_ns: 0,
+        }
+    }
+
+    /// A run begins: its first pair follows none.
+    pub(super) fn begin_run(&mut self) {
+        self.last.clear();
+    }
+
+    /// Adds the cells of a pair.
+    pub(super) fn add(&mut self, stamp_ns: u64, cells: &[CellRow]) {
+        let since = stamp_ns.checked_sub(std::mem::replace(&mut self.stamp_ns, stamp_ns));
+        let follows = since.is_some_and(|ns| ns <= MAX_GAP_NS);
+        // Two more: the last pair is not the one before.
+        self.place += if follows { 1 } else { 2 };
+        for cell in cells.iter().filter(|cell| cell.stress.is_none()) {
+            let is_scored = cell.verdict != Verdict::NoTruth;
+            let Some(true_m) = cell.true_distance_m.filter(|_| is_scored) else {
+                continue;
+            };
+            let is_known = cell.state.is_none_or(|state| state == CellState::Known);
+            let reported_m = cell.distance_m.filter(|_| is_known);
+            let range = 1 + self.bounds_m.partition_point(|bound| *bound <= true_m);
+            let ranges = 2 + self.bounds_m.len();
+            let own = self.errors.entry(cell.algorithm.clone()).or_default();
+            own.resize_with(ranges, Errors::default);
+            let key = (cell.algorithm.clone(), cell.column, cell.row);
+            let now = LastCell {
+                place: self.place,
+                true_m,
+                reported_m,
+            };
+            let before = self.last.insert(key, now);
+            let before = before.filter(|before| before.place + 1 == self.place);
+            for i in [0, range] {
+                let errors = &mut own[i];
+                if let Some(reported_m) = reported_m {
+                    errors.errors_m.push((reported_m - true_m) as f32);
+                    errors.relative += (reported_m - true_m).abs() / true_m;
+                }
+                if let Some(before) = &before {
+                    errors.add_change(&self.rule, before, (true_m, reported_m));
+                }
+            }
+        }
+    }
+
+    /// Per algorithm, in the order of the labels, the errors of all distances and of each range
+    /// that has any.
+    pub(super) fn into_rows(mut self, labels: &[&str]) -> Vec<AccuracyRow> {
+        let mut rows = Vec::new();
+        for label in labels {
+            let Some(all) = self.errors.remove(*label) else {
+                continue;
+            };
+            let starts = [0.0, 0.0].into_iter().chain(self.bounds_m.iter().copied());
+            let ends = [None]
+                .into_iter()
+                .chain(self.bounds_m.iter().copied().map(Some));
+            let ends = ends.chain([None]);
+            for ((errors, from_m), to_m) in all.into_iter().zip(starts).zip(ends) {
+                if errors.resting > 0 || !errors.errors_m.is_empty() {
+                    rows.push(errors.into_row(label, from_m, to_m));
+                }
+            }
+        }
+        rows
+    }
+}
+
+impl Errors {
+    /// Adds a cell of two successive pairs, if it is at rest.
+    fn add_change(
+        &mut self,
+        rule: &CellRule,
+        before: &LastCell,
+        (true_m, reported_m): (f64, Option<f64>),
+    ) {
+        if (true_m - before.true_m).abs() > MAX_MOTION * before.true_m {
+            return;
+        }
+        self.resting += 1;
+        match (before.reported_m, reported_m) {
+            (None, None) => {}
+            (Some(was), Some(is)) if (is - was).abs() <= rule.tolerance_at_m(true_m) => {
+                self.steady += 1;
+                let difference = (is - true_m) - (was - before.true_m);
+                self.squares += difference * difference;
+            }
+            _ => self.flickers += 1,
+        }
+    }
+
+    fn into_row(mut self, label: &str, from_m: f64, to_m: Option<f64>) -> AccuracyRow {
+        let cells = self.errors_m.len() as u64;
+        let mean = |sum: f64| (cells > 0).then(|| sum / cells as f64);
+        let errors = || self.errors_m.iter().copied().map(f64::from);
+        let (bias_m, square) = (mean(errors().sum()), mean(errors().map(|e| e * e).sum()));
+        let abs_rel = mean(self.relative);
+        self.errors_m
+            .iter_mut()
+            .for_each(|error| *error = error.abs());
+        self.errors_m.sort_by(f32::total_cmp);
+        AccuracyRow {
+            algorithm: label.to_owned(),
+            from_m,
+            to_m,
+            cells,
+            bias_m,
+            rmse_m: square.map(f64::sqrt),
+            median_error_m: nearest_rank(&self.errors_m, 0.5).map(f64::from),
+            abs_rel,
+            resting: self.resting,
+            noise_m: (self.steady > 0).then(|| (self.squares / (2.0 * self.steady as f64)).sqrt()),
+            flicker: (self.resting > 0).then(|| self.flickers as f64 / self.resting as f64),
+        }
+    }
+}

@@ -1,0 +1,472 @@
+//! Depth that a recording or files have, as an algorithm: the results of `sgm`, published as a
+//! camera or a node would, have the cells of `sgm` itself.
+
+use super::bag::{self, Message, cdr_in, ros_image_in};
+use super::sensor::tf;
+use crate::cli::fixture::Fixture;
+use crate::common::python;
+use std::collections::BTreeMap;
+use std::path::Path;
+use svl::matcher::Algorithm;
+use svl::report::{AccuracyRow, CellRow, Row, read_rows};
+use svl::source::{Request, open_recording};
+use svl::stereo::{Frame, Plane, RectifiedPair, Rig};
+
+const FRAMES: u64 = 12;
+/// A disparity of 0 has no depth, so there is none.
+const SGM: &str = "sgm:min_disparity=1";
+/// Log time minus stamp of depth, in place of the images' 1.2 ms.
+const LATENCY_NS: u64 = 41_000_000;
+
+/// The rectified pairs of the arena, with their exact truth.
+fn arena(fixture: &Fixture) -> Vec<Frame> {
+    fixture.write_made("made", "pairs of recorded depth", |fixture| {
+        fixture.write_short_arena("made/pairs.toml", FRAMES);
+        fixture.run("record made/pairs.toml -o made/pairs.mcap");
+    });
+    let path = fixture.path("made/pairs.mcap");
+    let opened = open_recording(&Request::new(path.to_str().unwrap()));
+    let mut source = opened.unwrap().source;
+    std::iter::from_fn(|| source.next().unwrap()).collect()
+}
+
+fn stamp(i: usize) -> u64 {
+    1_700_000_000_000_000_000 + i as u64 * 100_000_000
+}
+
+fn late(message: Message) -> Message {
+    Message {
+        log_time: message.log_time - 1_234_567 + LATENCY_NS,
+        ..message
+    }
+}
+
+fn floats(plane: &Plane<f32>) -> Vec<u8> {
+    plane.pixels().flat_map(f32::to_le_bytes).collect()
+}
+
+/// Depths of disparities, 0 for none.
+fn depths(map: &Plane<f32>, rig: &Rig) -> Plane<f32> {
+    map.map(|d| match d.is_finite() {
+        true => rig.depth_m(d.into()).unwrap_or(0.0) as f32,
+        false => 0.0,
+    })
+}
+
+fn depth(topic: &'static str, frame: &str, i: usize, depth: &Plane<f32>) -> Message {
+    let bytes = floats(depth);
+    late(ros_image_in(
+        frame,
+        topic,
+        stamp(i),
+        depth.size(),
+        ("32FC1", &bytes),
+    ))
+}
+
+fn camera_info(
+    topic: &'static str,
+    frame: &str,
+    i: usize,
+    (rig, scale, tx): (&Rig, f64, f64),
+    (width, height): (usize, usize),
+) -> Message {
+    let (cx, cy) = rig.center_px();
+    let [cx, cy] = [cx, cy].map(|c| (c + 0.5) * scale - 0.5);
+    let cx = if frame == "cam1" { cx + PAD as f64 } else { cx };
+    let f = rig.focal_px() * scale;
+    let data = cdr_in(frame, stamp(i), |cdr| {
+        cdr.write_u32(height as u32);
+        cdr.write_u32(width as u32);
+        cdr.write_string("plumb_bob");
+        cdr.write_sequence_length(5);
+        let k = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
+        let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let p = [f, 0.0, cx, tx, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let numbers = [0.0; 5].into_iter().chain(k).chain(r).chain(p);
+        numbers.for_each(|v| cdr.write_f64(v));
+        (0..6).for_each(|_| cdr.write_u32(0));
+        cdr.write_bool(false);
+    });
+    Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp(i), data)
+}
+
+fn disparity_image(i: usize, map: &Plane<f32>, rig: &Rig) -> Message {
+    let data = cdr_in("cam", stamp(i), |cdr| {
+        (0..2).for_each(|_| cdr.write_u32(0));
+        cdr.write_string("cam");
+        cdr.write_u32(map.height() as u32);
+        cdr.write_u32(map.width() as u32);
+        cdr.write_string("32FC1");
+        cdr.write_u8(0);
+        cdr.write_u32(4 * map.width() as u32);
+        cdr.write_bytes(&floats(&map.map(|d| if d.is_finite() { d } else { -1.0 })));
+        cdr.write_f32(rig.focal_px() as f32);
+        cdr.write_f32(rig.baseline_m() as f32);
+        (0..4).for_each(|_| cdr.write_u32(0));
+        cdr.write_bool(false);
+        [0.0, 80.0, 0.1].into_iter().for_each(|v| cdr.write_f32(v));
+    });
+    Message::cdr(
+        "/disparity",
+        "stereo_msgs/msg/DisparityImage",
+        stamp(i),
+        data,
+    )
+}
+
+/// An organized cloud in the left camera's frame.
+fn cloud(i: usize, depth: &Plane<f32>, rig: &Rig) -> Message {
+    let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+    let (width, height) = depth.size();
+    let points = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let bytes: Vec<u8> = points
+        .flat_map(|(x, y)| {
+            let z = f64::from(depth.get(x, y));
+            let z = if z > 0.0 { z } else { f64::NAN };
+            let point = [(x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z];
+            point.map(|v| (v as f32).to_le_bytes()).concat()
+        })
+        .collect();
+    let data = cdr_in("cam", stamp(i), |cdr| {
+        cdr.write_u32(height as u32);
+        cdr.write_u32(width as u32);
+        cdr.write_sequence_length(3);
+        for (name, offset) in [("x", 0), ("y", 4), ("z", 8)] {
+            cdr.write_string(name);
+            cdr.write_u32(offset);
+            cdr.write_u8(7);
+            cdr.write_u32(1);
+        }
+        cdr.write_bool(false);
+        cdr.write_u32(12);
+        cdr.write_u32(12 * width as u32);
+        cdr.write_bytes(&bytes);
+        cdr.write_bool(false);
+    });
+    Message::cdr("/points", "sensor_msgs/msg/PointCloud2", stamp(i), data)
+}
+
+/// Distance of the camera beside the left one, as that of a RealSense's colour camera. Farther away,
+/// more of the scene is hidden from it.
+const SHIFT_M: f64 = 0.015;
+/// Columns that the other camera sees to the left of the left camera's image.
+const PAD: usize = 100;
+
+/// The depth image of a camera `shift_m` to the right of the left one.
+fn seen_from(map: &Plane<f32>, rig: &Rig, shift_m: f64) -> Plane<f32> {
+    let (width, height) = map.size();
+    let mut seen = Plane::filled(width + PAD, height, 0.0_f32).unwrap();
+    for (y, row) in map.rows().enumerate() {
+        for (x, &d) in row.iter().enumerate() {
+            let Some(z) = rig.depth_m(d.into()).filter(|_| d.is_finite()) else {
+                continue;
+            };
+            let at = (x + PAD) as f64 - rig.focal_px() * shift_m / z;
+            if at >= 0.0 {
+                let place = at.round() as usize;
+                let known = seen.get(place, y);
+                if known == 0.0 || (z as f32) < known {
+                    seen.set(place, y, z as f32);
+                }
+            }
+        }
+    }
+    seen
+}
+
+/// Every second pixel of every second row.
+fn halved(map: &Plane<f32>) -> Plane<f32> {
+    let (width, height) = map.size();
+    Plane::from_fn(width / 2, height / 2, |x, y| map.get(2 * x, 2 * y)).unwrap()
+}
+
+/// A bag of rectified pairs and of the results of `sgm` in all forms; `/half_rate` has those of
+/// every other pair.
+fn write_bag(folder: &Path, frames: &[Frame]) {
+    let sgm: Algorithm = SGM.parse().unwrap();
+    let mut messages = vec![tf("/tf_static", &[("cam", "cam1", [SHIFT_M, 0.0, 0.0])])];
+    for (i, frame) in frames.iter().enumerate() {
+        let rig = frame.rig().unwrap();
+        let size = frame.pair.size();
+        let images =
+            [frame.pair.left(), frame.pair.right()].map(|g| g.pixels().collect::<Vec<u8>>());
+        let fb = rig.focal_px() * rig.baseline_m();
+        messages.extend([
+            camera_info("/left/camera_info", "cam", i, (rig, 1.0, 0.0), size),
+            camera_info("/right/camera_info", "cam", i, (rig, 1.0, -fb), size),
+            ros_image_in(
+                "cam",
+                "/left/image_rect",
+                stamp(i),
+                size,
+                ("mono8", &images[0]),
+            ),
+            ros_image_in(
+                "cam",
+                "/right/image_rect",
+                stamp(i),
+                size,
+                ("mono8", &images[1]),
+            ),
+        ]);
+        let pair = RectifiedPair::assume(&frame.pair);
+        let output = sgm.match_pair(pair, Some(*rig)).unwrap();
+        let map = output.disparity.disparity();
+        let own = depths(map, rig);
+        let truth = depths(&frame.truth.as_ref().unwrap().disparity, rig);
+        let (small, wide) = ((size.0 / 2, size.1 / 2), (size.0 + PAD, size.1));
+        messages.extend([
+            depth("/truth", "cam", i, &truth),
+            depth("/depth", "cam", i, &own),
+            disparity_image(i, map, rig),
+            cloud(i, &own, rig),
+            camera_info("/moved/camera_info", "cam1", i, (rig, 1.0, 0.0), wide),
+            depth("/moved/depth", "cam1", i, &seen_from(map, rig, SHIFT_M)),
+            camera_info("/moved_truth/camera_info", "cam1", i, (rig, 1.0, 0.0), wide),
+            depth(
+                "/moved_truth/depth",
+                "cam1",
+                i,
+                &seen_from(&frame.truth.as_ref().unwrap().disparity, rig, SHIFT_M),
+            ),
+            camera_info("/half/camera_info", "cam", i, (rig, 0.5, 0.0), small),
+            depth("/half/depth", "cam", i, &halved(&truth)),
+        ]);
+        if i % 2 == 0 {
+            messages.push(depth("/half_rate", "cam", i, &own));
+        }
+    }
+    bag::write(folder, &messages);
+}
+
+/// The cells of an algorithm in a report, by pair, column and row.
+fn cells(report: &Path, algorithm: &str) -> BTreeMap<(u64, u32, u32), CellRow> {
+    let rows: Vec<CellRow> = read_rows(&report.join("cells.csv")).unwrap();
+    let own = rows.into_iter().filter(|row| row.algorithm == algorithm);
+    own.map(|row| ((row.sequence, row.column, row.row), row))
+        .collect()
+}
+
+/// Fraction of the cells that are known alike, at distances that differ by at most `tolerance`, of
+/// those of which the second has at least that fraction of the pixels of the first.
+fn equal_share(report: &Path, [a, b]: [&str; 2], (tolerance, seen): (f64, f64)) -> f64 {
+    let [a, b] = [a, b].map(|name| cells(report, name));
+    assert!(!a.is_empty() && a.len() == b.len());
+    let pairs = a.iter().map(|(place, cell)| (cell, &b[place]));
+    let pairs = pairs.filter(|(a, b)| b.valid_share >= seen * a.valid_share);
+    let is_equal = |(a, b): &(&CellRow, &CellRow)| match (a.distance_m, b.distance_m) {
+        (None, None) => true,
+        (Some(a), Some(b)) => (a - b).abs() <= tolerance * a,
+        _ => false,
+    };
+    let (all, equal) = (pairs.clone().count(), pairs.filter(is_equal).count());
+    assert!(4 * all > 3 * a.len(), "{all}");
+    equal as f64 / all as f64
+}
+
+fn fixture() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write_made("bag", "bag of recorded depth", |fixture| {
+        let frames = arena(fixture);
+        std::fs::create_dir_all(fixture.path("bag")).unwrap();
+        write_bag(&fixture.path("bag"), &frames);
+    });
+    fixture
+}
+
+#[test]
+fn published_results_have_the_cells_of_the_matcher() {
+    let fixture = fixture();
+    fixture.run(
+        "score bag/bag.mcap --truth /truth --algo own=sgm:min_disparity=1 --algo depth=topic:/depth \
+         --algo disparity=topic:/disparity --algo cloud=topic:/points \
+         --algo moved=topic:/moved/depth --algo half=topic:/half/depth \
+         --algo truth --algo moved_truth=topic:/moved_truth/depth --rerun none -o rep -q",
+    );
+    let report = fixture.path("rep");
+    // The other camera does not see a part of some cells, and noise hides what is behind it.
+    for (pair, limits, least) in [
+        (["own", "depth"], (1e-5, 0.0), 0.999),
+        (["own", "disparity"], (1e-5, 0.0), 0.999),
+        (["own", "cloud"], (1e-5, 0.0), 0.999),
+        (["truth", "half"], (0.03, 0.0), 0.97),
+        (["truth", "moved_truth"], (0.03, 0.9), 0.99),
+        (["own", "moved"], (0.03, 0.9), 0.95),
+    ] {
+        let share = equal_share(&report, pair, limits);
+        println!("{pair:?}: {share}");
+        assert!(share >= least, "{pair:?}: {share}");
+    }
+    // Nothing was matched: no times, in no table.
+    let rows: Vec<Row> = read_rows(&report.join("rows.csv")).unwrap();
+    for row in rows {
+        let is_matched = row.algorithm == "own";
+        let times = [row.total_us, row.matching_us, row.smoothing_us];
+        assert_eq!(
+            times.map(|t| t.is_some()),
+            [is_matched; 3],
+            "{}",
+            row.algorithm
+        );
+    }
+    let summary: serde_json::Value =
+        serde_json::from_str(&fixture.text("rep/summary.json")).unwrap();
+    let delay = &summary["latency"][0];
+    assert_eq!(delay["topic"], "/depth");
+    assert_eq!(delay["topic_ms"], serde_json::json!([41.0, 41.0]));
+    assert_eq!(delay["images_ms"], serde_json::json!([1.234567, 1.234567]));
+}
+
+#[test]
+fn each_map_is_the_answer_to_one_pair() {
+    let fixture = fixture();
+    // Within the limit of a neighbour, too.
+    let line = "score bag/bag.mcap --truth /truth --algo slow=topic:/half_rate,skew_ms=150 \
+                --rerun none -q -o";
+    let ran = fixture.svl(&format!("{line} rep"));
+    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
+    let rows: Vec<Row> = read_rows(&fixture.path("rep/rows.csv")).unwrap();
+    let answered: Vec<_> = rows.iter().map(|row| row.sequence).collect();
+    assert_eq!(answered, (0..FRAMES).step_by(2).collect::<Vec<_>>());
+    let failures = fixture.text("rep/failures.csv");
+    assert_eq!(failures.lines().count() as u64, 1 + FRAMES / 2);
+    assert!(failures.contains("no message of /half_rate belongs to this pair"));
+    fixture.run(&format!("{line} allowed --allow-loss 50%"));
+}
+
+#[test]
+fn perturbed_pairs_are_without_recorded_maps() {
+    let fixture = fixture();
+    let ran = fixture.svl(
+        "score bag/bag.mcap --truth /truth --algo bm --algo depth=topic:/depth \
+         --stress row_offset=1 --rerun none -o rep",
+    );
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(
+        ran.stderr
+            .contains("depth: computed before, so perturbed pairs"),
+        "{}",
+        ran.stderr
+    );
+    let rows: Vec<Row> = read_rows(&fixture.path("rep/rows.csv")).unwrap();
+    let perturbed = rows.iter().filter(|row| row.stress.is_some());
+    assert!(perturbed.clone().count() > 0 && perturbed.clone().all(|row| row.algorithm == "bm"));
+}
+
+#[test]
+fn a_map_that_is_none_is_one_line() {
+    let fixture = fixture();
+    fixture.fails(
+        "
+        score bag/bag.mcap --algo topic => 2: name the topic, as topic:/camera/depth
+        score bag/bag.mcap --algo z=topic:/dept => 1: no such topic | did you mean '/depth'
+        score bag/bag.mcap --algo z=topic:/left/image_rect => 1: 'mono8' | depths are 16UC1
+        score bag/bag.mcap --truth /depth --algo z=topic:/depth => 2: is the truth, too
+        score bag/bag.mcap --algo z=topic:/depth,skew=3 => 2: skew_ms
+        score arena --algo z=topic:/depth => 2: topic:/depth: is for recordings
+        score bag/bag.mcap --algo z=files:'out.pfm' => 2: one * for the pair's name
+        score bag/bag.mcap --algo z=files:'no/*.pfm' => 1: files:'no/*.pfm' | no such file
+        match a.png b.png --algo z=topic:/depth -o o.pfm => 2: matches no images
+        bench --algo z=topic:/depth => 2: matches no images
+        ",
+    );
+}
+
+/// The lines of the page run in their order, with the limits that it names.
+#[test]
+fn the_page_of_camera_depth_is_followed() {
+    let fixture = fixture();
+    let page = crate::common::repository().join("docs/camera-depth.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let block = |start: &str| {
+        let (_, rest) = page.split_once(start).unwrap();
+        rest.split_once("```").unwrap().0
+    };
+    let lines: Vec<_> = block("```sh\n").lines().collect();
+    assert_eq!(lines.len(), 5);
+    for line in lines {
+        if line.contains("--gate") {
+            let text = fixture.text("depth.toml");
+            fixture.write("depth.toml", text + block("```toml"));
+        }
+        let line = line.split(" #").next().unwrap();
+        let line = line.replace("drive.mcap", "bag/bag.mcap");
+        let line = line.replace("/zed/depth", "/depth");
+        let line = line.replace("/lidar/points", "/truth");
+        let ran = fixture.svl(line.strip_prefix("svl ").unwrap());
+        // The arena's depth by `sgm` is worse than the limits.
+        let expected = if line.contains("--gate") { 3 } else { 0 };
+        assert_eq!(
+            ran.code,
+            Some(expected),
+            "{line}: {}{}",
+            ran.stdout,
+            ran.stderr
+        );
+    }
+}
+
+/// The maps of a matcher, written to files by `svl match`, have its cells.
+#[test]
+fn maps_in_files_have_the_cells_of_the_matcher() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("out")).unwrap();
+    std::fs::create_dir(fixture.path("png")).unwrap();
+    for (name, shift) in [("a", 3), ("b", 5), ("c", 8)] {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}/{name}.pgm"));
+        fixture.write_pair(&left, &right, (120, 90), shift);
+        for out in ["out/{}.pfm", "png/{}.png"] {
+            let out = out.replace("{}", name);
+            fixture.run(&format!("match {left} {right} --algo sgm -o {out}"));
+        }
+    }
+    fixture.run(
+        "score pairs --algo sgm --algo pfm=files:out/*.pfm --algo png=files:'png/*.png' \
+         --algo steps=files:png/*.png,disparity=128 --rerun none -o rep -q",
+    );
+    let of = |name: &str| -> Vec<_> {
+        let cells = cells(&fixture.path("rep"), name).into_values();
+        cells.map(|cell| cell.median_px).collect()
+    };
+    let own = of("sgm");
+    assert!(own.iter().flatten().count() > 30);
+    assert_eq!(of("pfm"), own);
+    let close = |(a, b): (&Option<f64>, &Option<f64>), factor: f64| {
+        a.zip(*b)
+            .map_or(a == b, |(a, b)| (a * factor - b).abs() <= factor / 256.0)
+    };
+    assert!(own.iter().zip(&of("png")).all(|pair| close(pair, 1.0)));
+    assert!(own.iter().zip(&of("steps")).all(|pair| close(pair, 2.0)));
+    // Other maps in the files are other results.
+    fixture.run("match pairs/left/a.pgm pairs/right/a.pgm --algo blind -o out/a.pfm --force");
+    fixture.run(
+        "score pairs --algo sgm --algo pfm=files:out/*.pfm --algo png=files:'png/*.png' \
+         --algo steps=files:png/*.png,disparity=128 --rerun none -o rep -q",
+    );
+    assert!(of("pfm").iter().flatten().count() < own.iter().flatten().count());
+    assert_eq!(of("sgm"), own);
+}
+
+#[test]
+fn errors_by_distance_noise_and_flicker_are_those_of_numpy() {
+    let fixture = fixture();
+    fixture.run(
+        "score bag/bag.mcap --truth /truth --algo sgm --algo bm --near 0.4 --tolerance 5% \
+         --cells 8x4 --rerun none -o rep -q",
+    );
+    let rows: Vec<AccuracyRow> = read_rows(&fixture.path("rep/accuracy.csv")).unwrap();
+    assert!(rows.len() > 6 && rows.iter().any(|row| row.noise_m.is_some()));
+    let known = rows
+        .iter()
+        .filter(|row| row.from_m == 0.0 && row.to_m.is_none());
+    assert_eq!(known.count(), 2);
+    let Some(output) = python("accuracy.py", "numpy", [fixture.path("rep")]) else {
+        return;
+    };
+    let output = String::from_utf8(output).unwrap();
+    assert!(
+        output.ends_with(&format!("{} rows equal\n", rows.len())),
+        "{output}"
+    );
+}
