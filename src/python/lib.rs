@@ -1,7 +1,6 @@
-//! The extension module `svl_bench._svl`: matching and reading, below the Python of `svl_bench/`.
+//! The extension module `svl_bench._svl`: matching, below the Python of `svl_bench/`.
 
 mod image;
-mod pairs;
 mod ranger;
 
 use pyo3::exceptions::{
@@ -29,26 +28,16 @@ fn exception(error: Error) -> PyErr {
 #[pymodule]
 mod _svl {
     #[pymodule_export]
-    use crate::pairs::PairReader;
-    #[pymodule_export]
     use crate::ranger::RangerHandle;
 
     use super::*;
     use svl_core::kernel::isa;
     use svl_core::stereo::Reason;
-    use tracing::Level;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("REASONS", Reason::ALL.map(Reason::name).to_vec())?;
-        // Warnings go where the program's go. Another subscriber of this process stays.
-        let _ = tracing_subscriber::fmt()
-            .with_writer(std::io::stderr)
-            .with_max_level(Level::WARN)
-            .with_target(false)
-            .without_time()
-            .try_init();
         Ok(())
     }
 

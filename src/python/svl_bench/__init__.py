@@ -1,4 +1,4 @@
-"""svl in Python: stereo matching into arrays of numpy, and the bench around it.
+"""svl in Python: stereo matching into arrays of numpy, and the program svl.
 
     import svl_bench as svl
 
@@ -11,28 +11,23 @@
         for pair in svl.read("bag.mcap"):                  # everything that `svl record` reads
             cells = ranger.match(pair.left, pair.right, stamp_ns=pair.stamp_ns)
 
-    report = svl.score("bag.mcap", ["v5", "sgm"])          # the program `svl score`
-    report["summary"]                                      # a frame of polars, or a table of pyarrow
+    print(svl.score("bag.mcap", ["v5", "sgm"], output="report"))
 
 match() and Ranger compute what the program does, to the bit. Other threads run meanwhile. Errors are
-ValueError, TypeError, OSError and RuntimeError with svl's message.
+ValueError, TypeError, OSError and RuntimeError with svl's message. Matchers in Python: svl_matcher.
 """
 
 from __future__ import annotations
 
 from ._extension import extension
+from ._program import Report, compare, program, read, record, report, score
 from ._ranger import REASONS, Match, Ranger, Rig, State, instruction_set, match
-from ._pairs import Pair, Pairs, read
-from ._program import Comparison, Report, compare, program, record, report, score
 
 __version__: str = extension.__version__
 
 __all__ = [
     "REASONS",
-    "Comparison",
     "Match",
-    "Pair",
-    "Pairs",
     "Ranger",
     "Report",
     "Rig",
