@@ -98,8 +98,7 @@ fn image<'a, T: Element>(
     // as its borrow. As with every library that releases the GIL, a thread of Python that writes
     // to it meanwhile gets a result of mixed pixels.
     let bytes = unsafe { std::slice::from_raw_parts(array.data().cast::<u8>(), bytes) };
-    ImageRef::new(bytes, (width, height), stride, format)
-        .map_err(|error| wrong(error.to_string()))
+    ImageRef::new(bytes, (width, height), stride, format).map_err(|error| wrong(error.to_string()))
 }
 
 /// An array of a shape, over the memory of `values`.

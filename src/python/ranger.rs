@@ -55,7 +55,9 @@ impl RangerHandle {
             let filters = filters.iter().map(|path| FilterModel::read(path));
             let options = RangerOptions {
                 cells: GridShape { columns, rows },
-                filters: filters.map(|read| read.map(Arc::new)).collect::<Result<_>>()?,
+                filters: filters
+                    .map(|read| read.map(Arc::new))
+                    .collect::<Result<_>>()?,
                 threads,
             };
             let optics = match (rig, calibration) {
@@ -89,9 +91,15 @@ impl RangerHandle {
         is_bgr: bool,
     ) -> PyResult<MatchArrays<'py>> {
         self.check_process()?;
-        let arrays = [ImageArray::new(left, "left")?, ImageArray::new(right, "right")?];
+        let arrays = [
+            ImageArray::new(left, "left")?,
+            ImageArray::new(right, "right")?,
+        ];
         let layout = Layout { bits, is_bgr };
-        let (left, right) = (arrays[0].image("left", layout)?, arrays[1].image("right", layout)?);
+        let (left, right) = (
+            arrays[0].image("left", layout)?,
+            arrays[1].image("right", layout)?,
+        );
         let answer = py.detach(|| self.answer(left, right, stamp_ns))?;
         answer.arrays(py)
     }
@@ -137,7 +145,9 @@ impl RangerHandle {
             Some(stamp_ns) => ranger.cells_at(left, right, stamp_ns),
         };
         let cells = cells.map_err(exception)?.clone();
-        let map = ranger.disparity().ok_or_else(|| exception(Error::Panicked))?;
+        let map = ranger
+            .disparity()
+            .ok_or_else(|| exception(Error::Panicked))?;
         Ok(Answer {
             cells,
             disparities: pixels(map.disparity()),
