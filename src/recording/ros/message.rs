@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_fields_are_read_back() {
         let mut writer = CdrWriter::with_capacity(0);
         writer.u8(7);
         writer.str("ab");
