@@ -37,11 +37,11 @@ export PATH="$tools/bin:$PATH"
 
 # Man page and completions are the program's own, so it is built before the packages are.
 beside="$PWD/packaging/svl.data/data"
-rm -rf packaging/svl.data && mkdir -p "$beside/share/doc/svl" packaging/svl.data/purelib
+rm -rf packaging/svl.data && mkdir -p "$beside/share/doc/svl" packaging/svl.data/{purelib,scripts}
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$beside/share/doc/svl"
 cp adapters/python/svl_matcher.py packaging/svl.data/purelib
-wheel() { (cd packaging && maturin build --quiet --locked --zig --target "$triple" --compatibility manylinux_2_31 -o "$out"); }
-wheel
+build() { maturin build --quiet --locked --zig --target "$triple" --compatibility manylinux_2_31 --profile dist "$@"; }
+build --bindings bin --features ros2 -o "$tools/program"
 program="$target/$triple/dist/svl"
 mkdir -p "$beside"/share/{man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
 svl() { "${emulator[@]}" "$program" "$@"; }
@@ -49,7 +49,8 @@ svl generate man -o "$beside/share/man/man1"
 svl generate completions bash > "$beside/share/bash-completion/completions/svl"
 svl generate completions zsh > "$beside/share/zsh/site-functions/_svl"
 svl generate completions fish > "$beside/share/fish/vendor_completions.d/svl.fish"
-wheel
+cp "$program" packaging/svl.data/scripts/
+build --manifest-path src/python/Cargo.toml -o "$out"
 
 cargo deb --quiet --no-build --no-strip --profile dist --target "$triple" --output "$out/"
 

@@ -35,7 +35,7 @@ fn one_version_everywhere() {
     {
         assert!(line.contains(&format!("version = \"{VERSION}\"")), "{line}");
     }
-    assert!(text("packaging/pyproject.toml").contains("dynamic = [\"version\"]"));
+    assert!(text("src/python/pyproject.toml").contains("dynamic = [\"version\"]"));
 }
 
 #[test]

@@ -77,8 +77,6 @@ pub struct Ranger {
     /// None after a panic.
     engine: Option<Box<Engine>>,
     worker: PairWorker,
-    /// The process whose threads these are.
-    process: u32,
 }
 
 impl Ranger {
@@ -104,7 +102,6 @@ impl Ranger {
         Ok(Self {
             engine: Some(Box::new(engine)),
             worker: PairWorker::start(options.threads)?,
-            process: std::process::id(),
         })
     }
 
@@ -137,7 +134,7 @@ impl Ranger {
     }
 
     fn run(&mut self, images: [ImageRef<'_>; 2], stamp_ns: Option<u64>) -> Result<&Cells> {
-        if self.process != std::process::id() {
+        if self.worker.is_forked() {
             let cure = "open one in each process";
             let what = "this ranger was opened before a fork, which copies no threads";
             return Err(Error::Invalid(format!("{what}; {cure}")));

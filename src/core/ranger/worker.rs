@@ -53,7 +53,9 @@ impl PairJob {
 pub(super) struct PairWorker {
     job: Arc<PairJob>,
     /// Ends its threads when dropped, after the job has left it.
-    _pool: rayon::ThreadPool,
+    pool: Option<rayon::ThreadPool>,
+    /// The process whose threads these are.
+    process: u32,
 }
 
 impl PairWorker {
@@ -73,7 +75,16 @@ impl PairWorker {
         });
         let served = Arc::clone(&job);
         pool.spawn(move || served.serve());
-        Ok(Self { job, _pool: pool })
+        Ok(Self {
+            job,
+            pool: Some(pool),
+            process: std::process::id(),
+        })
+    }
+
+    /// True in a process that a fork made, which has no threads of this pool.
+    pub(super) fn is_forked(&self) -> bool {
+        self.process != std::process::id()
     }
 
     /// Matches the pair of an engine, and returns the engine; `None` after a panic.
@@ -89,6 +100,11 @@ impl PairWorker {
 
 impl Drop for PairWorker {
     fn drop(&mut self) {
-        self.job.put(JobSlot::Closed);
+        if self.is_forked() {
+            // Locks that were held at the fork never open.
+            std::mem::forget(self.pool.take());
+        } else {
+            self.job.put(JobSlot::Closed);
+        }
     }
 }

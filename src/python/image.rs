@@ -1,0 +1,119 @@
+//! Arrays of numpy as images, without a copy, and images as arrays.
+
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use svl_core::ranger::{ImageFormat, ImageRef};
+use svl_core::stereo::Plane;
+
+/// An array that is an image, and borrowed as long as this lives.
+pub(super) enum ImageArray<'py> {
+    Eight(PyReadonlyArrayDyn<'py, u8>),
+    Sixteen(PyReadonlyArrayDyn<'py, u16>),
+}
+
+/// What an array does not say of its image.
+#[derive(Clone, Copy)]
+pub(super) struct Layout {
+    /// Bits in use, of arrays of uint16.
+    pub(super) bits: u8,
+    /// True if the first channel is blue.
+    pub(super) is_bgr: bool,
+}
+
+impl<'py> ImageArray<'py> {
+    pub(super) fn new(array: &Bound<'py, PyAny>, side: &str) -> PyResult<Self> {
+        if let Ok(array) = array.cast::<PyArrayDyn<u8>>() {
+            return Ok(Self::Eight(array.try_readonly()?));
+        }
+        if let Ok(array) = array.cast::<PyArrayDyn<u16>>() {
+            return Ok(Self::Sixteen(array.try_readonly()?));
+        }
+        let got = match array.cast::<PyUntypedArray>() {
+            Ok(array) => format!("an array of {}", array.dtype().str()?),
+            Err(_) => array.get_type().name()?.to_string(),
+        };
+        Err(PyTypeError::new_err(format!(
+            "{side}: expected a numpy array of uint8 or uint16, got {got}"
+        )))
+    }
+
+    pub(super) fn image(&self, side: &str, layout: Layout) -> PyResult<ImageRef<'_>> {
+        match self {
+            Self::Eight(array) => image(array, side, layout),
+            Self::Sixteen(array) => image(array, side, layout),
+        }
+    }
+}
+
+fn image<'a, T: Element>(
+    array: &'a PyReadonlyArrayDyn<'_, T>,
+    side: &str,
+    layout: Layout,
+) -> PyResult<ImageRef<'a>> {
+    let wrong = |what: String| PyValueError::new_err(format!("{side}: {what}"));
+    let item = size_of::<T>();
+    let (height, width, channels) = match *array.shape() {
+        [height, width] => (height, width, 1),
+        [height, width, channels] if item == 1 && [3, 4].contains(&channels) => {
+            (height, width, channels)
+        }
+        _ => {
+            return Err(wrong(format!(
+                "an array of shape {:?} is no image; expected (height, width), or (height, width, \
+                 3 or 4) of uint8",
+                array.shape()
+            )));
+        }
+    };
+    if width == 0 || height == 0 {
+        return Err(wrong(format!("an image of {width}x{height} pixels")));
+    }
+    let format = match (item, channels, layout.is_bgr) {
+        (1, 1, _) => ImageFormat::Gray8,
+        (1, 3, false) => ImageFormat::Rgb8,
+        (1, 3, true) => ImageFormat::Bgr8,
+        (1, _, false) => ImageFormat::Rgba8,
+        (1, _, true) => ImageFormat::Bgra8,
+        _ => ImageFormat::Gray16 { bits: layout.bits },
+    };
+    let strides = array.strides();
+    let row_bytes = width * format.bytes();
+    let is_packed = (width == 1 || strides[1] == format.bytes() as isize)
+        && strides.get(2).is_none_or(|stride| *stride == item as isize);
+    let stride = match usize::try_from(strides[0]) {
+        _ if height == 1 => row_bytes,
+        Ok(stride) if stride >= row_bytes => stride,
+        _ => 0,
+    };
+    if !is_packed || stride == 0 {
+        return Err(wrong(format!(
+            "strides of {strides:?} bytes: rows may have gaps, pixels may not, and neither go \
+             backwards; numpy.ascontiguousarray makes a copy that fits"
+        )));
+    }
+    let bytes = stride * (height - 1) + row_bytes;
+    // SAFETY: the array has `height` rows of `row_bytes` bytes, `stride` apart, and lives as long
+    // as its borrow. As with every library that releases the GIL, a thread of Python that writes
+    // to it meanwhile gets a result of mixed pixels.
+    let bytes = unsafe { std::slice::from_raw_parts(array.data().cast::<u8>(), bytes) };
+    ImageRef::new(bytes, (width, height), stride, format).map_err(|error| wrong(error.to_string()))
+}
+
+/// An array of a shape, over the memory of `values`.
+pub(super) fn array<'py, T: Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: impl Into<Vec<usize>>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    PyArray1::from_vec(py, values).reshape(shape.into())
+}
+
+/// The pixels of a plane, row by row.
+pub(super) fn pixels<T: Copy>(plane: &Plane<T>) -> Vec<T> {
+    match plane.as_slice() {
+        Some(pixels) => pixels.to_vec(),
+        None => plane.pixels().collect(),
+    }
+}

@@ -1,0 +1,193 @@
+//! A ranger for Python.
+
+use crate::exception;
+use crate::image::{ImageArray, Layout, array, pixels};
+use parking_lot::Mutex;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+use svl_core::filter::FilterModel;
+use svl_core::ranger::{Cells, ImageRef, Optics, RangedCell, Ranger, RangerOptions};
+use svl_core::stereo::{CellState, GridShape, Rig};
+use svl_core::{Error, Result};
+
+/// A rig's numbers: focal_px, baseline_m, cx_px, cy_px, doffs_px.
+type RigNumbers = (f64, f64, f64, f64, f64);
+
+/// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason), then of
+/// pixels (disparities, reasons).
+type MatchArrays<'py> = [Bound<'py, PyAny>; 8];
+
+/// A ranger, which several threads may use in turns.
+#[pyclass(frozen, module = "svl_bench._svl")]
+pub(crate) struct RangerHandle {
+    /// None after it was closed.
+    ranger: Mutex<Option<Ranger>>,
+    /// A lock that a fork copied may never open.
+    process: u32,
+}
+
+/// What a pair gave, in memory of its own.
+struct Answer {
+    cells: Cells,
+    disparities: Vec<f32>,
+    reasons: Vec<u8>,
+    size: (usize, usize),
+}
+
+#[pymethods]
+impl RangerHandle {
+    #[new]
+    #[pyo3(signature = (algorithm, rig, calibration, filters, columns, rows, threads))]
+    #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
+    fn new(
+        py: Python<'_>,
+        algorithm: &str,
+        rig: Option<RigNumbers>,
+        calibration: Option<PathBuf>,
+        filters: Vec<PathBuf>,
+        columns: usize,
+        rows: usize,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let open = || {
+            let filters = filters.iter().map(|path| FilterModel::read(path));
+            let options = RangerOptions {
+                cells: GridShape { columns, rows },
+                filters: filters
+                    .map(|read| read.map(Arc::new))
+                    .collect::<Result<_>>()?,
+                threads,
+            };
+            let optics = match (rig, calibration) {
+                (None, None) => Optics::Unknown,
+                (Some((focal_px, baseline_m, cx_px, cy_px, doffs_px)), None) => {
+                    Rig::new(focal_px, (cx_px, cy_px), baseline_m, doffs_px)?.into()
+                }
+                (None, Some(path)) => svl_calibrate::files::read(&path)?.into(),
+                (Some(_), Some(_)) => {
+                    let words = "a rig and a calibration: the latter contains a rig, name one";
+                    return Err(Error::Usage(words.into()));
+                }
+            };
+            Ranger::open(algorithm, optics, &options)
+        };
+        let ranger = py.detach(open).map_err(exception)?;
+        Ok(Self {
+            ranger: Mutex::new(Some(ranger)),
+            process: std::process::id(),
+        })
+    }
+
+    /// Matches a pair, while other threads of Python run.
+    fn match_pair<'py>(
+        &self,
+        py: Python<'py>,
+        left: &Bound<'py, PyAny>,
+        right: &Bound<'py, PyAny>,
+        stamp_ns: Option<u64>,
+        bits: u8,
+        is_bgr: bool,
+    ) -> PyResult<MatchArrays<'py>> {
+        self.check_process()?;
+        let arrays = [
+            ImageArray::new(left, "left")?,
+            ImageArray::new(right, "right")?,
+        ];
+        let layout = Layout { bits, is_bgr };
+        let (left, right) = (
+            arrays[0].image("left", layout)?,
+            arrays[1].image("right", layout)?,
+        );
+        let answer = py.detach(|| self.answer(left, right, stamp_ns))?;
+        answer.arrays(py)
+    }
+
+    /// Forgets the earlier pairs.
+    fn reset(&self, py: Python<'_>) -> PyResult<()> {
+        self.check_process()?;
+        py.detach(|| {
+            let mut ranger = self.ranger.lock();
+            ranger.as_mut().ok_or_else(closed)?.reset();
+            Ok(())
+        })
+    }
+
+    /// Ends its threads.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        self.check_process()?;
+        py.detach(|| drop(self.ranger.lock().take()));
+        Ok(())
+    }
+}
+
+impl RangerHandle {
+    fn check_process(&self) -> PyResult<()> {
+        if self.process == std::process::id() {
+            return Ok(());
+        }
+        let cure = "open one in each process";
+        let what = "this ranger was opened before a fork, which copies no threads";
+        Err(PyRuntimeError::new_err(format!("{what}; {cure}")))
+    }
+
+    fn answer(
+        &self,
+        left: ImageRef<'_>,
+        right: ImageRef<'_>,
+        stamp_ns: Option<u64>,
+    ) -> PyResult<Answer> {
+        let mut ranger = self.ranger.lock();
+        let ranger = ranger.as_mut().ok_or_else(closed)?;
+        let cells = match stamp_ns {
+            None => ranger.cells(left, right),
+            Some(stamp_ns) => ranger.cells_at(left, right, stamp_ns),
+        };
+        let cells = cells.map_err(exception)?.clone();
+        let map = ranger
+            .disparity()
+            .ok_or_else(|| exception(Error::Panicked))?;
+        Ok(Answer {
+            cells,
+            disparities: pixels(map.disparity()),
+            reasons: map.why().pixels().map(|why| why as u8).collect(),
+            size: map.size(),
+        })
+    }
+}
+
+fn closed() -> PyErr {
+    PyValueError::new_err("this ranger is closed")
+}
+
+impl Answer {
+    fn arrays(self, py: Python<'_>) -> PyResult<MatchArrays<'_>> {
+        let GridShape { columns, rows } = self.cells.shape();
+        let floats = |value: fn(&RangedCell) -> f32| {
+            let values = self.cells.iter().map(value).collect();
+            array(py, values, [rows, columns]).map(Bound::into_any)
+        };
+        let codes = |value: fn(&RangedCell) -> u8| {
+            let values = self.cells.iter().map(value).collect();
+            array(py, values, [rows, columns]).map(Bound::into_any)
+        };
+        let (width, height) = self.size;
+        Ok([
+            floats(|cell| cell.distance_m.map_or(f32::NAN, |m| m as f32))?,
+            floats(|cell| cell.disparity_px.unwrap_or(f32::NAN))?,
+            floats(|cell| cell.probability.map_or(f32::NAN, |p| p as f32))?,
+            floats(|cell| cell.valid_share as f32)?,
+            // svl_bench.State.
+            codes(|cell| match cell.state {
+                CellState::Unknown => 0,
+                CellState::Known => 1,
+                CellState::TooClose => 2,
+                CellState::Near => 3,
+            })?,
+            codes(|cell| cell.reason as u8)?,
+            array(py, self.disparities, [height, width])?.into_any(),
+            array(py, self.reasons, [height, width])?.into_any(),
+        ])
+    }
+}

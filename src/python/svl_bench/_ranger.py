@@ -1,0 +1,217 @@
+"""Matching of pairs: match() for one, Ranger for those of a camera."""
+
+from __future__ import annotations
+
+import enum
+import os
+import threading
+from collections import OrderedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, Sequence, Union
+
+from ._extension import extension
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Image = Union[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]
+    Floats = npt.NDArray[np.float32]
+    Codes = npt.NDArray[np.uint8]
+
+REASONS: list[str] = extension.REASONS
+"""Names of the codes in Match.reason and Match.reasons: valid, border, untextured, ..."""
+
+
+class State(enum.IntEnum):
+    """State of a cell."""
+
+    UNKNOWN = 0
+    KNOWN = 1
+    TOO_CLOSE = 2
+    """Nearer than the range of disparities (filter too-close)."""
+    NEAR = 3
+    """Something is nearer than 0.5 m, and the cell has no distance."""
+
+
+class Rig(NamedTuple):
+    """Two rectified cameras: focal length and principal point of the left one in pixels, baseline in
+    metres, and the right principal point minus the left one, along x, in pixels. A distance is
+    focal_px * baseline_m / (disparity + doffs_px)."""
+
+    focal_px: float
+    baseline_m: float
+    cx_px: float = 0.0
+    cy_px: float = 0.0
+    doffs_px: float = 0.0
+
+
+class Match(NamedTuple):
+    """The answer for a pair. The first six are arrays of cells, rows x columns from the top left; the
+    last two have the height and width of the rectified images."""
+
+    distance_m: Floats
+    """float32, metres along the optical axis; infinite at infinity; NaN if unknown or without a rig."""
+    disparity_px: Floats
+    """float32, pixels; NaN if unknown."""
+    probability: Floats
+    """float32, 0 to 1, that the distance is right (v5), or of State.NEAR that something is near."""
+    valid_fraction: Floats
+    """float32, fraction of the cell's pixels with a disparity, 0 to 1."""
+    state: Codes
+    """uint8, of State."""
+    reason: Codes
+    """uint8, index into REASONS: why a cell is unknown."""
+    disparity: Floats
+    """float32, pixels: the left pixel (x, y) shows what the right one (x - d, y) does; infinite: none.
+    v5 decides cells by more than this map."""
+    reasons: Codes
+    """uint8, index into REASONS: why a pixel has no disparity."""
+
+
+class Ranger:
+    """A matcher with its memory and threads, for the pairs of a camera.
+
+    algorithm: as on the command line, "v5:max_disparity=64". rig: a Rig of rectified images, or its
+    numbers in a dictionary. calibration: the file of raw images (OpenCV, ROS, Kalibr, ...), which are
+    rectified by it. filters: files of `svl train filter`. columns, rows: of the cells, up to 64 each.
+    threads: 0 is one per core. Several threads of Python may use one, in turns; after os.fork() each
+    process needs its own.
+
+    Raises ValueError, or OSError for a file that cannot be read.
+    """
+
+    def __init__(
+        self,
+        algorithm: str = "v5",
+        *,
+        rig: Rig | dict[str, float] | None = None,
+        calibration: str | os.PathLike[str] | None = None,
+        filters: Sequence[str | os.PathLike[str]] = (),
+        columns: int = 5,
+        rows: int = 3,
+        threads: int = 0,
+    ) -> None:
+        self.algorithm = algorithm
+        path = None if calibration is None else os.fspath(calibration)
+        files = [os.fspath(file) for file in filters]
+        self._handle = extension.RangerHandle(
+            algorithm, _numbers(rig), path, files, columns, rows, threads
+        )
+
+    def match(
+        self,
+        left: Image,
+        right: Image,
+        *,
+        stamp_ns: int | None = None,
+        bits: int = 16,
+        bgr: bool = False,
+    ) -> Match:
+        """Matches a pair of numpy arrays, which are not copied in Python.
+
+        left, right: height x width of uint8 or uint16, or height x width x 3 or 4 of uint8 in red, green,
+        blue; rows may have gaps. bits: those in use of uint16, 8 to 16. bgr: blue comes first, as in
+        OpenCV's images. stamp_ns: time of the exposure by any clock. v5 uses the cells of earlier pairs,
+        unless more than a second has passed or the clock does not rise; without stamps all of them.
+
+        Raises TypeError or ValueError for images that do not fit, and the next pair may go on.
+        """
+        return Match(*self._handle.match_pair(left, right, stamp_ns, bits, bgr))
+
+    def reset(self) -> None:
+        """Forgets the earlier pairs: the next one is the first of another scene."""
+        self._handle.reset()
+
+    def close(self) -> None:
+        """Ends its threads; it can be used no more."""
+        self._handle.close()
+
+    def __enter__(self) -> Ranger:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"svl_bench.Ranger({self.algorithm!r})"
+
+
+def instruction_set() -> str:
+    """The instruction set in use: avx512, avx2, portable or neon. Results are equal on all."""
+    return extension.instruction_set()
+
+
+def _numbers(rig: Rig | dict[str, float] | None) -> tuple[float, ...] | None:
+    if rig is None:
+        return None
+    return tuple(Rig(**rig) if isinstance(rig, dict) else Rig(*rig))
+
+
+_MOST_IDLE = 4
+_idle: OrderedDict[Any, Ranger] = OrderedDict()
+_lock = threading.Lock()
+
+
+def _forget() -> None:
+    """After a fork: threads are not copied, and the lock may be held by one."""
+    global _lock
+    _lock = threading.Lock()
+    _idle.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
+
+
+def match(
+    left: Image,
+    right: Image,
+    algorithm: str = "v5",
+    *,
+    rig: Rig | dict[str, float] | None = None,
+    calibration: str | os.PathLike[str] | None = None,
+    filters: Sequence[str | os.PathLike[str]] = (),
+    columns: int = 5,
+    rows: int = 3,
+    threads: int = 0,
+    bits: int = 16,
+    bgr: bool = False,
+) -> Match:
+    """Matches one pair: no memory of earlier ones. Options are those of Ranger and Ranger.match().
+
+    Memory and threads of the last few kinds of calls are kept, so that a loop costs no more than one
+    over a Ranger.
+    """
+    files = [os.fspath(file) for file in filters]
+    path = None if calibration is None else os.fspath(calibration)
+    read = [_version(file) for file in (path or "").split(",") + files if file]
+    key = (algorithm, _numbers(rig), path, *files, *read, columns, rows, threads)
+    with _lock:
+        ranger = _idle.pop(key, None)
+    if ranger is None:
+        ranger = Ranger(
+            algorithm,
+            rig=rig,
+            calibration=path,
+            filters=files,
+            columns=columns,
+            rows=rows,
+            threads=threads,
+        )
+    else:
+        ranger.reset()
+    found = ranger.match(left, right, bits=bits, bgr=bgr)
+    with _lock:
+        _idle[key] = ranger
+        oldest = _idle.popitem(last=False)[1] if len(_idle) > _MOST_IDLE else None
+    if oldest is not None:
+        oldest.close()
+    return found
+
+
+def _version(file: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(file)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size

@@ -1,0 +1,34 @@
+"""The extension module, in Rust; svl_bench is the interface."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+REASONS: list[str]
+
+def instruction_set() -> str:
+    """The instruction set in use: avx512, avx2, portable or neon."""
+
+class RangerHandle:
+    def __init__(
+        self,
+        algorithm: str,
+        rig: tuple[float, float, float, float, float] | None,
+        calibration: str | None,
+        filters: list[str],
+        columns: int,
+        rows: int,
+        threads: int,
+    ) -> None: ...
+    def match_pair(
+        self,
+        left: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
+        right: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
+        stamp_ns: int | None,
+        bits: int,
+        is_bgr: bool,
+    ) -> list[npt.NDArray[Any]]: ...
+    def reset(self) -> None: ...
+    def close(self) -> None: ...
