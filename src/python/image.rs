@@ -15,7 +15,7 @@ pub(super) enum ImageArray<'py> {
 
 /// What an array does not say of its image.
 #[derive(Clone, Copy)]
-pub(super) struct Layout {
+pub(super) struct PixelLayout {
     /// Bits in use, of arrays of uint16.
     pub(super) bits: u8,
     /// True if the first channel is blue.
@@ -39,7 +39,7 @@ impl<'py> ImageArray<'py> {
         )))
     }
 
-    pub(super) fn image(&self, side: &str, layout: Layout) -> PyResult<ImageRef<'_>> {
+    pub(super) fn image(&self, side: &str, layout: PixelLayout) -> PyResult<ImageRef<'_>> {
         match self {
             Self::Eight(array) => image(array, side, layout),
             Self::Sixteen(array) => image(array, side, layout),
@@ -50,7 +50,7 @@ impl<'py> ImageArray<'py> {
 fn image<'a, T: Element>(
     array: &'a PyReadonlyArrayDyn<'_, T>,
     side: &str,
-    layout: Layout,
+    layout: PixelLayout,
 ) -> PyResult<ImageRef<'a>> {
     let wrong = |what: String| PyValueError::new_err(format!("{side}: {what}"));
     let item = size_of::<T>();

@@ -1,7 +1,7 @@
 //! A ranger for Python.
 
 use crate::exception;
-use crate::image::{ImageArray, Layout, array, pixels};
+use crate::image::{ImageArray, PixelLayout, array, pixels};
 use parking_lot::Mutex;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -13,7 +13,7 @@ use svl_core::stereo::{CellState, GridShape, Rig};
 use svl_core::{Error, Result};
 
 /// A rig's numbers: focal_px, baseline_m, cx_px, cy_px, doffs_px.
-type RigNumbers = (f64, f64, f64, f64, f64);
+type RigTuple = (f64, f64, f64, f64, f64);
 
 /// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason), then of
 /// pixels (disparities, reasons).
@@ -29,7 +29,7 @@ pub(crate) struct RangerHandle {
 }
 
 /// What a pair gave, in memory of its own.
-struct Answer {
+struct RangedPair {
     cells: Cells,
     disparities: Vec<f32>,
     reasons: Vec<u8>,
@@ -44,7 +44,7 @@ impl RangerHandle {
     fn new(
         py: Python<'_>,
         algorithm: &str,
-        rig: Option<RigNumbers>,
+        rig: Option<RigTuple>,
         calibration: Option<PathBuf>,
         filters: Vec<PathBuf>,
         columns: usize,
@@ -95,7 +95,7 @@ impl RangerHandle {
             ImageArray::new(left, "left")?,
             ImageArray::new(right, "right")?,
         ];
-        let layout = Layout { bits, is_bgr };
+        let layout = PixelLayout { bits, is_bgr };
         let (left, right) = (
             arrays[0].image("left", layout)?,
             arrays[1].image("right", layout)?,
@@ -137,7 +137,7 @@ impl RangerHandle {
         left: ImageRef<'_>,
         right: ImageRef<'_>,
         stamp_ns: Option<u64>,
-    ) -> PyResult<Answer> {
+    ) -> PyResult<RangedPair> {
         let mut ranger = self.ranger.lock();
         let ranger = ranger.as_mut().ok_or_else(closed)?;
         let cells = match stamp_ns {
@@ -148,7 +148,7 @@ impl RangerHandle {
         let map = ranger
             .disparity()
             .ok_or_else(|| exception(Error::Panicked))?;
-        Ok(Answer {
+        Ok(RangedPair {
             cells,
             disparities: pixels(map.disparity()),
             reasons: map.why().pixels().map(|why| why as u8).collect(),
@@ -161,7 +161,7 @@ fn closed() -> PyErr {
     PyValueError::new_err("this ranger is closed")
 }
 
-impl Answer {
+impl RangedPair {
     fn arrays(self, py: Python<'_>) -> PyResult<MatchArrays<'_>> {
         let GridShape { columns, rows } = self.cells.shape();
         let floats = |value: fn(&RangedCell) -> f32| {

@@ -3,10 +3,10 @@
 use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
-use super::latency::TopicDelay;
 use super::maps::maps;
 use super::rows::Row;
 use super::sources::{SUMMARY, Sources};
+use super::summary::TopicDelay;
 use super::sweeps::sweeps;
 use super::units::{
     ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,

@@ -24,7 +24,6 @@ pub mod evidence;
 mod gate;
 pub mod html;
 mod junit;
-mod latency;
 mod lead;
 mod maps;
 mod markdown;
@@ -57,7 +56,6 @@ pub use descriptions::{TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
-pub use latency::TopicDelay;
 pub use lead::{Certainty, Lead, RunnerUp};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
@@ -65,5 +63,5 @@ pub use rows::{
 };
 pub use sources::Sources;
 pub use stress::StressSummary;
-pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
+pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary, TopicDelay};
 pub use table_writer::TableWriter;

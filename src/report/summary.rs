@@ -2,7 +2,6 @@
 
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
-use super::latency::TopicDelay;
 use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
 use super::samples::run_key;
@@ -10,7 +9,7 @@ use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
 use polars::prelude::{DataFrame, PolarsResult};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
@@ -127,6 +126,19 @@ pub struct ProgramSummary {
     pub algorithm: String,
     #[serde(flatten)]
     pub program: ProgramRecord,
+}
+
+/// Log time minus stamp of a topic's messages and of the left images: transport and processing on
+/// the robot, not time of matching.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TopicDelay {
+    pub topic: String,
+    /// Name of the recording.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    /// Median and 99th percentile, by nearest rank; none without stamps.
+    pub topic_ms: Option<[f64; 2]>,
+    pub images_ms: Option<[f64; 2]>,
 }
 
 record! {

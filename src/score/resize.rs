@@ -17,6 +17,9 @@ pub struct Resizer {
     scale: f64,
 }
 
+/// The pixel that provides each pixel.
+type PixelPlaces = Plane<(usize, usize)>;
+
 impl Resizer {
     pub fn new(window: CropScale) -> Self {
         Self {
@@ -92,7 +95,7 @@ impl Resizer {
         disparity: &Plane<f32>,
         density: MapDensity,
         window: [usize; 4],
-    ) -> Result<(Plane<f32>, Plane<(usize, usize)>)> {
+    ) -> Result<(Plane<f32>, PixelPlaces)> {
         let whole = cropped(disparity, window)?;
         let places = sampling(&whole, density, self.scale)?;
         let scaled = places.map(|(x, y)| (f64::from(whole.get(x, y)) * self.scale) as f32);

@@ -39,21 +39,21 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let Some((scenario, mut source)) = context.recording.take() else {
         return Err(Error::Invalid("figure 7.3 needs a run of the arena".into()));
     };
-    let points = Points::new(&scenario);
+    let points = ThesisPoints::new(&scenario);
     let outbox = points.outbox.clone();
     context.run(&mut *source, &ALGORITHMS, &scenario.judge(), points)?;
     // The sink returns its points when it is finished.
     outbox
         .take()
-        .map_or_else(|| Ok(Finding::default()), Points::finding)
+        .map_or_else(|| Ok(Finding::default()), ThesisPoints::finding)
 }
 
 /// Scores over the frames of the six points.
-struct Points {
+struct ThesisPoints {
     scenario: Scenario,
     points: Vec<[Point; 2]>,
-    cells: [PanelCells; 2],
-    outbox: Outbox<Option<Points>>,
+    cells: [PointCells; 2],
+    outbox: Outbox<Option<ThesisPoints>>,
 }
 
 #[derive(Default)]
@@ -62,12 +62,12 @@ struct Point {
     /// Frames in which one of the point's own cells is wrong.
     wrong: usize,
     /// Cells of all its frames.
-    cells: PanelCells,
+    cells: PointCells,
 }
 
 /// All cells of some frames.
 #[derive(Clone, Copy, Default)]
-struct PanelCells {
+struct PointCells {
     all: usize,
     right: usize,
     wrong: usize,
@@ -75,7 +75,7 @@ struct PanelCells {
     first_column: usize,
 }
 
-impl PanelCells {
+impl PointCells {
     fn add(&mut self, grid: &DepthGrid, judgements: &[CellJudgement]) {
         let count = |verdict| judgements.iter().filter(|j| j.verdict == verdict).count();
         self.all += judgements.len();
@@ -112,7 +112,7 @@ impl Point {
     }
 }
 
-impl Points {
+impl ThesisPoints {
     fn new(scenario: &Scenario) -> Self {
         let points = scenario
             .checkpoints
@@ -221,7 +221,7 @@ fn show_frames(points: &[[Point; 2]], finding: &mut Finding) {
 fn conclude(
     checkpoints: &[Checkpoint],
     points: &[[Point; 2]],
-    cells: [PanelCells; 2],
+    cells: [PointCells; 2],
     finding: &mut Finding,
 ) {
     let right = cells.map(|c| c.right_percent());
@@ -317,7 +317,7 @@ fn add_wrong_elsewhere(checkpoints: &[Checkpoint], points: &[[Point; 2]], findin
     );
 }
 
-impl Sink for Points {
+impl Sink for ThesisPoints {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         for (a, scored) in judged.estimates.iter().enumerate() {
             // The arena has truth in every frame; a recording of it could have lost it.
@@ -367,10 +367,10 @@ mod tests {
                 ..CheckpointTally::default()
             },
             wrong,
-            cells: PanelCells {
+            cells: PointCells {
                 all: 150,
                 right: 10 * passed,
-                ..PanelCells::default()
+                ..PointCells::default()
             },
         };
         v3.into_iter()
@@ -382,7 +382,7 @@ mod tests {
     #[test]
     fn the_observations_of_the_thesis_hold() {
         let checkpoints = Scenario::arena().unwrap().checkpoints;
-        let cells = PanelCells {
+        let cells = PointCells {
             all: 100,
             right: 40,
             wrong: 3,
@@ -396,7 +396,7 @@ mod tests {
         let v3 = [(10, 0), (4, 3), (10, 0), (10, 0), (10, 0), (8, 0)];
         let svs = [(9, 1), (6, 4), (9, 1), (9, 1), (9, 1), (10, 0)];
         assert_eq!(met(v3, svs, [cells; 2]), [true; 6]);
-        let seen = PanelCells {
+        let seen = PointCells {
             right: 46,
             first_column: 1,
             ..cells

@@ -334,31 +334,31 @@ fn bad_input_is_a_code_and_a_line() {
     let (status, handle) = open(&Options::default());
     assert_eq!(status, Status::Ok);
     let pixels = [0u8; 8];
-    let of = |size, stride, format| image(&pixels, size, stride, format);
+    let sized = |size, stride, format| image(&pixels, size, stride, format);
     let null_pixels = CImage {
         pixels: null(),
-        ..of((8, 1), 0, 0)
+        ..sized((8, 1), 0, 0)
     };
     for (wrong, word) in [
         (null_pixels, "left image has a null pointer"),
-        (of((0, 0), 0, 0), "0x0"),
-        (of((99_999, 1), 0, 0), "99999x1"),
-        (of((8, 1), 4, 0), "stride 4"),
-        (of((8, 1), 0, 9), "format 9"),
+        (sized((0, 0), 0, 0), "0x0"),
+        (sized((99_999, 1), 0, 0), "99999x1"),
+        (sized((8, 1), 4, 0), "stride 4"),
+        (sized((8, 1), 0, 9), "format 9"),
         (
-            of((usize::MAX, usize::MAX), usize::MAX, 0),
+            sized((usize::MAX, usize::MAX), usize::MAX, 0),
             "impossible size",
         ),
-        (of((8, 1), 0, 0), "left image is 8x1, right image is 4x1"),
+        (sized((8, 1), 0, 0), "left image is 8x1, right image is 4x1"),
     ] {
         // SAFETY: nothing is read of a null pointer or a size that is refused.
-        let status = unsafe { svl_match(handle, &wrong, &of((4, 1), 0, 0), 0) };
+        let status = unsafe { svl_match(handle, &wrong, &sized((4, 1), 0, 0), 0) };
         assert_eq!(status, Status::Invalid, "{word}");
         assert!(last_error().contains(word), "{}", last_error());
     }
     // SAFETY: a null pointer is an error.
     unsafe {
-        let right = of((8, 1), 0, 0);
+        let right = sized((8, 1), 0, 0);
         assert_eq!(svl_match(handle, null(), &right, 0), Status::Invalid);
         assert_eq!(svl_match(null_mut(), &right, &right, 0), Status::Invalid);
         assert_eq!(svl_open(null(), null_mut()), Status::Invalid);
@@ -367,7 +367,7 @@ fn bad_input_is_a_code_and_a_line() {
     assert_eq!(match_pair(handle, &pair(), SIZE.0), Status::Ok);
     // SAFETY: as above.
     unsafe {
-        let right = of((8, 1), 0, 0);
+        let right = sized((8, 1), 0, 0);
         assert_eq!(svl_match(handle, &null_pixels, &right, 0), Status::Invalid);
         assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
         svl_close(handle);

@@ -176,7 +176,7 @@ fn a_cell_has_a_place() {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error_and_the_next_pair_goes_on() {
+fn images_that_do_not_fit_are_an_error_and_the_next_pair_goes_on() {
     let refused = |algorithm, options: RangerOptions| {
         let refused = Ranger::open(algorithm, Optics::Unknown, &options);
         refused.map(drop).unwrap_err().to_string()

@@ -11,7 +11,7 @@ use svl_report::TopicDelay;
 /// The measurements of another sensor or program.
 pub enum MeasuredMaps {
     Topic(Box<SensorTopic>),
-    Files(MapFiles),
+    Files(Box<MapFiles>),
 }
 
 impl MeasuredMaps {
@@ -67,7 +67,7 @@ pub(super) fn topics_of(
 /// The maps among these that are in files.
 ///
 /// # Errors
-/// As [`MapFiles::of_maps`].
+/// As [`MapFiles::for_maps`].
 pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, MeasuredMaps)>> {
     let files = |map: &MapRequest| match &map.place {
         MapPlace::Topic(_) => None,
@@ -76,8 +76,8 @@ pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, MeasuredMaps)
             unit_m,
             scale,
         } => {
-            let files = MapFiles::of_maps(pattern, (*unit_m, *scale), map.max_skew_ns);
-            Some(files.map(|files| (map.source.clone(), MeasuredMaps::Files(files))))
+            let files = MapFiles::for_maps(pattern, (*unit_m, *scale), map.max_skew_ns);
+            Some(files.map(|files| (map.source.clone(), MeasuredMaps::Files(Box::new(files)))))
         }
     };
     maps.iter().filter_map(files).collect()
@@ -103,7 +103,7 @@ pub(super) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
 /// The source with the maps in files that these algorithms report.
 ///
 /// # Errors
-/// As [`MapFiles::of_maps`]; [`Error::Usage`] for maps in topics.
+/// As [`MapFiles::for_maps`]; [`Error::Usage`] for maps in topics.
 pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<Box<dyn Source>> {
     let maps: Vec<_> = algorithms.iter().filter_map(Algorithm::recorded).collect();
     refuse_topics(&maps, &source.name())?;

@@ -496,7 +496,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         calibration_fault: unread.cloned(),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().chain(truth_note).collect(),
-        truth: truth.map(MeasuredMaps::Files),
+        truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
         ..Opened::new(source, header, stem)
     })
 }

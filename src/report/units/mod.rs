@@ -25,8 +25,8 @@ pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, w
 
 use super::drives::{CoursePlan, DriveRow, TrackRow};
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};
-use super::latency::TopicDelay;
 use super::rows::{CellRow, FailureRow, Record, Row};
+use super::summary::TopicDelay;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use svl_core::stereo::Losses;

@@ -462,27 +462,31 @@ fn maps_in_files_have_the_cells_of_the_matcher() {
         "score pairs --algo sgm --algo pfm=files:out/*.pfm --algo png=files:'png/*.png' \
          --algo steps=files:png/*.png,disparity=128 --rerun none -o rep -q",
     );
-    let of = |name: &str| -> Vec<_> {
+    let medians = |name: &str| -> Vec<_> {
         let cells = cells(&fixture.path("rep"), name).into_values();
         cells.map(|cell| cell.median_px).collect()
     };
-    let own = of("sgm");
+    let own = medians("sgm");
     assert!(own.iter().flatten().count() > 30);
-    assert_eq!(of("pfm"), own);
+    assert_eq!(medians("pfm"), own);
     let close = |(a, b): (&Option<f64>, &Option<f64>), factor: f64| {
         a.zip(*b)
             .map_or(a == b, |(a, b)| (a * factor - b).abs() <= factor / 256.0)
     };
-    assert!(own.iter().zip(&of("png")).all(|pair| close(pair, 1.0)));
-    assert!(own.iter().zip(&of("steps")).all(|pair| close(pair, 2.0)));
+    assert!(own.iter().zip(&medians("png")).all(|pair| close(pair, 1.0)));
+    assert!(
+        own.iter()
+            .zip(&medians("steps"))
+            .all(|pair| close(pair, 2.0))
+    );
     // Other maps in the files are other results.
     fixture.run("match pairs/left/a.pgm pairs/right/a.pgm --algo blind -o out/a.pfm --force");
     fixture.run(
         "score pairs --algo sgm --algo pfm=files:out/*.pfm --algo png=files:'png/*.png' \
          --algo steps=files:png/*.png,disparity=128 --rerun none -o rep -q",
     );
-    assert!(of("pfm").iter().flatten().count() < own.iter().flatten().count());
-    assert_eq!(of("sgm"), own);
+    assert!(medians("pfm").iter().flatten().count() < own.iter().flatten().count());
+    assert_eq!(medians("sgm"), own);
 }
 
 #[test]

@@ -138,7 +138,7 @@ impl MapFiles {
     ///
     /// # Errors
     /// As [`MapFiles::new`].
-    pub(crate) fn of_maps(
+    pub(crate) fn for_maps(
         pattern: &str,
         (unit_m, scale): (Option<f64>, Option<f64>),
         max_skew_ns: u64,

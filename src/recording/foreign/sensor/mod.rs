@@ -19,7 +19,7 @@ use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
-use view::{PairCamera, Setup, View};
+use view::{PairCamera, SensorSetup, View};
 
 /// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm
 /// at 1 m/s.
@@ -62,7 +62,7 @@ pub struct SensorTopic {
     recording: Recording,
     selection: SensorSelection,
     measurements: Measurements,
-    setup: Setup,
+    setup: SensorSetup,
     /// Projection of measurements into the left camera of the last pair.
     view: Option<(PairCamera, View)>,
     poses: Option<PoseReader>,
@@ -147,7 +147,7 @@ impl SensorTopic {
             }));
         };
         let kind = kind::find(channel).map_err(wrong)?;
-        let setup = Setup::find(recording, &channels, topics[0], topic, kind)?;
+        let setup = SensorSetup::find(recording, &channels, topics[0], topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();

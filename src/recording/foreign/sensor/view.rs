@@ -50,7 +50,7 @@ pub(super) struct PairCamera {
 }
 
 /// Pose of the sensor, and the cameras of the recording.
-pub(super) struct Setup {
+pub(super) struct SensorSetup {
     /// Pose of the sensor in the left camera's frame.
     left_from_sensor: Isometry3<f64>,
     /// True if it measures in the left camera's frame.
@@ -100,7 +100,7 @@ fn rays(
     pixels.map(ray).collect()
 }
 
-impl Setup {
+impl SensorSetup {
     /// Reads until all is found; transforms are at the start of most recordings.
     ///
     /// # Errors
@@ -418,7 +418,7 @@ fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
 
 /// The disparities of the samples of a depth image of another camera or time: points, each with the
 /// side of the square that its pixel covers.
-fn of_samples(
+fn map_from_samples(
     samples: impl Iterator<Item = (Point3<f64>, f64)>,
     rig: &Rig,
     size: (usize, usize),
@@ -435,7 +435,7 @@ fn of_samples(
 
 /// The disparities of a cloud. A stereo camera's has a point per pixel, and none is hidden behind
 /// those of its neighbours; a lidar's has few, between which the camera does not see what it does.
-fn of_points(
+fn map_from_points(
     points: impl Iterator<Item = Point3<f64>> + Clone,
     rig: &Rig,
     size: (usize, usize),
@@ -511,7 +511,7 @@ impl View {
                     let z = f64::from(z);
                     (moved(Point3::from(ray * z + origin)), z / focal_px)
                 };
-                Ok(of_samples(depths.map(sample), rig, size, role))
+                Ok(map_from_samples(depths.map(sample), rig, size, role))
             }
             (Self::Aligned, Measured::Depth(depth)) if motion.is_some() => {
                 let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
@@ -521,12 +521,12 @@ impl View {
                     let [u, v] = [x as f64 - cx, y as f64 - cy].map(|at| at / focal * z);
                     (moved(Point3::new(u, v, z)), z / focal)
                 });
-                Ok(of_samples(samples, rig, size, role))
+                Ok(map_from_samples(samples, rig, size, role))
             }
             (_, Measured::Depth(depth)) => Ok((truth::disparities(depth, rig), MapDensity::Dense)),
             (Self::Points(pose), Measured::Points(points)) => {
                 let points = points.iter().map(|point| moved(pose * point));
-                Ok(of_points(points, rig, size, role))
+                Ok(map_from_points(points, rig, size, role))
             }
             (_, Measured::Disparity(map)) => Ok((map.clone(), MapDensity::Dense)),
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
