@@ -10,7 +10,7 @@ use crate::source::{
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use svl_core::matcher::Algorithm;
+use svl_core::matcher::{Algorithm, MapPlace};
 use svl_core::{Error, Result, interrupt};
 use svl_grab::Host;
 use svl_score::judge::Judge;
@@ -124,7 +124,20 @@ fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn So
 /// The scenario's runs. All that the user names is opened, so that an error in the last one is
 /// reported before the first is scored.
 pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSource>> {
-    (0..count(scenario)?)
+    let count = count(scenario)?;
+    let has_files = |algorithm: &Algorithm| {
+        let place = algorithm.recorded().map(|map| map.place);
+        matches!(place, Some(MapPlace::Files { .. }))
+    };
+    if count > 1
+        && let Some(algorithm) = scenario.algorithms.iter().find(|a| has_files(a))
+    {
+        return Err(Error::Usage(format!(
+            "{}: files are those of one run, and there are {count}: name one",
+            algorithm.label()
+        )));
+    }
+    (0..count)
         .map(|place| run_at(scenario, place, console))
         .collect()
 }

@@ -10,9 +10,9 @@ use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::judge::{CellNumber, Verdict};
 
-/// Largest change of a true distance, of the distance, of a cell at rest between successive pairs.
+/// Largest change of a true distance, of the distance, of a cell at rest between successive answers.
 const MAX_MOTION: f64 = 0.01;
-/// Longest time between successive pairs, ns: scenes of a data set do not follow each other.
+/// Longest time between successive answers, ns: scenes of a data set do not follow each other.
 const MAX_GAP_NS: u64 = 1_000_000_000;
 /// Nearest bound that doubles, metres, and the last one.
 const BOUNDS_M: (f64, f64) = (1.0, 16.0);
@@ -38,11 +38,11 @@ record! {
         median_error_m: Option<f64>,
         /// Mean of the absolute error over the true distance, a fraction.
         abs_rel: Option<f64>,
-        /// Number of cells at rest: scored in two successive pairs with true distances that differ
+        /// Number of cells at rest: scored in two successive answers with true distances that differ
         /// by at most 1 %.
         resting: u64,
         /// Standard deviation of the error over time: the root of half the mean squared difference
-        /// of successive errors, of the cells at rest without a flicker.
+        /// of successive errors, of the cells at rest with both distances.
         noise_m: Option<f64>,
         /// Fraction of the cells at rest that change between known and unknown, or by more than the
         /// tolerance of a right cell.
@@ -92,15 +92,14 @@ struct RangeErrors {
     relative: f64,
     resting: u64,
     flickers: u64,
-    /// Those known in both pairs and without a flicker, and their squared differences of successive
-    /// errors.
-    steady: u64,
+    /// Those known in both pairs, and their squared differences of successive errors.
+    known: u64,
     squares: f64,
 }
 
-/// The last pair of a cell.
+/// A cell in the last answer of its algorithm.
 struct LastCell {
-    place: u64,
+    stamp_ns: u64,
     true_m: f64,
     reported_m: Option<f64>,
 }
@@ -113,9 +112,6 @@ pub(super) struct AccuracyTally {
     errors: BTreeMap<String, Vec<RangeErrors>>,
     /// By label, column and row.
     last: BTreeMap<(String, u32, u32), LastCell>,
-    /// Number of pairs so far, and the stamp of the last one.
-    place: u64,
-    stamp_ns: u64,
 }
 
 impl AccuracyTally {
@@ -134,8 +130,6 @@ impl AccuracyTally {
             bounds_m,
             errors: BTreeMap::new(),
             last: BTreeMap::new(),
-            place: 0,
-            stamp_ns: 0,
         }
     }
 
@@ -146,10 +140,6 @@ impl AccuracyTally {
 
     /// Adds the cells of a pair.
     pub(super) fn add(&mut self, stamp_ns: u64, cells: &[CellRow]) {
-        let since = stamp_ns.checked_sub(std::mem::replace(&mut self.stamp_ns, stamp_ns));
-        let follows = since.is_some_and(|ns| ns <= MAX_GAP_NS);
-        // Two more: the last pair is not the one before.
-        self.place += if follows { 1 } else { 2 };
         for cell in cells.iter().filter(|cell| cell.stress.is_none()) {
             let is_scored = cell.verdict != Verdict::NoTruth;
             let Some(true_m) = cell.true_distance_m.filter(|_| is_scored) else {
@@ -163,12 +153,13 @@ impl AccuracyTally {
             own.resize_with(ranges, RangeErrors::default);
             let key = (cell.algorithm.clone(), cell.column, cell.row);
             let now = LastCell {
-                place: self.place,
+                stamp_ns,
                 true_m,
                 reported_m,
             };
             let before = self.last.insert(key, now);
-            let before = before.filter(|before| before.place + 1 == self.place);
+            let since = |before: &LastCell| stamp_ns.checked_sub(before.stamp_ns);
+            let before = before.filter(|before| since(before).is_some_and(|ns| ns <= MAX_GAP_NS));
             for i in [0, range] {
                 let errors = &mut own[i];
                 if let Some(reported_m) = reported_m {
@@ -219,10 +210,12 @@ impl RangeErrors {
         self.resting += 1;
         match (before.reported_m, reported_m) {
             (None, None) => {}
-            (Some(was), Some(is)) if (is - was).abs() <= rule.tolerance_at_m(true_m) => {
-                self.steady += 1;
+            (Some(was), Some(is)) => {
+                self.known += 1;
                 let difference = (is - true_m) - (was - before.true_m);
                 self.squares += difference * difference;
+                let flickers = (is - was).abs() > rule.tolerance_at_m(true_m);
+                self.flickers += u64::from(flickers);
             }
             _ => self.flickers += 1,
         }
@@ -248,8 +241,9 @@ impl RangeErrors {
             median_error_m: nearest_rank(&self.errors_m, 0.5).map(f64::from),
             abs_rel,
             resting: self.resting,
-            noise_m: (self.steady > 0).then(|| (self.squares / (2.0 * self.steady as f64)).sqrt()),
-            flicker: (self.resting > 0).then(|| self.flickers as f64 / self.resting as f64),
+            noise_m: (self.known > 0).then(|| (self.squares / (2.0 * self.known as f64)).sqrt()),
+            flicker: (self.resting > 0 && cells > 0)
+                .then(|| self.flickers as f64 / self.resting as f64),
         }
     }
 }

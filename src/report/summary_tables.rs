@@ -110,7 +110,7 @@ impl Summary {
         }
         table.note(
             "noise, flicker",
-            "of cells whose true distance changes by at most 1 % from a pair to the next",
+            "of cells whose true distance changes by at most 1 % from an answer to the next",
         );
         (!self.accuracy.is_empty()).then_some(table)
     }

@@ -20,7 +20,6 @@ tolerance = lambda z: max(rule["tolerance_m"], rule["tolerance_percent"] / 100 *
 bounds = [near] + [b for b in (1, 2, 4, 8, 16) if b > near]
 ranges = [(0, None)] + list(zip([0] + bounds, bounds + [None]))
 
-stamps = {(row["algorithm"], int(row["sequence"])): int(row["stamp_ns"]) for row in table("rows.csv")}
 number = lambda text: float(text) if text else None
 tracks = defaultdict(list)
 for cell in table("cells.csv"):
@@ -45,18 +44,18 @@ for row in table("accuracy.csv"):
                 errors.append(reported - truth)
                 relative.append(abs(reported - truth) / truth)
         for (a, truth_a, was), (b, truth_b, now) in zip(track, track[1:]):
-            if b != a + 1 or not inside(truth_b) or abs(truth_b - truth_a) > 0.01 * truth_a:
+            if not inside(truth_b) or abs(truth_b - truth_a) > 0.01 * truth_a:
                 continue
             resting += 1
             if was is None and now is None:
                 continue
             if was is None or now is None or abs(now - was) > tolerance(truth_b):
                 flickers += 1
-            else:
+            if was is not None and now is not None:
                 steps.append((now - truth_b) - (was - truth_a))
     errors = np.array(errors)
     assert int(row["cells"]) == len(errors) and int(row["resting"]) == resting, row
-    expected = {"flicker": flickers / resting if resting else None}
+    expected = {"flicker": flickers / resting if resting and len(errors) else None}
     expected["noise_m"] = np.sqrt(np.mean(np.square(steps)) / 2) if steps else None
     if len(errors):
         expected["bias_m"] = errors.mean()

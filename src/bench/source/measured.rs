@@ -187,6 +187,11 @@ impl Source for MeasuredSource {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
+        for (_, map) in &self.maps {
+            if let MeasuredMaps::Files(files) = map {
+                files.warn_of_unused();
+            }
+        }
         let (without_truth, jumped) = match &self.truth {
             None => return self.source.finish(taken),
             Some(MeasuredMaps::Topic(truth)) => (truth.without(), truth.jumped()),

@@ -795,7 +795,7 @@ pub const METRICS: &[Metric] = &[
             number: CellNumber::Noise,
         },
         note: Some(|_| {
-            let words = "of cells whose true distance changes by at most 1 % from a pair to the \
+            let words = "of cells whose true distance changes by at most 1 % from an answer to the \
                          next: the standard deviation of the error (noise), and the fraction that \
                          changes between known and unknown or by more than the tolerance (flicker)";
             ("over time", words.into())
@@ -989,6 +989,11 @@ impl Metric {
             MetricOrigin::Frame { column, .. } | MetricOrigin::Cells { column, .. } => Some(column),
             _ => None,
         }
+    }
+
+    /// True if it may be negative.
+    pub fn is_signed(&self) -> bool {
+        self.unit == MetricUnit::M && self.better == Better::Neither
     }
 
     /// True if any frame of an algorithm can have it, without checkpoints and drives.

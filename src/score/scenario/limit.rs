@@ -64,7 +64,7 @@ impl Limit {
             _ if bounds
                 .iter()
                 .flatten()
-                .any(|bound| !bound.is_finite() || *bound < 0.0) =>
+                .any(|bound| !bound.is_finite() || *bound < 0.0 && !self.metric.is_signed()) =>
             {
                 wrong("min and max are numbers, 0 or more")
             }

@@ -280,7 +280,16 @@ impl SourceOptions {
     /// # Errors
     /// The fault in one of them.
     pub fn references(&self) -> Result<Vec<Algorithm>> {
-        self.reference.iter().map(|text| text.parse()).collect()
+        let reference = |text: &String| {
+            let algorithm: Algorithm = text.parse()?;
+            match algorithm.spec().is_recorded() {
+                false => Ok(algorithm),
+                true => Err(Error::Usage(format!(
+                    "--reference {text}: what others computed is a truth: name it with --truth"
+                ))),
+            }
+        };
+        self.reference.iter().map(reference).collect()
     }
 
     /// # Errors

@@ -52,6 +52,8 @@ pub struct MapFiles {
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
     without: u64,
+    /// Number of pairs with a file.
+    used: u64,
     /// True once the first pair with integers was looked at.
     has_decided: bool,
     /// True once a pair had a file.
@@ -113,7 +115,13 @@ impl MapFiles {
         let number = |(key, path): (&Vec<u8>, &PathBuf)| {
             Some((str::from_utf8(key).ok()?.parse().ok()?, path.clone()))
         };
-        let numbered = found.iter().filter_map(number).collect();
+        let mut numbered: BTreeMap<u64, PathBuf> = BTreeMap::new();
+        for (number, path) in found.iter().filter_map(number) {
+            if let Some(other) = numbered.insert(number, path.clone()) {
+                let both = format!("and {} have one number; leave one of them", other.display());
+                return Err(Error::format(path, both));
+            }
+        }
         let has_scans = found.values().any(|path| has_ending(path, "bin"));
         Ok(Self {
             folder: folder.to_owned(),
@@ -127,6 +135,7 @@ impl MapFiles {
             max_skew_ns: selection.max_skew_ns,
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
             without: 0,
+            used: 0,
             has_decided: false,
             has_found: false,
             told: Told::default(),
@@ -215,6 +224,7 @@ impl MapFiles {
             return Ok(None);
         };
         self.has_found = true;
+        self.used += 1;
         self.warn_of_time(frame, &path, apart_ns);
         let (size, raw) = (frame.pair.size(), RawCamera::from_frame(frame));
         let disparity = if has_ending(&path, "bin") {
@@ -326,6 +336,19 @@ impl MapFiles {
             return map;
         }
         map.map(|d| if d < 0.0 { f32::INFINITY } else { d })
+    }
+
+    /// Warns of maps that were not used while pairs had none: numbers may begin with 1.
+    pub(crate) fn warn_of_unused(&self) {
+        let unused = (self.files.len() as u64).saturating_sub(self.used);
+        if self.role == SensorRole::Map && unused > 0 && self.without > 0 {
+            tracing::warn!(
+                "{}: {} not used, and {} without one: do the numbers begin with 1 in place of 0?",
+                self.asked(),
+                counted(unused, "file"),
+                counted(self.without, "pair")
+            );
+        }
     }
 
     /// Warns once of names and times that fit no pair.
