@@ -10,7 +10,7 @@ use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::judge::{CellNumber, Verdict};
 
-/// Largest change of a true distance, of the distance, of a cell at rest between successive answers.
+/// Largest change of a cell at rest between successive answers, of its true distance.
 const MAX_MOTION: f64 = 0.01;
 /// Longest time between successive answers, ns: scenes of a data set do not follow each other.
 const MAX_GAP_NS: u64 = 1_000_000_000;
@@ -38,8 +38,8 @@ record! {
         median_error_m: Option<f64>,
         /// Mean of the absolute error over the true distance, a fraction.
         abs_rel: Option<f64>,
-        /// Number of cells at rest: scored in two successive answers with true distances that differ
-        /// by at most 1 %.
+        /// Number of cells at rest: scored in two successive answers, with true distances that
+        /// differ by at most 1 %.
         resting: u64,
         /// Standard deviation of the error over time: the root of half the mean squared difference
         /// of successive errors, of the cells at rest with both distances.

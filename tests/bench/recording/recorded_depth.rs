@@ -366,7 +366,6 @@ fn a_map_that_is_none_is_one_line() {
         score bag/bag.mcap --algo z=topic:/depth,skew=3 => 2: skew_ms
         score arena --algo z=topic:/depth => 2: topic:/depth: is for recordings
         score bag/bag.mcap --reference topic:/depth => 2: name it with --truth
-        score bag/bag.mcap bag/bag.mcap --algo z=files:no/*.pfm => 2: of one run | name one
         score bag/bag.mcap --algo z=files:'out.pfm' => 2: one * for the pair's name
         score bag/bag.mcap --algo z=files:'no/*.pfm' => 1: files:'no/*.pfm' | no such file
         match a.png b.png --algo z=topic:/depth -o o.pfm => 2: matches no images
@@ -481,6 +480,8 @@ fn maps_in_files_have_the_cells_of_the_matcher() {
             .zip(&medians("steps"))
             .all(|pair| close(pair, 2.0))
     );
+    fixture.write_pair("other/left/a.pgm", "other/right/a.pgm", (120, 90), 3);
+    fixture.fails("score pairs other --algo z=files:out/*.pfm => 2: of one run | name one");
     // Other maps in the files are other results.
     fixture.run("match pairs/left/a.pgm pairs/right/a.pgm --algo blind -o out/a.pfm --force");
     fixture.run(
