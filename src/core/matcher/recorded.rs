@@ -44,7 +44,7 @@ pub(super) const TOPIC: MatcherSpec = MatcherSpec {
         SKEW_MS,
     ],
     cells: None,
-    build: |parameters, _| RecordedMatcher::new(&TOPIC, parameters),
+    build: |parameters, _| RecordedMatcher::build(&TOPIC, parameters),
 };
 
 pub(super) const FILES: MatcherSpec = MatcherSpec {
@@ -79,7 +79,7 @@ pub(super) const FILES: MatcherSpec = MatcherSpec {
         SKEW_MS,
     ],
     cells: None,
-    build: |parameters, _| RecordedMatcher::new(&FILES, parameters),
+    build: |parameters, _| RecordedMatcher::build(&FILES, parameters),
 };
 
 /// A map that a source has to have besides its images.
@@ -131,7 +131,7 @@ struct RecordedMatcher {
 }
 
 impl RecordedMatcher {
-    fn new(spec: &MatcherSpec, parameters: &Parameters) -> Result<Box<dyn Matcher>> {
+    fn build(spec: &MatcherSpec, parameters: &Parameters) -> Result<Box<dyn Matcher>> {
         let usage = |why: &str| Err(Error::Usage(why.to_owned()));
         let Some(MapRequest { source, place, .. }) = MapRequest::new(spec, parameters) else {
             return usage("reports no map");
