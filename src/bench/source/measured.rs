@@ -103,7 +103,7 @@ pub(super) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
 /// The source with the maps in files that these algorithms report.
 ///
 /// # Errors
-/// As [`MapFiles::for_maps`]; [`Error::Usage`] for maps in topics.
+/// [`Error::Format`] if no file fits; [`Error::Usage`] for maps in topics.
 pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<Box<dyn Source>> {
     let maps: Vec<_> = algorithms.iter().filter_map(Algorithm::recorded).collect();
     refuse_topics(&maps, &source.name())?;
