@@ -55,7 +55,8 @@ const HEADINGS: &[(&str, &str)] = &[
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
     sample shape tolerance figures rerun_detail publish dense near camera_height drives times \
-    prune junit print_scenario script scaling no_mean epochs samples search_seed test_seeds trials pairs";
+    prune junit print_scenario script scaling no_mean epochs samples search_seed test_seeds \
+    trials pairs";
 
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
