@@ -173,7 +173,7 @@ mod tests {
         writer.f32(2.5);
         writer.u32(9);
         let data = writer.finish();
-        assert_eq!(data.len(), CDR_LE.len() + 42);
+        assert_eq!(data.len(), CDR_LE.len() + 40);
         let mut reader = MessageReader::new(&data[CDR_LE.len()..], true);
         assert_eq!(
             (reader.u8(), reader.str(), reader.f64()),
