@@ -108,10 +108,16 @@ struct LastCell {
 pub(super) struct AccuracyTally {
     rule: CellRule,
     bounds_m: Vec<f64>,
-    /// By label and range, that of all first.
-    errors: BTreeMap<String, Vec<RangeErrors>>,
-    /// By label, column and row.
-    last: BTreeMap<(String, u32, u32), LastCell>,
+    /// By label.
+    algorithms: BTreeMap<String, AlgorithmErrors>,
+}
+
+/// The errors of an algorithm.
+struct AlgorithmErrors {
+    /// By range, that of all first.
+    ranges: Vec<RangeErrors>,
+    /// By column and row.
+    last: BTreeMap<(u32, u32), LastCell>,
 }
 
 impl AccuracyTally {
@@ -128,14 +134,14 @@ impl AccuracyTally {
         Self {
             rule,
             bounds_m,
-            errors: BTreeMap::new(),
-            last: BTreeMap::new(),
+            algorithms: BTreeMap::new(),
         }
     }
 
     /// A run begins: its first pair follows none.
     pub(super) fn begin_run(&mut self) {
-        self.last.clear();
+        let algorithms = self.algorithms.values_mut();
+        algorithms.for_each(|own| own.last.clear());
     }
 
     /// Adds the cells of a pair.
@@ -148,20 +154,24 @@ impl AccuracyTally {
             let is_known = cell.state.is_none_or(|state| state == CellState::Known);
             let reported_m = cell.distance_m.filter(|_| is_known);
             let range = 1 + self.bounds_m.partition_point(|bound| *bound <= true_m);
-            let ranges = 2 + self.bounds_m.len();
-            let own = self.errors.entry(cell.algorithm.clone()).or_default();
-            own.resize_with(ranges, RangeErrors::default);
-            let key = (cell.algorithm.clone(), cell.column, cell.row);
+            // Not by `entry`, which needs a label of its own for each cell.
+            if !self.algorithms.contains_key(&cell.algorithm) {
+                let new = AlgorithmErrors::new(2 + self.bounds_m.len());
+                self.algorithms.insert(cell.algorithm.clone(), new);
+            }
+            let Some(own) = self.algorithms.get_mut(&cell.algorithm) else {
+                continue;
+            };
             let now = LastCell {
                 stamp_ns,
                 true_m,
                 reported_m,
             };
-            let before = self.last.insert(key, now);
+            let before = own.last.insert((cell.column, cell.row), now);
             let since = |before: &LastCell| stamp_ns.checked_sub(before.stamp_ns);
             let before = before.filter(|before| since(before).is_some_and(|ns| ns <= MAX_GAP_NS));
             for i in [0, range] {
-                let errors = &mut own[i];
+                let errors = &mut own.ranges[i];
                 if let Some(reported_m) = reported_m {
                     errors.errors_m.push((reported_m - true_m) as f32);
                     errors.relative += (reported_m - true_m).abs() / true_m;
@@ -178,7 +188,7 @@ impl AccuracyTally {
     pub(super) fn into_rows(mut self, labels: &[&str]) -> Vec<AccuracyRow> {
         let mut rows = Vec::new();
         for label in labels {
-            let Some(all) = self.errors.remove(*label) else {
+            let Some(all) = self.algorithms.remove(*label) else {
                 continue;
             };
             let starts = [0.0, 0.0].into_iter().chain(self.bounds_m.iter().copied());
@@ -186,7 +196,7 @@ impl AccuracyTally {
                 .into_iter()
                 .chain(self.bounds_m.iter().copied().map(Some));
             let ends = ends.chain([None]);
-            for ((errors, from_m), to_m) in all.into_iter().zip(starts).zip(ends) {
+            for ((errors, from_m), to_m) in all.ranges.into_iter().zip(starts).zip(ends) {
                 if errors.resting > 0 || !errors.errors_m.is_empty() {
                     rows.push(errors.into_row(label, from_m, to_m));
                 }
@@ -196,8 +206,18 @@ impl AccuracyTally {
     }
 }
 
+impl AlgorithmErrors {
+    fn new(ranges: usize) -> Self {
+        let errors = std::iter::repeat_with(RangeErrors::default);
+        Self {
+            ranges: errors.take(ranges).collect(),
+            last: BTreeMap::new(),
+        }
+    }
+}
+
 impl RangeErrors {
-    /// Adds a cell of two successive pairs, if it is at rest.
+    /// Adds a cell of two successive answers, if it is at rest.
     fn add_change(
         &mut self,
         rule: &CellRule,

@@ -95,7 +95,7 @@ pub(super) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
     match topic {
         None => Ok(()),
         Some(topic) => Err(Error::Usage(format!(
-            "topic:{topic}: is for recordings, and {name} is none"
+            "topic:{topic}: recordings have topics, and {name} has not: name a recording"
         ))),
     }
 }
@@ -133,9 +133,13 @@ pub(super) fn delays(maps: &[(String, MeasuredMaps)]) -> Vec<TopicDelay> {
             })
         }
     };
-    let mut delays: Vec<_> = maps.iter().filter_map(delay).collect();
-    // Two algorithms may read one topic.
-    delays.dedup_by(|a, b| a.topic == b.topic);
+    let mut delays: Vec<TopicDelay> = Vec::new();
+    for delay in maps.iter().filter_map(delay) {
+        // Two algorithms may read one topic.
+        if delays.iter().all(|known| known.topic != delay.topic) {
+            delays.push(delay);
+        }
+    }
     delays
 }
 

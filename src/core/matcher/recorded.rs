@@ -68,7 +68,7 @@ pub(super) const FILES: MatcherSpec = MatcherSpec {
             name: "unit",
             unit: "m",
             range: Range::real(0.0, UNIT_M),
-            description: "the files have depths, in steps of so many metres; 0: disparities",
+            description: "metres per step of depths; 0: the files have disparities",
         },
         Parameter {
             name: "disparity",
@@ -92,7 +92,7 @@ pub struct MapRequest {
     pub max_skew_ns: u64,
 }
 
-/// Where a map is.
+/// Place of a map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MapPlace {
     Topic(String),

@@ -18,7 +18,7 @@ use worker::PairWorker;
 /// Most threads of a ranger.
 const MAX_THREADS: usize = 1024;
 
-/// What is known about the cameras.
+/// The cameras, as far as they are known.
 #[derive(Clone, Debug, Default)]
 pub enum Optics {
     /// Rectified images of unknown cameras: cells have disparities and no distances.

@@ -147,7 +147,7 @@ def _numbers(rig: Rig | dict[str, float] | None) -> tuple[float, ...] | None:
     return tuple(Rig(**rig) if isinstance(rig, dict) else Rig(*rig))
 
 
-_MOST_IDLE = 4
+_MAX_IDLE = 4
 _idle: OrderedDict[Any, Ranger] = OrderedDict()
 _lock = threading.Lock()
 
@@ -203,7 +203,7 @@ def match(
     found = ranger.match(left, right, bits=bits, bgr=bgr)
     with _lock:
         _idle[key] = ranger
-        oldest = _idle.popitem(last=False)[1] if len(_idle) > _MOST_IDLE else None
+        oldest = _idle.popitem(last=False)[1] if len(_idle) > _MAX_IDLE else None
     if oldest is not None:
         oldest.close()
     return found

@@ -204,8 +204,14 @@ fn limits_are_checked_and_know_their_lines() {
         (scenario.gate[0].line, scenario.gate[0].max),
         (8, Some(2.0))
     );
+    // A bias has a sign.
+    assert!(gate("metric = \"bias\"\nmin = -0.1\nmax = 0.1").is_ok());
     for (limit, word) in [
         ("metric = \"wrong\"", "gate in line 8: needs min or max"),
+        (
+            "metric = \"rmse\"\nmin = -0.1",
+            "gate in line 8: min and max are numbers, 0 or more",
+        ),
         ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
         ("metric = \"wrong\"\nmax = nan", "0 or more"),
         (

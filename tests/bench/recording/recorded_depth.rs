@@ -2,7 +2,7 @@
 //! camera or a node would, have the cells of `sgm` itself.
 
 use super::bag::{self, Message, cdr_in, ros_image_in};
-use super::sensor::tf;
+use super::sensor::{cloud_on, tf};
 use crate::cli::fixture::Fixture;
 use crate::common::python;
 use std::collections::BTreeMap;
@@ -115,36 +115,17 @@ fn disparity_image(i: usize, map: &Plane<f32>, rig: &Rig) -> Message {
     )
 }
 
-/// An organized cloud in the left camera's frame.
+/// The points of a depth image, in the left camera's frame.
 fn cloud(i: usize, depth: &Plane<f32>, rig: &Rig) -> Message {
     let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
     let (width, height) = depth.size();
-    let points = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let bytes: Vec<u8> = points
-        .flat_map(|(x, y)| {
-            let z = f64::from(depth.get(x, y));
-            let z = if z > 0.0 { z } else { f64::NAN };
-            let point = [(x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z];
-            point.map(|v| (v as f32).to_le_bytes()).concat()
-        })
-        .collect();
-    let data = cdr_in("cam", stamp(i), |cdr| {
-        cdr.write_u32(height as u32);
-        cdr.write_u32(width as u32);
-        cdr.write_sequence_length(3);
-        for (name, offset) in [("x", 0), ("y", 4), ("z", 8)] {
-            cdr.write_string(name);
-            cdr.write_u32(offset);
-            cdr.write_u8(7);
-            cdr.write_u32(1);
-        }
-        cdr.write_bool(false);
-        cdr.write_u32(12);
-        cdr.write_u32(12 * width as u32);
-        cdr.write_bytes(&bytes);
-        cdr.write_bool(false);
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let points = pixels.map(|(x, y)| {
+        let z = f64::from(depth.get(x, y));
+        let z = if z > 0.0 { z } else { f64::NAN };
+        [(x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z].map(|v| v as f32)
     });
-    Message::cdr("/points", "sensor_msgs/msg/PointCloud2", stamp(i), data)
+    cloud_on("/points", "cam", stamp(i), &points.collect::<Vec<_>>())
 }
 
 /// Distance of the camera beside the left one, as that of a RealSense's colour camera. Farther
@@ -364,7 +345,7 @@ fn a_map_that_is_none_is_one_line() {
         score bag/bag.mcap --algo z=topic:/left/image_rect => 1: 'mono8' | depths are 16UC1
         score bag/bag.mcap --truth /depth --algo z=topic:/depth => 2: is the truth, too
         score bag/bag.mcap --algo z=topic:/depth,skew=3 => 2: skew_ms
-        score arena --algo z=topic:/depth => 2: topic:/depth: is for recordings
+        score arena --algo z=topic:/depth => 2: topic:/depth: recordings have topics
         score bag/bag.mcap --reference topic:/depth => 2: name it with --truth
         score bag/bag.mcap --algo z=files:'out.pfm' => 2: one * for the pair's name
         score bag/bag.mcap --algo z=files:'no/*.pfm' => 1: files:'no/*.pfm' | no such file
@@ -490,6 +471,49 @@ fn maps_in_files_have_the_cells_of_the_matcher() {
     );
     assert!(medians("pfm").iter().flatten().count() < own.iter().flatten().count());
     assert_eq!(medians("sgm"), own);
+}
+
+/// A PFM of 320 x 240 pixels, all of one disparity.
+fn pfm(disparity: f32) -> Vec<u8> {
+    [
+        b"Pf\n320 240\n-1\n",
+        &disparity.to_le_bytes().repeat(320 * 240)[..],
+    ]
+    .concat()
+}
+
+#[test]
+fn files_belong_to_pairs_without_a_name_by_their_numbers() {
+    let fixture = fixture();
+    let line = "score bag/bag.mcap --truth /truth --algo n=files:out/*.pfm --rerun none -o rep -q";
+    for i in 0..FRAMES {
+        fixture.write(&format!("out/{i:04}.pfm"), pfm(20.0 + i as f32));
+    }
+    fixture.run(line);
+    let medians = |report: &str| -> Vec<_> {
+        let cells = cells(&fixture.path(report), "n").into_iter();
+        cells
+            .filter_map(|((i, ..), cell)| Some((i, cell.median_px?)))
+            .collect()
+    };
+    let numbered = medians("rep");
+    assert_eq!(numbered.len() as u64, FRAMES * 15);
+    assert!(numbered.iter().all(|(i, px)| *px == 20.0 + *i as f64));
+    // Numbers that begin with 1 are those of other pairs.
+    std::fs::rename(fixture.path("out/0000.pfm"), fixture.path("out/0012.pfm")).unwrap();
+    let ran = fixture.svl(line);
+    assert_eq!(ran.code, Some(4));
+    let ran = fixture.svl(&line.replace(" -q", " --force"));
+    assert!(
+        ran.stderr
+            .contains("1 file not used, and 1 pair without one"),
+        "{}",
+        ran.stderr
+    );
+    fixture.write("out/3.pfm", pfm(9.0));
+    fixture
+        .svl(line)
+        .failed(1, &["have one number; leave one of them"]);
 }
 
 #[test]

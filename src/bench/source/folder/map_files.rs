@@ -83,57 +83,89 @@ impl MapFiles {
         selection: &SensorSelection,
     ) -> Result<Self> {
         let (pattern, said) = TruthUnit::split(&selection.topic)?;
-        let asked = asked(selection.role, pattern);
-        let usage = |why: &str| Error::Usage(format!("{asked}: {why}"));
-        if pattern.matches('*').count() != 1 {
-            return Err(usage(
-                "is a pattern with one * for the part that is equal in the names of the images",
-            ));
-        }
-        let found = find_ending(folder, pattern, ENDINGS)?;
-        if found.is_empty() {
-            let ending = Path::new(pattern).extension().unwrap_or_default();
-            let is_read = ENDINGS
-                .iter()
-                .any(|known| ending.eq_ignore_ascii_case(known));
-            let why = if is_read || ending == "*" {
-                match selection.role {
-                    SensorRole::Truth => {
-                        format!("no such file; usual ones are {}", USUAL.join(", "))
-                    }
-                    SensorRole::Map => "no such file".to_owned(),
-                }
-            } else {
-                format!("is not read; convert to one of {}", ENDINGS.join(", "))
-            };
-            let why = format!("{asked}: {why}");
-            return Err(Error::format(folder, why));
-        }
         let recognized = by_name(pattern).filter(|_| said.is_none());
-        let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
-        let times = found.iter().filter_map(stamp).collect();
-        let number = |(key, path): (&Vec<u8>, &PathBuf)| {
-            Some((str::from_utf8(key).ok()?.parse().ok()?, path.clone()))
+        let found = Self {
+            unit: said.or(recognized),
+            is_recognized: recognized.is_some(),
+            max_skew_ns: selection.max_skew_ns,
+            ..Self::find(folder, pattern, SensorRole::Truth)?
         };
-        let mut numbered: BTreeMap<u64, PathBuf> = BTreeMap::new();
-        for (number, path) in found.iter().filter_map(number) {
-            if let Some(other) = numbered.insert(number, path.clone()) {
+        let has_scans = found.files.values().any(|path| has_ending(path, "bin"));
+        Ok(Self {
+            scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
+            ..found
+        })
+    }
+
+    /// The files of an algorithm's maps, disparities unless `unit_m` is given. The pattern is a
+    /// path of its own. Pairs without a name have the files of their numbers.
+    ///
+    /// # Errors
+    /// As [`MapFiles::new`]; [`Error::Format`] for two files of one number.
+    pub(crate) fn for_maps(
+        pattern: &str,
+        (unit_m, scale): (Option<f64>, Option<f64>),
+        max_skew_ns: u64,
+    ) -> Result<Self> {
+        let folder = Path::new(if pattern.starts_with('/') { "/" } else { "." });
+        let mut found = Self::find(folder, pattern, SensorRole::Map)?;
+        for (key, path) in &found.files {
+            let number = str::from_utf8(key).ok().and_then(|key| key.parse().ok());
+            let Some(number) = number else { continue };
+            if let Some(other) = found.numbered.insert(number, path.clone()) {
                 let both = format!("and {} have one number; leave one of them", other.display());
                 return Err(Error::format(path, both));
             }
         }
-        let has_scans = found.values().any(|path| has_ending(path, "bin"));
+        let unit = match (unit_m, scale) {
+            (Some(unit_m), _) => TruthUnit::Depth(unit_m as f32),
+            (None, Some(scale)) => TruthUnit::Disparity(scale as f32),
+            (None, None) if has_integers(Path::new(pattern)) => KITTI,
+            (None, None) => TruthUnit::Disparity(1.0),
+        };
+        Ok(Self {
+            unit: Some(unit),
+            max_skew_ns,
+            ..found
+        })
+    }
+
+    /// The files of a pattern, before their meaning is known.
+    fn find(folder: &Path, pattern: &str, role: SensorRole) -> Result<Self> {
+        let asked = asked(role, pattern);
+        if pattern.matches('*').count() != 1 {
+            return Err(Error::Usage(format!(
+                "{asked}: is a pattern with one * for the part that is equal in the names of the \
+                 images"
+            )));
+        }
+        let files = find_ending(folder, pattern, ENDINGS)?;
+        if files.is_empty() {
+            let ending = Path::new(pattern).extension().unwrap_or_default();
+            let is_read = ENDINGS
+                .iter()
+                .any(|known| ending.eq_ignore_ascii_case(known));
+            let why = match role {
+                _ if !is_read && ending != "*" => {
+                    format!("is not read; convert to one of {}", ENDINGS.join(", "))
+                }
+                SensorRole::Truth => format!("no such file; usual ones are {}", USUAL.join(", ")),
+                SensorRole::Map => "no such file".to_owned(),
+            };
+            return Err(Error::format(folder, format!("{asked}: {why}")));
+        }
+        let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
         Ok(Self {
             folder: folder.to_owned(),
             pattern: pattern.to_owned(),
-            role: selection.role,
-            unit: said.or(recognized),
-            is_recognized: recognized.is_some(),
-            files: found,
-            numbered,
-            times,
-            max_skew_ns: selection.max_skew_ns,
-            scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
+            role,
+            unit: None,
+            is_recognized: false,
+            times: files.iter().filter_map(stamp).collect(),
+            files,
+            numbered: BTreeMap::new(),
+            max_skew_ns: 0,
+            scanner: None,
             without: 0,
             used: 0,
             has_decided: false,
@@ -142,35 +174,7 @@ impl MapFiles {
         })
     }
 
-    /// The files of an algorithm's maps, disparities unless `unit_m` is given. The pattern is a
-    /// path of its own.
-    ///
-    /// # Errors
-    /// As [`MapFiles::new`].
-    pub(crate) fn for_maps(
-        pattern: &str,
-        (unit_m, scale): (Option<f64>, Option<f64>),
-        max_skew_ns: u64,
-    ) -> Result<Self> {
-        let folder = Path::new(if pattern.starts_with('/') { "/" } else { "." });
-        let has_integers = INTEGERS
-            .iter()
-            .any(|ending| has_ending(Path::new(pattern), ending));
-        let unit = match (unit_m, scale) {
-            (Some(unit_m), _) => format!("unit={unit_m}"),
-            (None, Some(scale)) => format!("disparity={scale}"),
-            (None, None) if has_integers => KITTI.to_string(),
-            (None, None) => TruthUnit::Disparity(1.0).to_string(),
-        };
-        let selection = SensorSelection {
-            topic: format!("{pattern}:{unit}"),
-            max_skew_ns,
-            role: SensorRole::Map,
-        };
-        Self::new(folder, None, &selection)
-    }
-
-    /// What the user wrote.
+    /// The option, as the user wrote it.
     fn asked(&self) -> String {
         asked(self.role, &self.pattern)
     }
@@ -304,8 +308,7 @@ impl MapFiles {
         let depth = read_depth(path, unit_m)?;
         let rig = rig.ok_or_else(|| self.wrong("depths need a calibration: --calib FILE"))?;
         let from_depth = disparities(&depth, &rig);
-        let has_integers = INTEGERS.iter().any(|ending| has_ending(path, ending));
-        let is_open = self.unit.is_none() && has_integers && !self.has_decided;
+        let is_open = self.unit.is_none() && has_integers(path) && !self.has_decided;
         if is_open && from_depth.size() == frame.pair.size() {
             self.has_decided = true;
             let TruthUnit::Disparity(scale) = KITTI else {
@@ -390,20 +393,17 @@ impl MapFiles {
 
     /// The frame's file and its distance in time, in ns; zero if names are no times.
     fn file(&self, frame: &Frame) -> Option<(PathBuf, u64)> {
-        let name = frame.name.as_deref().unwrap_or_default();
         let apart = |stamp_ns: u64| stamp_ns.abs_diff(frame.stamp_ns);
         // A scene of a data set also by its own name, without that of the data set.
-        let (_, own) = name.rsplit_once('/').unwrap_or_default();
-        for name in [name.as_bytes(), own.as_bytes()] {
+        let name = frame.name.as_deref();
+        let own = name.and_then(|name| Some(name.rsplit_once('/')?.1));
+        for name in name.into_iter().chain(own).map(str::as_bytes) {
             if let Some(path) = self.files.get(name) {
                 return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
             }
         }
-        if let Some(path) = self
-            .numbered
-            .get(&frame.sequence)
-            .filter(|_| name.is_empty())
-        {
+        let number = self.numbered.get(&frame.sequence);
+        if let Some(path) = number.filter(|_| name.is_none()) {
             return Some((path.clone(), 0));
         }
         let nearest = self
@@ -422,7 +422,7 @@ impl MapFiles {
     }
 }
 
-/// What the user wrote.
+/// The option, as the user wrote it.
 fn asked(role: SensorRole, pattern: &str) -> String {
     match role {
         SensorRole::Truth => format!("--truth '{pattern}'"),
@@ -430,13 +430,15 @@ fn asked(role: SensorRole, pattern: &str) -> String {
     }
 }
 
+/// True for a file whose values are integers.
+fn has_integers(path: &Path) -> bool {
+    INTEGERS.iter().any(|ending| has_ending(path, ending))
+}
+
 /// The meaning of values in a folder of disparities: integers as KITTI's, floats in pixels.
 fn by_name(pattern: &str) -> Option<TruthUnit> {
     let is_disparity = pattern.to_lowercase().contains("disp");
-    let has_integers = INTEGERS
-        .iter()
-        .any(|ending| has_ending(Path::new(pattern), ending));
-    let unit = if has_integers {
+    let unit = if has_integers(Path::new(pattern)) {
         KITTI
     } else {
         TruthUnit::Disparity(1.0)

@@ -103,7 +103,7 @@ impl SizeArgs {
         }
         if let Some(CellTolerance { metres, percent }) = self.tolerance {
             *tolerance_m = metres.unwrap_or(MIN_TOLERANCE_M);
-            // Of no distance more than the metres.
+            // The metres alone count then.
             *tolerance_percent = percent.unwrap_or(f64::EPSILON);
         }
         Ok(())

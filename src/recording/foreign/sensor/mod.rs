@@ -48,7 +48,7 @@ impl SensorSelection {
     /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
     pub const MAX_SKEW_NS: u64 = 20_000_000;
 
-    /// What the user wrote.
+    /// The option, as the user wrote it.
     fn asked(&self) -> String {
         match self.role {
             SensorRole::Truth => format!("--truth {}", self.topic),
