@@ -14,15 +14,9 @@ if ! "$python" -c 'import maturin, numpy' 2> /dev/null; then
   echo "no Python with maturin, numpy; SVL_PYTHON names one" | tee -a "${SVL_SKIPPED:-/dev/null}" >&2
   exit
 fi
-target="$(cargo metadata --no-deps --format-version 1 | "$python" -c 'import json, sys; print(json.load(sys.stdin)["target_directory"])')"
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
-
-cargo build --quiet --locked --profile "$profile" --bin svl
-rm -rf packaging/svl.data && mkdir -p packaging/svl.data/{scripts,purelib}
-ln "$target/$profile/svl" packaging/svl.data/scripts/ 2> /dev/null || cp "$target/$profile/svl" packaging/svl.data/scripts/
-cp adapters/python/svl_matcher.py packaging/svl.data/purelib
-"$python" -m maturin build --quiet --locked --profile "$profile" --manifest-path src/python/Cargo.toml -o "$work"
+packaging/wheel.sh "$work" "$profile"
 
 "$python" -m venv "$work/venv"
 # numpy and the like are those of $python: no network is needed.

@@ -422,7 +422,25 @@ fn failures(document: &Path, folder: &Path) -> Vec<String> {
 
 #[cfg(unix)]
 #[test]
-fn shell_examples_run() {
+fn shell_examples_of_the_tutorials_run() {
+    shell_examples_run("docs/tutorials");
+}
+
+#[cfg(unix)]
+#[test]
+fn shell_examples_of_the_pages_run() {
+    shell_examples_run("docs");
+}
+
+#[cfg(unix)]
+#[test]
+fn other_shell_examples_run() {
+    shell_examples_run("");
+}
+
+/// Runs the examples of the documents in this folder, or of those in no such folder, each document
+/// in a folder of its own.
+fn shell_examples_run(part: &str) {
     let inputs = inputs();
     let check = |document: &PathBuf| {
         let folder = Fixture::new();
@@ -443,7 +461,17 @@ fn shell_examples_run() {
             .map(|failure| format!("{name}: {failure}"))
             .collect::<Vec<_>>()
     };
-    let documents = documents();
+    let mut documents = documents();
+    documents.retain(|document| {
+        let name = name(document);
+        let folder = name.rsplit_once('/').map_or("", |(folder, _)| folder);
+        let has_part = ["docs", "docs/tutorials"].contains(&folder);
+        if part.is_empty() {
+            !has_part
+        } else {
+            folder == part
+        }
+    });
     let failures = std::thread::scope(|scope| {
         let checks = documents
             .iter()

@@ -2,6 +2,7 @@
 //!
 //! One area alone: `cargo test --release --test bench recording::`.
 
+mod action;
 mod arena;
 mod cli;
 #[path = "../common/mod.rs"]

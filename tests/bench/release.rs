@@ -44,6 +44,8 @@ fn documents_name_the_rust_version() {
         let named = format!("[Rust](https://rustup.rs) {RUST} or later");
         assert!(text(document).contains(&named), "{document}: no {named}");
     }
+    let toolchain = format!("--default-toolchain {RUST}\n");
+    assert!(text("Dockerfile").contains(&toolchain), "{toolchain}");
     let library = text("docs/library.md");
     for package in ["core", "calibrate"] {
         let version = value(

@@ -502,95 +502,137 @@ fn a_calibration_from_memory_is_that_of_the_file() {
     }
 }
 
-/// The C library, made as the documents say, in the profile of this test.
-fn library() -> (PathBuf, PathBuf) {
+/// Installs the C library as the documents say, in the profile of this test.
+fn install(prefix: &Path) {
     let here = std::env::current_exe().unwrap();
-    let folder = here.ancestors().nth(2).unwrap().to_path_buf();
+    let folder = here.ancestors().nth(2).unwrap();
     let profile = folder.file_name().unwrap().to_str().unwrap();
-    let built = Command::new(env!("CARGO"))
-        .args([
-            "rustc",
-            "--quiet",
-            "--locked",
-            "-p",
-            "svl-c",
-            "--lib",
-            "--profile",
-            profile,
-        ])
-        .args(["--crate-type", "cdylib,staticlib", "--target-dir"])
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/install.sh");
+    let installed = Command::new(script)
+        .arg(prefix)
+        .args(["--profile", profile, "--target-dir"])
         .arg(folder.parent().unwrap())
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
         .status();
-    assert!(built.unwrap().success());
-    (folder.join("libsvl_c.a"), folder)
+    assert!(installed.unwrap().success());
 }
 
-/// Compiles an example; none, with a note, without that compiler.
-fn compiled(compiler: &str, flags: &[&str], source: &str, out: &Path, library: &Path) -> bool {
-    let include = concat!(env!("CARGO_MANIFEST_DIR"), "/include");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("examples")
-        .join(source);
-    let mut command = Command::new(compiler);
-    command
-        .args(flags)
-        .args(["-Wall", "-Wextra", "-Werror", "-I", include])
-        .arg(source);
-    command
-        .arg(library)
-        .args(["-lpthread", "-ldl", "-lm", "-o"])
-        .arg(out);
-    let Ok(status) = command.status() else {
-        println!("skipped: no {compiler}");
+/// The text that a command prints; none, with a note, where it is not installed.
+fn output(command: &mut Command) -> Option<String> {
+    let Ok(output) = command.output() else {
+        println!("skipped: no {}", command.get_program().display());
+        return None;
+    };
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {errors}");
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+/// Compiles an example; false without that compiler or pkg-config.
+fn compiled(compiler: &str, standard: &str, source: &str, prefix: &Path, linked: &str) -> bool {
+    let mut found = Command::new("pkg-config");
+    found
+        .env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"))
+        .args(["--cflags", "--libs", "svl"])
+        .args((linked == "static").then_some("--static"));
+    let Some(flags) = output(&mut found) else {
         return false;
     };
-    assert!(status.success());
-    true
+    // Without it the linker prefers the shared library.
+    let archive = prefix.join("lib/libsvl.a").display().to_string();
+    let library = |flag| match flag {
+        "-lsvl" if linked == "static" => archive.clone(),
+        flag => flag.to_owned(),
+    };
+    let mut command = Command::new(compiler);
+    command
+        .args([standard, "-pedantic", "-Wall", "-Wextra", "-Werror", "-o"])
+        .arg(prefix.join(source).with_extension(linked))
+        .arg(examples().join(source))
+        .args(flags.split_whitespace().map(library));
+    output(&mut command).is_some()
+}
+
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples")
 }
 
 #[test]
 fn the_examples_run() {
-    let (archive, folder) = library();
     let temporary = tempfile::tempdir().unwrap();
-    let program = |name: &str| temporary.path().join(name);
-    let output = |command: &mut Command| {
-        let output = command.output().unwrap();
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
-        String::from_utf8(output.stdout).unwrap()
-    };
-    let c99 = ["-std=c99", "-pedantic"];
-    if compiled("cc", &c99, "stop.c", &program("stop"), &archive) {
-        let files = ["left.pgm", "right.pgm"].map(program);
+    let prefix = temporary.path();
+    install(prefix);
+    if compiled("cc", "-std=c99", "stop.c", prefix, "static") {
+        let program = prefix.join("stop.static");
+        let files = ["left.pgm", "right.pgm"].map(|name| prefix.join(name));
         let pair = pair();
         for (file, image) in files.iter().zip([pair.left(), pair.right()]) {
             let mut bytes = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
             bytes.extend(image.pixels());
             std::fs::write(file, bytes).unwrap();
         }
-        let text = output(Command::new(program("stop")).args(&files));
+        let text = output(Command::new(&program).args(&files)).unwrap();
         // f B / d = 328 px · 0.044 m / 20 px.
         assert!(
             text.contains("0.72 m") && text.contains("uncertain"),
             "{text}"
         );
-        let refused = Command::new(program("stop")).arg(&files[0]).status();
+        let refused = Command::new(&program).arg(&files[0]).status();
         assert_eq!(refused.unwrap().code(), Some(2));
     }
-    // The shared library from C++.
-    let shared = folder.join("libsvl_c.so");
-    let cpp = ["-std=c++11", "-pedantic"];
-    if compiled("c++", &cpp, "stop.cpp", &program("stop_cpp"), &shared) {
-        let text = output(Command::new(program("stop_cpp")).env("LD_LIBRARY_PATH", folder));
-        let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines.len(), 6, "{text}");
-        assert!(
-            lines[0].contains("1.43 m: go on") && lines[5].contains("stop"),
-            "{text}"
-        );
+    if compiled("c++", "-std=c++11", "stop.cpp", prefix, "shared") {
+        stops(Command::new(prefix.join("stop.shared")).env("LD_LIBRARY_PATH", prefix.join("lib")));
     }
+}
+
+/// What stop.cpp prints.
+fn stops(program: &mut Command) {
+    let text = output(program).unwrap();
+    let lines: Vec<_> = text.lines().collect();
+    assert_eq!(lines.len(), 6, "{text}");
+    assert!(
+        lines[0].contains("1.43 m: go on") && lines[5].contains("stop"),
+        "{text}"
+    );
+}
+
+#[test]
+fn cmake_finds_the_installed_library() {
+    let temporary = tempfile::tempdir().unwrap();
+    install(&temporary.path().join("first"));
+    // The folder can be moved.
+    let prefix = temporary.path().join("moved");
+    std::fs::rename(temporary.path().join("first"), &prefix).unwrap();
+    let project = |version: &str| {
+        let source = examples().join("stop.cpp").display().to_string();
+        format!(
+            "cmake_minimum_required(VERSION 3.16)\nproject(robot CXX)\n\
+             find_package(svl {version} REQUIRED)\n\
+             add_executable(shared {source})\ntarget_link_libraries(shared svl::svl)\n\
+             add_executable(static {source})\ntarget_link_libraries(static svl::static)\n"
+        )
+    };
+    let file = temporary.path().join("CMakeLists.txt");
+    let build = temporary.path().join("build");
+    let configure = || {
+        let mut command = Command::new("cmake");
+        command
+            .arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display()))
+            .arg("-S")
+            .arg(temporary.path())
+            .arg("-B")
+            .arg(&build);
+        command
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    std::fs::write(&file, project(version.rsplit_once('.').unwrap().0)).unwrap();
+    if output(&mut configure()).is_none() {
+        return;
+    }
+    output(Command::new("cmake").arg("--build").arg(&build)).unwrap();
+    for program in ["shared", "static"] {
+        stops(&mut Command::new(build.join(program)));
+    }
+    std::fs::write(&file, project("99")).unwrap();
+    let refused = configure().output().unwrap();
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("svl-config.cmake, version: 0"));
 }

@@ -126,7 +126,8 @@ fn differing_from_opencv(settings: Settings) -> Option<Vec<(String, usize, usize
         min_disparity + 79
     );
     let mut scenes = Vec::new();
-    for line in index.lines().skip(1) {
+    let step = if common::is_nightly() { 1 } else { 4 };
+    for line in index.lines().skip(1).step_by(step) {
         let fields: Vec<&str> = line.split('\t').collect();
         let pair = common::pair(&folder.join(fields[0]), fields[1], fields[2]);
         let (width, height) = pair.size();
@@ -153,7 +154,7 @@ fn differing_from_opencv(settings: Settings) -> Option<Vec<(String, usize, usize
     Some(scenes)
 }
 
-/// The results of OpenCV's StereoBM on the real scenes.
+/// The results of OpenCV's StereoBM on the real scenes, a quarter of them but in `.ci/nightly`.
 #[test]
 fn equals_opencv() {
     for block in [9, 15] {
@@ -171,6 +172,7 @@ fn equals_opencv() {
 /// The sizes of the departures in `docs/biases.md`, in per cent of all pixels and of the worst
 /// scene's.
 #[test]
+#[ignore = "all scenes, half a minute: in .ci/nightly"]
 fn departures_from_opencv_are_as_small_as_documented() {
     for (min_disparity, symmetry_tolerance, all, worst) in [
         (0, 0, 0.009, 0.04),

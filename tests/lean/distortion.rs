@@ -221,7 +221,7 @@ fn models_are_those_of_opencv() {
     let folder = tempfile::tempdir().unwrap();
     for (model, count) in MODELS {
         let rng = &mut Rng::with_seed(count as u64);
-        let cases: Vec<_> = (0..if common::is_nightly() { 200 } else { 20 })
+        let cases: Vec<_> = (0..if common::is_nightly() { 200 } else { 8 })
             .map(|_| Case::new(rng, model, count))
             .collect();
         let files = ["cases", "out"].map(|name| folder.path().join(name));

@@ -42,10 +42,17 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     }
 }
 
+/// What adds live topics to an svl that was built without them.
+pub(super) const CURE: Option<&str> = if cfg!(feature = "ros2") {
+    None
+} else {
+    Some("`cargo install --locked --path . --features ros2` adds it")
+};
+
 /// The error of an svl that was built without ROS 2.
 #[cfg(not(feature = "ros2"))]
 pub(crate) fn without_ros2(name: &str) -> svl_core::Error {
-    let cure = "`cargo install --locked --path . --features ros2` adds it";
+    let cure = CURE.unwrap_or_default();
     let name = name.trim_end_matches(':');
     svl_core::Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
 }

@@ -74,6 +74,14 @@ impl SourceKind {
         Self::topics(name).is_some()
     }
 
+    /// What adds it to a build that lacks it.
+    pub fn cure(&self) -> Option<&'static str> {
+        match self.origin {
+            SourceOrigin::Topics(_) => live_topics::CURE,
+            _ => None,
+        }
+    }
+
     /// True if its frames are captured while they are read: it has neither an end nor a past.
     pub fn is_live(&self) -> bool {
         matches!(self.origin, SourceOrigin::Cameras | SourceOrigin::Topics(_))

@@ -1,7 +1,7 @@
 /* svl for C and C++: distances of a grid of cells from a stereo pair.
  *
- * Build the library:  cargo rustc --release -p svl-c --crate-type cdylib,staticlib
- * Link:               cc robot.c -I src/c/include target/release/libsvl_c.a -lpthread -ldl -lm
+ * Install:  src/c/install.sh /usr/local
+ * Link:     cc robot.c $(pkg-config --cflags --libs svl) -o robot; or by CMake: find_package(svl), svl::svl, svl::static
  *
  * A handle is for one thread at a time; several handles are independent, and none works in a child of fork(). Pointers that
  * a handle returns are valid until its next svl_match or svl_close. After the first pairs of a size svl_match allocates no

@@ -168,10 +168,16 @@ pub(super) fn sources_help() -> String {
             DRIVERS.iter().map(driver_help).collect()
         } else {
             let head = format!("  {}", kind.name);
-            wrapped(&head, COLUMN, kind.help, LAST_COLUMN)
+            let help = format!("{}{}", kind.help, missing(kind.cure()));
+            wrapped(&head, COLUMN, &help, LAST_COLUMN)
         }
     });
     help.fold("Sources:\n".to_owned(), |text, help| text + &help)
+}
+
+/// The end of a description of what this build lacks.
+fn missing(cure: Option<&str>) -> String {
+    cure.map_or_else(String::new, |cure| format!("; not built in: {cure}"))
 }
 
 fn driver_help(driver: &Driver) -> String {
@@ -182,8 +188,7 @@ fn driver_help(driver: &Driver) -> String {
         (true, _) => "[,OPTION=VALUE,…]",
     };
     let mut text = format!("  {}{options}\n", driver.source());
-    let missing = driver.functions.as_ref().err();
-    let missing = missing.map_or(String::new(), |cure| format!("; not built in: {cure}"));
+    let missing = missing(driver.functions.as_ref().err().copied());
     text += &wrapped(
         "",
         COLUMN,

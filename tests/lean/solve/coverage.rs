@@ -112,6 +112,7 @@ fn deviations_are_right() {
 }
 
 #[test]
+#[ignore = "200 rigs, a quarter of a minute: in .ci/nightly"]
 fn deviations_are_right_with_outliers_and_noise_of_a_pixel() {
     check(
         DistortionModel::PlumbBob,
@@ -126,6 +127,7 @@ fn deviations_of_fisheyes_are_right() {
 }
 
 #[test]
+#[ignore = "200 rigs, a quarter of a minute: in .ci/nightly"]
 fn deviations_of_fisheyes_are_right_with_outliers() {
     check(
         DistortionModel::Equidistant,
