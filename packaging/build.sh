@@ -37,9 +37,8 @@ export PATH="$tools/bin:$PATH"
 
 # Man page and completions are the program's own, so it is built before the packages are.
 beside="$PWD/packaging/svl.data/data"
-rm -rf packaging/svl.data && mkdir -p "$beside/share/doc/svl" packaging/svl.data/{purelib,scripts}
+rm -rf packaging/svl.data && mkdir -p "$beside/share/doc/svl" packaging/svl.data/scripts
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$beside/share/doc/svl"
-cp adapters/python/svl_matcher.py packaging/svl.data/purelib
 build() { maturin build --quiet --locked --zig --target "$triple" --compatibility manylinux_2_31 --profile dist "$@"; }
 build --bindings bin --features ros2 -o "$tools/program"
 program="$target/$triple/dist/svl"

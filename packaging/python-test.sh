@@ -19,9 +19,8 @@ work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 
 cargo build --quiet --locked --profile "$profile" --bin svl
-rm -rf packaging/svl.data && mkdir -p packaging/svl.data/{scripts,purelib}
+rm -rf packaging/svl.data && mkdir -p packaging/svl.data/scripts
 ln "$target/$profile/svl" packaging/svl.data/scripts/ 2> /dev/null || cp "$target/$profile/svl" packaging/svl.data/scripts/
-cp adapters/python/svl_matcher.py packaging/svl.data/purelib
 "$python" -m maturin build --quiet --locked --profile "$profile" --manifest-path src/python/Cargo.toml -o "$work"
 
 "$python" -m venv "$work/venv"
