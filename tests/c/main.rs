@@ -549,6 +549,16 @@ fn compiled(compiler: &str, flags: &[&str], source: &str, out: &Path, library: &
     true
 }
 
+/// What the robot of docs/library.md prints, in every language.
+const STOPS: [&str; 6] = [
+    "nearest 1.44 m: go on",
+    "nearest 1.31 m: go on",
+    "nearest 1.11 m: go on",
+    "nearest 0.90 m: go on",
+    "nearest 0.69 m: go on",
+    "nearest 0.48 m: stop",
+];
+
 #[test]
 fn the_examples_run() {
     let (archive, folder) = library();
@@ -565,32 +575,14 @@ fn the_examples_run() {
     };
     let c99 = ["-std=c99", "-pedantic"];
     if compiled("cc", &c99, "stop.c", &program("stop"), &archive) {
-        let files = ["left.pgm", "right.pgm"].map(program);
-        let pair = pair();
-        for (file, image) in files.iter().zip([pair.left(), pair.right()]) {
-            let mut bytes = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
-            bytes.extend(image.pixels());
-            std::fs::write(file, bytes).unwrap();
-        }
-        let text = output(Command::new(program("stop")).args(&files));
-        // f B / d = 328 px · 0.044 m / 20 px.
-        assert!(
-            text.contains("0.72 m") && text.contains("uncertain"),
-            "{text}"
-        );
-        let refused = Command::new(program("stop")).arg(&files[0]).status();
-        assert_eq!(refused.unwrap().code(), Some(2));
+        let text = output(&mut Command::new(program("stop")));
+        assert_eq!(text.lines().collect::<Vec<_>>(), STOPS);
     }
     // The shared library from C++.
     let shared = folder.join("libsvl_c.so");
     let cpp = ["-std=c++11", "-pedantic"];
     if compiled("c++", &cpp, "stop.cpp", &program("stop_cpp"), &shared) {
         let text = output(Command::new(program("stop_cpp")).env("LD_LIBRARY_PATH", folder));
-        let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines.len(), 6, "{text}");
-        assert!(
-            lines[0].contains("1.43 m: go on") && lines[5].contains("stop"),
-            "{text}"
-        );
+        assert_eq!(text.lines().collect::<Vec<_>>(), STOPS);
     }
 }
