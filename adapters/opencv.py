@@ -5,8 +5,8 @@
     svl match left.png right.png -o d.pfm \\
         --algo "exec:command=python3 adapters/opencv.py sgbm --block 5"
 
-svl_matcher comes with svl's wheel; any other svl prints it:
-`svl algos exec --example python > svl_matcher.py` in this file's folder.
+svl_bench.matcher comes with svl's wheel; without it, in this file's folder:
+`mkdir svl_bench` and `svl algos exec --example python > svl_bench/matcher.py`.
 """
 
 import argparse
@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-# svl_matcher: installed, beside this file, or in svl's repository.
-sys.path.append(str(Path(__file__).resolve().parent / "python"))
-import svl_matcher
+# svl_bench: installed, beside this file, or in svl's repository.
+sys.path.append(str(Path(__file__).resolve().parents[1] / "src/python"))
+from svl_bench.matcher import serve
 
 
 def arguments():
@@ -73,7 +73,7 @@ def main():
         return {"threads": request.threads}
 
     name = f"OpenCV {options.method}"
-    svl_matcher.serve(match, start=start, name=name, version=cv2.__version__, device="CPU")
+    serve(match, start=start, name=name, version=cv2.__version__, device="CPU")
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@
     pip install numpy onnxruntime            # with CUDA: onnxruntime-gpu
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_onnx.py model.onnx --multiple 16'"
 
-svl_matcher comes with svl's wheel; any other svl prints it:
-`svl algos exec --example python > svl_matcher.py` in this file's folder.
+svl_bench.matcher comes with svl's wheel; without it, in this file's folder:
+`mkdir svl_bench` and `svl algos exec --example python > svl_bench/matcher.py`.
 
 A network has two inputs, left and right, by name or in this order, or one with the channels of both. Where
 its inputs have a fixed size, images are resized to it.
@@ -15,18 +15,18 @@ import argparse
 import sys
 from pathlib import Path
 
-# A file beside this one, as onnx.py, must not take the place of a package; svl_matcher may be beside it.
+# A file beside this one, as onnx.py, must not take the place of a package; svl_bench may be beside it.
 here = Path(__file__).resolve().parent
 elsewhere = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
-sys.path = [*elsewhere, str(here), str(here / "python")]
+sys.path = [*elsewhere, str(here), str(here.parent / "src/python")]
 import numpy as np
-import svl_matcher
+from svl_bench import matcher
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("model", type=Path)
-    svl_matcher.network_options(parser)
+    matcher.network_options(parser)
     options = parser.parse_args()
     if not options.model.is_file():
         parser.error(f"{options.model}: no such file")
@@ -53,7 +53,7 @@ class OnnxMatcher:
         try:
             session = self.onnxruntime.InferenceSession(model, settings, providers=[self.provider])
         except Exception as error:
-            sys.exit(f"{model}: {' '.join(str(svl_matcher.memory_error(error)).split())[:300]}")
+            sys.exit(f"{model}: {' '.join(str(matcher.memory_error(error)).split())[:300]}")
         self.session = session
         self.inputs = ordered(session.get_inputs())
         self.outputs = [output.name for output in session.get_outputs()]
@@ -61,7 +61,7 @@ class OnnxMatcher:
         channels = self.inputs[0].shape[1]
         if not isinstance(channels, int):
             channels = 3 * (3 - images)
-        self.network = svl_matcher.Network(self.options, channels * images // 2)
+        self.network = matcher.Network(self.options, channels * images // 2)
         fixed = self.inputs[0].shape[2:]
         if all(isinstance(n, int) for n in fixed):
             self.options.size, self.options.multiple = tuple(fixed), 1
@@ -78,7 +78,7 @@ class OnnxMatcher:
             "color": self.network.channels == 3,
             "threads": request.threads,
             "device": device,
-            "model": svl_matcher.file_hash(model),
+            "model": matcher.file_hash(model),
         }
 
     def match(self, left, right):
@@ -92,7 +92,7 @@ class OnnxMatcher:
         try:
             outputs = self.session.run(None, feed)
         except Exception as error:
-            raise svl_matcher.memory_error(error) from None
+            raise matcher.memory_error(error) from None
         named = dict(zip(self.outputs, outputs))
         found = self.network.disparities(named, images[0].shape[2:], left.shape[1:3])
         return found if is_batch else found[0]
@@ -114,7 +114,7 @@ def main():
     except ImportError:
         sys.exit("onnxruntime is missing: pip install onnxruntime")
     net = OnnxMatcher(options, onnxruntime)
-    svl_matcher.serve(
+    matcher.serve(
         net.match,
         batch=options.batch,
         start=net.start,

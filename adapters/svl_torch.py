@@ -5,8 +5,8 @@
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py model.pt'"
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py --entry mynet:load weights.pth'"
 
-svl_matcher comes with svl's wheel; any other svl prints it:
-`svl algos exec --example python > svl_matcher.py` in this file's folder.
+svl_bench.matcher comes with svl's wheel; without it, in this file's folder:
+`mkdir svl_bench` and `svl algos exec --example python > svl_bench/matcher.py`.
 
 The network is called with left and right, float32, N x C x H x W. An entry MODULE:FUNCTION is called with
 the path of the model, where there is one, and returns what is called so: a torch.nn.Module or a function.
@@ -18,11 +18,11 @@ import os
 import sys
 from pathlib import Path
 
-# A file beside this one, as onnx.py, must not take the place of a package; svl_matcher may be beside it.
+# A file beside this one, as onnx.py, must not take the place of a package; svl_bench may be beside it.
 here = Path(__file__).resolve().parent
 elsewhere = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
-sys.path = [*elsewhere, str(here), str(here / "python")]
-import svl_matcher
+sys.path = [*elsewhere, str(here), str(here.parent / "src/python")]
+from svl_bench import matcher
 
 # A module of an entry may be in the working folder.
 sys.path.append(os.getcwd())
@@ -32,7 +32,7 @@ def arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("model", type=Path, nargs="?")
     parser.add_argument("--entry", metavar="MODULE:FUNCTION", help="what makes the network")
-    svl_matcher.network_options(parser)
+    matcher.network_options(parser)
     options = parser.parse_args()
     if options.model is None and options.entry is None:
         parser.error("a model or an --entry is needed")
@@ -65,9 +65,9 @@ def main():
     try:
         model = load(torch, options, device)
     except Exception as error:
-        words = " ".join(str(svl_matcher.memory_error(error)).split())
+        words = " ".join(str(matcher.memory_error(error)).split())
         sys.exit(f"{options.entry or options.model}: {words[:300]}")
-    network = svl_matcher.Network(options, 3)
+    network = matcher.Network(options, 3)
 
     def start(request):
         torch.set_num_threads(request.threads)
@@ -90,18 +90,18 @@ def main():
             with torch.inference_mode():
                 outputs = plain(model(*images))
         except Exception as error:
-            raise svl_matcher.memory_error(error) from None
+            raise matcher.memory_error(error) from None
         found = network.disparities(outputs, tuple(images[0].shape[2:]), left.shape[1:3])
         return found if options.batch > 1 else found[0]
 
-    svl_matcher.serve(
+    matcher.serve(
         match,
         color=network.channels == 3,
         batch=options.batch,
         start=start,
         name=options.model.stem if options.model else options.entry,
         version=f"torch {torch.__version__}",
-        model=svl_matcher.file_hash(options.model) if options.model else None,
+        model=matcher.file_hash(options.model) if options.model else None,
     )
 
 

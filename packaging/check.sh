@@ -24,13 +24,13 @@ fi
 inside() { env -i PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LANG=C.UTF-8 chroot "$place" "$@"; }
 svl() { inside "${emulator[@]}" "$program" "$@"; }
 
-install_wheel() { inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl && python3 -c "import svl_bench, svl_matcher; svl_bench.program()"'; }
+install_wheel() { inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl && python3 -c "import svl_bench.matcher; svl_bench.match; svl_bench.program()"'; }
 install_deb() { inside bash -euc 'dpkg -i /tmp/svl_*.deb'; }
 install_tar() { inside bash -euc 'tar -C /usr/local --strip-components 1 -xzf /tmp/svl-*.tar.gz'; }
 unpack_wheel() {
   python3 -m pip -q install --no-index --no-deps --only-binary :all: --platform "manylinux_2_31_$machine" \
     --target "$place/opt" "$wheel"
-  test -s "$place/opt/svl_matcher.py" -a -s "$place/opt/svl_bench/_svl.abi3.so"
+  test -s "$place/opt/svl_bench/matcher.py" -a -s "$place/opt/svl_bench/_svl.abi3.so"
   mv "$place/opt/bin/svl" "$place/usr/local/bin/"
 }
 unpack_deb() { dpkg-deb -x "$deb" "$place"; }

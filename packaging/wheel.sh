@@ -34,7 +34,7 @@ build --bindings bin --features ros2 -o "$target/packaging/program"
 program="$target/${triple:+$triple/}$profile/svl"
 data=packaging/svl.data share=packaging/svl.data/data/share
 rm -rf "$data"
-mkdir -p "$data"/{scripts,purelib} "$share"/{doc/svl,man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
+mkdir -p "$data/scripts" "$share"/{doc/svl,man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
 cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$share/doc/svl"
 generate() { "${runner[@]}" "$program" generate "$@"; }
 generate man -o "$share/man/man1"
@@ -42,5 +42,4 @@ generate completions bash > "$share/bash-completion/completions/svl"
 generate completions zsh > "$share/zsh/site-functions/_svl"
 generate completions fish > "$share/fish/vendor_completions.d/svl.fish"
 cp "$program" "$data/scripts/"
-cp adapters/python/svl_matcher.py "$data/purelib/"
 build --manifest-path src/python/Cargo.toml -o "$out"

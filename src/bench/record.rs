@@ -1,8 +1,9 @@
-//! Records a source into an MCAP file, and keeps a cache of simulated runs.
+//! Records a source into an MCAP file or a stream, and keeps a cache of simulated runs.
 
-use crate::run::{Matchers, Monitor, Outcome, Pace, run};
-use crate::sink::{RunStart, SinkRequest, Sinks};
+use crate::run::{Matchers, Monitor, Outcome, Pace, run, run_through};
+use crate::sink::{PairStreamSink, RunStart, Sink, SinkRequest, Sinks};
 use crate::source::{Opened, RecordingSource, Source, open_arena};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use svl_core::{Error, Result};
@@ -62,6 +63,31 @@ pub fn record(
         let _ = std::fs::remove_file(path);
     }
     (outcome, ran.and(finished))
+}
+
+/// Writes all pairs of a source as bytes, rectified and warned of as those that are scored.
+///
+/// The outcome holds also for a run that failed.
+pub fn stream(
+    mut opened: Opened,
+    to: impl Write + Send + 'static,
+    monitor: impl Monitor,
+) -> (Outcome, Result<()>) {
+    let manifest = match Manifest::new(opened.title(), &[]) {
+        Ok(manifest) => manifest,
+        Err(error) => return (Outcome::default(), Err(error)),
+    };
+    let judge = Judge::default();
+    let start = RunStart::new(&manifest, opened.header.seed, &judge);
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(PairStreamSink::new(to))];
+    run_through(
+        &mut *opened.source,
+        &mut Matchers::none(),
+        &start,
+        Pace::Asap,
+        &mut sinks,
+        monitor,
+    )
 }
 
 /// Age from which an unfinished recording in the cache counts as abandoned: a living writer

@@ -110,10 +110,11 @@ pub(super) fn array<'py, T: Element>(
     PyArray1::from_vec(py, values).reshape(shape.into())
 }
 
-/// The pixels of a plane, row by row.
-pub(super) fn pixels<T: Copy>(plane: &Plane<T>) -> Vec<T> {
-    match plane.as_slice() {
-        Some(pixels) => pixels.to_vec(),
-        None => plane.pixels().collect(),
-    }
+/// The pixels of a plane, row by row, each changed by `value`.
+pub(super) fn pixels<T: Copy, U>(plane: &Plane<T>, value: impl Fn(T) -> U) -> Vec<U> {
+    let (width, height) = plane.size();
+    let mut pixels = Vec::with_capacity(width * height);
+    let rows = plane.rows();
+    rows.for_each(|row| pixels.extend(row.iter().map(|pixel| value(*pixel))));
+    pixels
 }

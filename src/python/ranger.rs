@@ -150,8 +150,8 @@ impl RangerHandle {
             .ok_or_else(|| exception(Error::Panicked))?;
         Ok(RangedPair {
             cells,
-            disparities: pixels(map.disparity()),
-            reasons: map.why().pixels().map(|why| why as u8).collect(),
+            disparities: pixels(map.disparity(), |disparity| disparity),
+            reasons: pixels(map.why(), |why| why as u8),
             size: map.size(),
         })
     }

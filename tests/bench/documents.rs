@@ -155,8 +155,10 @@ const SHORTER: [(&str, &str); 5] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 17] = [
+const OTHERS: [&str; 19] = [
     "cargo",
+    "docker",
+    "src/c/install.sh",
     "rustup",
     "export",
     "cc",
@@ -270,6 +272,34 @@ fn blocks(text: &str) -> Vec<Block<'_>> {
     blocks
 }
 
+/// The loops of a page in several languages, each with the program that has it, and its indent.
+const LOOPS: [(&str, &str, &str); 4] = [
+    (
+        "rust,ignore",
+        "src/core/examples/stop_for_obstacles.rs",
+        "    ",
+    ),
+    ("c", "src/c/examples/stop.c", "    "),
+    ("cpp", "src/c/examples/stop.cpp", "    "),
+    ("python", "examples/python/stop.py", ""),
+];
+
+#[test]
+fn the_loops_of_the_library_are_those_of_programs() {
+    let text = |path: &str| fs::read_to_string(root().join(path)).unwrap();
+    let page = text("docs/library.md");
+    for (language, program, indent) in LOOPS {
+        let (_, block) = page.split_once(&format!("```{language}\n")).unwrap();
+        let (block, _) = block.split_once("```").unwrap();
+        let lines = block.lines().map(|line| format!("{indent}{line}\n"));
+        assert!(
+            text(program).contains(&lines.collect::<String>()),
+            "{program}"
+        );
+        assert!(block.lines().count() <= 20, "{program}");
+    }
+}
+
 fn commands(block: &str) -> Vec<String> {
     let block = block.replace("\\\n", " ");
     let commands = block.lines().map(|line| line.split(" #").next().unwrap());
@@ -339,7 +369,7 @@ fn ran(line: &str, folder: &Path) -> Result<String, String> {
     let mut words = line.split(' ');
     let (program, first) = (words.next().unwrap(), words.next().unwrap_or_default());
     let is_script = program == "python3" && folder.join(first).is_file();
-    if program != "svl" && program != "cp" && !is_script {
+    if !["svl", "cp", "mkdir"].contains(&program) && !is_script {
         let known = OTHERS.contains(&program);
         let unknown = || format!("'{program}' is not among the known programs");
         return if known {

@@ -24,7 +24,7 @@ fn value(text: &str, beginning: &str) -> String {
 #[test]
 fn one_version_everywhere() {
     assert_eq!(value(&text("CITATION.cff"), "version: "), VERSION);
-    let module = text("adapters/python/svl_matcher.py");
+    let module = text("src/python/svl_bench/matcher.py");
     assert_eq!(value(&module, "__version__ = "), VERSION);
     let release = value(&text("CHANGELOG.md"), &format!("## {VERSION} "));
     let date = value(&text("CITATION.cff"), "date-released: ");

@@ -556,43 +556,31 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples")
 }
 
+/// What the robot of docs/library.md prints, in every language.
+const STOPS: [&str; 6] = [
+    "nearest 1.44 m: go on",
+    "nearest 1.31 m: go on",
+    "nearest 1.11 m: go on",
+    "nearest 0.90 m: go on",
+    "nearest 0.69 m: go on",
+    "nearest 0.48 m: stop",
+];
+
 #[test]
 fn the_examples_run() {
     let temporary = tempfile::tempdir().unwrap();
     let prefix = temporary.path();
     install(prefix);
     if compiled("cc", "-std=c99", "stop.c", prefix, "static") {
-        let program = prefix.join("stop.static");
-        let files = ["left.pgm", "right.pgm"].map(|name| prefix.join(name));
-        let pair = pair();
-        for (file, image) in files.iter().zip([pair.left(), pair.right()]) {
-            let mut bytes = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
-            bytes.extend(image.pixels());
-            std::fs::write(file, bytes).unwrap();
-        }
-        let text = output(Command::new(&program).args(&files)).unwrap();
-        // f B / d = 328 px · 0.044 m / 20 px.
-        assert!(
-            text.contains("0.72 m") && text.contains("uncertain"),
-            "{text}"
-        );
-        let refused = Command::new(&program).arg(&files[0]).status();
-        assert_eq!(refused.unwrap().code(), Some(2));
+        stops(&mut Command::new(prefix.join("stop.static")));
     }
     if compiled("c++", "-std=c++11", "stop.cpp", prefix, "shared") {
         stops(Command::new(prefix.join("stop.shared")).env("LD_LIBRARY_PATH", prefix.join("lib")));
     }
 }
 
-/// What stop.cpp prints.
 fn stops(program: &mut Command) {
-    let text = output(program).unwrap();
-    let lines: Vec<_> = text.lines().collect();
-    assert_eq!(lines.len(), 6, "{text}");
-    assert!(
-        lines[0].contains("1.43 m: go on") && lines[5].contains("stop"),
-        "{text}"
-    );
+    assert_eq!(output(program).unwrap().lines().collect::<Vec<_>>(), STOPS);
 }
 
 #[test]

@@ -55,6 +55,6 @@ if __name__ == "__main__":
 
         onnx.save(model(), sys.argv[1])
     else:
-        import svl_matcher
+        from svl_bench import matcher
 
-        svl_matcher.serve(lambda *images: twin(*(image.astype(np.float32) for image in images)))
+        matcher.serve(lambda *images: twin(*(image.astype(np.float32) for image in images)))

@@ -2,6 +2,7 @@
 
 mod collect;
 mod live;
+mod pair_stream;
 mod pictures;
 #[cfg(feature = "ros2")]
 mod publish;
@@ -12,6 +13,7 @@ mod viewer;
 
 pub use collect::{CollectSink, WatchSink};
 pub use live::LiveTable;
+pub use pair_stream::PairStreamSink;
 pub(crate) use pictures::frame_shot;
 pub use recording::RecordingSink;
 pub(crate) use table::RunIdentity;

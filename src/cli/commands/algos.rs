@@ -9,7 +9,7 @@ use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  svl algos\n  svl algos v3\n  svl algos --json\n  \
-                  svl algos exec --example python > svl_matcher.py"
+                  svl algos exec --example python > svl_bench/matcher.py"
 )]
 pub(crate) struct Args {
     /// Algorithm to show
@@ -38,7 +38,7 @@ enum Example {
 impl Example {
     fn text(self) -> &'static str {
         match self {
-            Self::Python => include_str!("../../../adapters/python/svl_matcher.py"),
+            Self::Python => include_str!("../../../adapters/python/matcher.py"),
             Self::Cpp => include_str!("../../../adapters/cpp/svl_matcher.hpp"),
             Self::Onnx => include_str!("../../../adapters/svl_onnx.py"),
             Self::Torch => include_str!("../../../adapters/svl_torch.py"),

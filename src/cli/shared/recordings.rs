@@ -1,6 +1,7 @@
 //! The folder `recordings/`: unnamed recordings, the newest of them, the cache of simulated runs.
 
 use super::progress::{Terminal, listen_for_interrupt};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
 use svl::outputs::make_folder;
@@ -33,15 +34,31 @@ pub(crate) fn record(
     format: RecordingFormat,
     quiet: bool,
 ) -> (Outcome, svl::Result<()>) {
-    // From here on Ctrl-C leaves an intact file.
-    listen_for_interrupt();
     let name = opened.source.name();
-    let pairs = opened.source.pairs();
-    let mut watch = Watch::new(&Terminal { quiet }, &format!("record {name}"), pairs, None);
+    let mut watch = watch(&opened, quiet);
     let recorded = svl::record::record(opened, path, format, &mut watch);
     drop(watch);
     report_losses(&name, &recorded.0.losses);
     recorded
+}
+
+/// Writes the pairs of a source to standard output, as [`record`] does to a file. A reader that
+/// went away has read enough.
+pub(crate) fn stream(opened: Opened, quiet: bool) -> (Outcome, svl::Result<()>) {
+    let watch = watch(&opened, quiet);
+    let (outcome, ran) = svl::record::stream(opened, std::io::stdout(), watch);
+    let ran = match ran {
+        Err(svl::Error::Io { cause, .. }) if cause.kind() == ErrorKind::BrokenPipe => Ok(()),
+        ran => ran,
+    };
+    (outcome, ran)
+}
+
+/// The progress of a recording. From here on Ctrl-C leaves whole pairs.
+fn watch(opened: &Opened, quiet: bool) -> Watch {
+    listen_for_interrupt();
+    let work = format!("record {}", opened.source.name());
+    Watch::new(&Terminal { quiet }, &work, opened.source.pairs(), None)
 }
 
 fn create() -> svl::Result<()> {

@@ -43,6 +43,9 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("join", &["merge"]),
 ];
 
+/// The name of standard output among files.
+pub(crate) const STDOUT: &str = "-";
+
 /// An error of the command line.
 pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
     svl::Error::Usage(words.to_string()).into()
@@ -131,6 +134,18 @@ pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
 
 pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
+}
+
+/// As [`ending`], or `-`: standard output.
+pub(crate) fn ending_or_stdout(
+    endings: &'static [&'static str],
+) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if path != Path::new(STDOUT) {
+            ends_in(&path, endings)?;
+        }
+        Ok::<_, String>(path)
+    })
 }
 
 /// Refuses the name of a file with none of these extensions.

@@ -30,11 +30,7 @@ impl RangedCell {
             probability: cell.near.or(cell.probability),
             valid_share: cell.valid_share,
             state: cell.state(),
-            reason: if cell.depth.is_some() {
-                Reason::Valid
-            } else {
-                reason
-            },
+            reason,
         }
     }
 }

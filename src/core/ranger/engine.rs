@@ -6,7 +6,9 @@ use crate::filter::Filters;
 use crate::kernel::isa;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::rectify::Rectifier;
-use crate::stereo::{DisparityMap, Gray, GridShape, Intrinsics, RectifiedPair, Rig, StereoPair};
+use crate::stereo::{
+    DisparityMap, Gray, GridShape, Intrinsics, Reason, RectifiedPair, Rig, StereoPair,
+};
 
 /// Limit of the columns and the rows of a grid, as in scenarios.
 const MAX_CELLS: usize = 64;
@@ -162,7 +164,11 @@ impl Engine {
         }
         let map = &self.output.disparity;
         for (place, cell) in grid.iter() {
-            let reason = map.cell_reason(self.shape, place, context.grid.min_valid);
+            // The pixels of a known cell need not be counted.
+            let reason = match cell.depth {
+                Some(_) => Reason::Valid,
+                None => map.cell_reason(self.shape, place, context.grid.min_valid),
+            };
             let has_rig = self.rig.is_some();
             self.cells.push(RangedCell::new(cell, reason, has_rig));
         }

@@ -8,26 +8,46 @@
     found.disparity                                        # per pixel; infinite: none
 
     with svl.Ranger("v5", rig=rig) as ranger:              # pairs of a camera, one after another
-        for pair in svl.read("bag.mcap"):                  # everything that `svl record` reads
+        for pair in svl.read("bag.mcap"):                  # everything that `svl score` reads
             cells = ranger.match(pair.left, pair.right, stamp_ns=pair.stamp_ns)
 
     print(svl.score("bag.mcap", ["v5", "sgm"], output="report"))
 
 match() and Ranger compute what the program does, to the bit. Other threads run meanwhile. Errors are
-ValueError, TypeError, OSError and RuntimeError with svl's message. Matchers in Python: svl_matcher.
+ValueError, TypeError, OSError and RuntimeError with svl's message. Matchers in Python: svl_bench.matcher.
+
+Names are loaded at their first use: a program that svl starts imports svl_bench.matcher alone.
 """
 
 from __future__ import annotations
 
-from ._extension import extension
-from ._program import Report, compare, program, read, record, report, score
-from ._ranger import REASONS, Match, Ranger, Rig, State, instruction_set, match
+import importlib
+from typing import TYPE_CHECKING, Any
 
-__version__: str = extension.__version__
+if TYPE_CHECKING:
+    from . import matcher
+    from ._pairs import Pair, read
+    from ._program import compare, program, record, report, score
+    from ._ranger import REASONS, Match, Ranger, State, instruction_set, match
+    from ._report import Report
+    from ._rig import Rig
+
+    __version__: str
+
+_HOMES = {
+    "_extension": ["__version__"],
+    "_pairs": ["Pair", "read"],
+    "_program": ["compare", "program", "record", "report", "score"],
+    "_ranger": ["REASONS", "Match", "Ranger", "State", "instruction_set", "match"],
+    "_report": ["Report"],
+    "_rig": ["Rig"],
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "REASONS",
     "Match",
+    "Pair",
     "Ranger",
     "Report",
     "Rig",
@@ -36,9 +56,24 @@ __all__ = [
     "compare",
     "instruction_set",
     "match",
+    "matcher",
     "program",
     "read",
     "record",
     "report",
     "score",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "matcher":
+        return importlib.import_module(".matcher", __name__)
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME_OF[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -8,13 +8,10 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Iterator, Mapping, Sequence, Union
+from typing import Any, Iterator, Mapping, Sequence, Union
 
-if TYPE_CHECKING:
-    import pandas
-    import svl_matcher
+from ._report import Report
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -29,20 +26,29 @@ def program() -> str:
     return found
 
 
+def command(*words: str) -> list[str]:
+    """The words of a command line of svl."""
+    return [program(), *words]
+
+
+def check(name: str, status: int, errors: str, ok: Sequence[int] = (0,)) -> None:
+    """Raises svl's message for an exit status that is not ok; else passes its warnings on."""
+    if status not in ok:
+        # docs/exit-status.md: 2 is wrong usage.
+        lines = errors.strip() or f"svl {name} ended with the status {status}"
+        raise (ValueError if status == 2 else RuntimeError)(lines)
+    sys.stderr.write(errors)
+
+
 def _run(*words: str, ok: Sequence[int] = (0,)) -> subprocess.CompletedProcess[str]:
     ran = subprocess.run(
-        [program(), *words], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8"
+        command(*words), stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8"
     )
-    if ran.returncode not in ok:
-        # docs/exit-status.md: 2 is wrong usage.
-        lines = ran.stderr.strip() or f"svl {words[0]} ended with the status {ran.returncode}"
-        raise (ValueError if ran.returncode == 2 else RuntimeError)(lines)
-    # Warnings.
-    sys.stderr.write(ran.stderr)
+    check(words[0], ran.returncode, ran.stderr, ok)
     return ran
 
 
-def _words(options: Mapping[str, Any]) -> Iterator[str]:
+def words(options: Mapping[str, Any]) -> Iterator[str]:
     """Options of the command line: max_skew_ms=5, compress=True, stress=["noise", "blur"]."""
     for name, value in options.items():
         name = "--" + name.replace("_", "-")
@@ -51,39 +57,6 @@ def _words(options: Mapping[str, Any]) -> Iterator[str]:
         elif value is not None and value is not False:
             values = value if isinstance(value, (list, tuple)) else [value]
             yield from (f"{name}={v}" for v in values)
-
-
-class Report:
-    """A report in its folder. In a notebook it is the text of summary.md."""
-
-    def __init__(self, folder: PathLike) -> None:
-        self.folder = Path(folder)
-        try:
-            self.data: dict[str, Any] = json.loads(self._text("summary.json"))
-        except FileNotFoundError:
-            raise ValueError(
-                f"{folder}: not one of svl's reports: it has no summary.json"
-            ) from None
-        self.gate_passed: bool | None = None
-        """True or False if it was scored with gate=True."""
-
-    def tables(self) -> dict[str, pandas.DataFrame]:
-        """All tables by their names: rows, cells, summary and so on (`svl columns`)."""
-        import svl_matcher
-
-        return svl_matcher.report(self.folder)
-
-    def __repr__(self) -> str:
-        return f"svl_bench.report({os.fspath(self.folder)!r})"
-
-    def __str__(self) -> str:
-        return self._text("summary.md")
-
-    def _repr_markdown_(self) -> str:
-        return str(self)
-
-    def _text(self, name: str) -> str:
-        return (self.folder / name).read_text(encoding="utf-8")
 
 
 def report(folder: PathLike) -> Report:
@@ -112,7 +85,7 @@ def score(
     given = {"rerun": "none", **options, "algo": algo, "output": output, "gate": gate}
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
-    ran = _run("score", *map(os.fspath, sources), *_words(given), "--json", ok=ok)
+    ran = _run("score", *map(os.fspath, sources), *words(given), "--json", ok=ok)
     found = Report(output)
     found.gate_passed = ran.returncode == 0 if gate else None
     return found
@@ -125,7 +98,7 @@ def compare(
     `svl compare`. A report, its folder, or FOLDER#ALGORITHM. options: map=["v3=v5"]."""
     reports = (base, other, *others)
     names = [os.fspath(r.folder if isinstance(r, Report) else r) for r in reports]
-    return json.loads(_run("compare", *names, *_words(options), "--json").stdout)
+    return json.loads(_run("compare", *names, *words(options), "--json").stdout)
 
 
 def record(source: PathLike, output: PathLike, **options: Any) -> Path:
@@ -134,14 +107,7 @@ def record(source: PathLike, output: PathLike, **options: Any) -> Path:
     options: those of the command line, with underscores: frames=60, seed=7, compress=True,
     calib="stereo.yaml", force=True.
     """
-    _run("record", os.fspath(source), *_words({**options, "output": output}))
+    if os.fspath(output) == "-":
+        raise ValueError("record() writes to a file; read() returns the pairs themselves")
+    _run("record", os.fspath(source), *words({**options, "output": output}))
     return Path(output)
-
-
-def read(source: PathLike, **options: Any) -> Iterator[svl_matcher.Pair]:
-    """The pairs of everything that `svl record` reads, as it records them: record() to a temporary
-    file, then svl_matcher.read(). options: those of record()."""
-    import svl_matcher
-
-    with tempfile.TemporaryDirectory() as folder:
-        yield from svl_matcher.read(record(source, Path(folder) / "pairs.mcap", **options))

@@ -9,6 +9,7 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING, Any, NamedTuple, Sequence, Union
 
 from ._extension import extension
+from ._rig import Rig
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,18 +32,6 @@ class State(enum.IntEnum):
     """Nearer than the range of disparities (filter too-close)."""
     NEAR = 3
     """Something is nearer than 0.5 m, and the cell has no distance."""
-
-
-class Rig(NamedTuple):
-    """Two rectified cameras: focal length and principal point of the left one in pixels, baseline in
-    metres, and the right principal point minus the left one, along x, in pixels. A distance is
-    focal_px * baseline_m / (disparity + doffs_px)."""
-
-    focal_px: float
-    baseline_m: float
-    cx_px: float = 0.0
-    cy_px: float = 0.0
-    doffs_px: float = 0.0
 
 
 class Match(NamedTuple):

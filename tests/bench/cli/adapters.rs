@@ -21,17 +21,17 @@ pub fn python_with(modules: &str) -> Option<String> {
     Some(python)
 }
 
-/// A program in Python that imports svl_matcher, for `exec`.
+/// A program in Python that imports svl_bench.matcher, for `exec`.
 fn program(python: &str, words: &str) -> String {
-    format!("exec:command='env' 'PYTHONPATH={ROOT}/adapters/python' '{python}' {words}")
+    format!("exec:command='env' 'PYTHONPATH={ROOT}/src/python' '{python}' {words}")
 }
 
 /// A program by a user of the module, with its errors.
 const DECORATED: &str = r#"
 import numpy as np
-import svl_matcher
+from svl_bench.matcher import matcher
 
-@svl_matcher.matcher(name="mine", version="3", color=True)
+@matcher(name="mine", version="3", color=True)
 def mine(left, right, request):
     print("a library prints")
     assert left.shape == right.shape == (240, 320, 3), left.shape
@@ -79,42 +79,13 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
 }
 
 #[test]
-fn svl_s_files_are_arrays_and_data_frames() {
-    let Some(python) = python_with("numpy, pandas, mcap, mcap_protobuf, mcap_ros2, PIL") else {
-        return;
-    };
-    let fixture = Fixture::new();
-    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
-    fixture.run(&[
-        "score", "a.mcap", "--algo", "v3", "-o", "r", "--rerun", "none",
-    ]);
-    let read = "import svl_matcher as s\n\
-                for p in s.read('a.mcap'): print(p.left.shape, p.right.dtype, p.depth_m.shape)\n\
-                t = s.report('r')\n\
-                print(sorted(t), len(t['rows']), t['summary'].algorithm[0])";
-    let output = Command::new(&python)
-        .args(["-c", read])
-        .env("PYTHONPATH", format!("{ROOT}/adapters/python"))
-        .current_dir(fixture.path(""))
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(
-        text.matches("(240, 320) uint8 (240, 320)").count(),
-        4,
-        "{text}"
-    );
-    assert_says(&text, &["'cells'", "'rows'", "'summary'", " 4 v3"]);
-}
-
-#[test]
 fn images_and_outputs_of_networks_have_many_forms() {
     let Some(python) = python_with("numpy") else {
         return;
     };
     let output = Command::new(&python)
-        .arg(format!("{ROOT}/tests/python/svl_matcher_test.py"))
-        .env("PYTHONPATH", format!("{ROOT}/adapters/python"))
+        .arg(format!("{ROOT}/tests/python/matcher_test.py"))
+        .env("PYTHONPATH", format!("{ROOT}/src/python"))
         .output()
         .unwrap();
     let error = String::from_utf8_lossy(&output.stderr);
@@ -332,7 +303,7 @@ fn torch_script_and_an_entry_are_matchers() {
 fn examples_are_the_files_of_adapters() {
     let fixture = Fixture::new();
     for (kind, file) in [
-        ("python", "python/svl_matcher.py"),
+        ("python", "python/matcher.py"),
         ("cpp", "cpp/svl_matcher.hpp"),
         ("onnx", "svl_onnx.py"),
         ("torch", "svl_torch.py"),
@@ -349,8 +320,8 @@ fn examples_are_the_files_of_adapters() {
     if let Some(python) = python_with("numpy") {
         fixture.run(&["record", "--frames", "1", "-o", "a.mcap"]);
         let printed = fixture.run(&["algos", "exec", "--example", "python"]);
-        fixture.write("svl_matcher.py", printed);
-        let example = format!("slow=exec:command='{python}' svl_matcher.py,max_disparity=40");
+        fixture.write("svl_bench/matcher.py", printed);
+        let example = format!("slow=exec:command='{python}' svl_bench/matcher.py,max_disparity=40");
         let text = fixture.run(&["replay", "a.mcap", "--algo", &example, "--json"]);
         let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(summary["programs"][0]["name"], "example");

@@ -3,6 +3,7 @@
 use crate::cli::shared::source::{self, CameraArgs, SCENARIO_OPTIONS};
 use crate::cli::shared::terminal::{print, print_error};
 use crate::cli::shared::{recordings, usage};
+use std::io::{IsTerminal, stdout};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
@@ -26,7 +27,10 @@ pub(crate) struct Args {
     #[arg(value_parser = source::SourceParser, hide_possible_values = true)]
     source: Option<String>,
     /// File to write [default: recordings/SOURCE-N.mcap]
-    #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
+    ///
+    /// -: the rectified pairs to standard output, in the form of docs/exec-protocol.md [default:
+    /// recordings/SOURCE-N.mcap].
+    #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending_or_stdout(&["mcap"]))]
     output: Option<PathBuf>,
     /// Largest number of pairs
     #[arg(
@@ -81,14 +85,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         return source::list();
     }
     let source = args.source.as_deref().unwrap_or("arena");
-    let inputs = source::inputs(source);
-    let claim =
-        |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
-    let claimed = args.output.as_deref().map(claim).transpose()?;
     args.options.refuse(
         SCENARIO_OPTIONS,
         "is for scenarios; `svl score` accepts them",
     )?;
+    if args.output.as_deref() == Some(Path::new(usage::STDOUT)) {
+        return stream(args, source, quiet);
+    }
+    let inputs = source::inputs(source);
+    let claim =
+        |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
+    let claimed = args.output.as_deref().map(claim).transpose()?;
     let mut opened = source::open(request(args, source), quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
         Some(claimed) => claimed,
@@ -134,6 +141,26 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     }
     Ok(complete(&ending)?)
+}
+
+/// Writes the pairs to standard output instead of a file.
+fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
+    if args.compress || args.ros2 || args.force {
+        let of_files = "--compress, --ros2 and --force are for files; omit them or -o -";
+        return Err(usage::wrong(of_files));
+    }
+    if stdout().is_terminal() {
+        let cure = "pipe it to a program, or name a file with -o FILE.mcap";
+        return Err(usage::wrong(format!("-o - writes binary pairs; {cure}")));
+    }
+    let mut opened = source::open(request(args, source), quiet)?;
+    opened.source = Box::new(limited(opened.source, args));
+    let (outcome, ran) = recordings::stream(opened, quiet);
+    ran?;
+    Ok(complete(&RunEnding::new(
+        outcome.missing(),
+        args.options.allow_loss,
+    ))?)
 }
 
 /// The source, with the options of the command line.

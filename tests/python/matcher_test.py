@@ -1,4 +1,4 @@
-"""What adapters/python/svl_matcher.py does between images and networks. Run by tests/bench/cli/exec."""
+"""What src/python/svl_bench/matcher.py does between images and networks. Run by tests/bench/cli/exec."""
 
 import argparse
 import importlib.util
@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import svl_matcher
+from svl_bench import matcher
 
 
 def network(*words, channels=1):
     parser = argparse.ArgumentParser()
-    svl_matcher.network_options(parser)
-    return svl_matcher.Network(parser.parse_args(words), channels)
+    matcher.network_options(parser)
+    return matcher.Network(parser.parse_args(words), channels)
 
 
 def there_and_back(net, images, outputs_of):
@@ -62,13 +62,13 @@ except ValueError as error:
 
 # Enlarged and shrunk again, a smooth image is as before.
 smooth = np.fromfunction(lambda n, c, y, x: x + 2.0 * y, (1, 1, 20, 30))
-again = svl_matcher.resized(svl_matcher.resized(smooth, (60, 90)), (20, 30))
+again = matcher.resized(matcher.resized(smooth, (60, 90)), (20, 30))
 assert np.abs(again - smooth)[..., 1:-1, 1:-1].max() < 1e-3
 
 # Too little memory is told with the cure.
-told = svl_matcher.memory_error(RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"))
+told = matcher.memory_error(RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"))
 assert "a smaller --size" in str(told), told
-assert str(svl_matcher.memory_error(ValueError("else"))) == "else"
+assert str(matcher.memory_error(ValueError("else"))) == "else"
 
 
 # onnxruntime falls back to the CPU by itself, which is not what was asked for.

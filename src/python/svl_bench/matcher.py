@@ -1,40 +1,38 @@
 #!/usr/bin/env python3
-"""Stereo matchers in Python for svl, and svl's recordings and reports as arrays and data frames.
+"""Stereo matchers in Python for svl, which starts them as programs.
 
 A matcher is a function of two numpy arrays in a file of its own:
 
     # mine.py
     import numpy as np
-    import svl_matcher
+    from svl_bench.matcher import matcher
 
-    @svl_matcher.matcher
+    @matcher
     def mine(left, right):                  # uint8, height x width, rectified
         return np.full(left.shape, 16.0)    # disparity in pixels; NaN or inf: none
 
     svl score arena --algo v5 --algo "mine=exec:command=python3 mine.py"
 
-This module is one file, and needs numpy. svl's wheel `svl-bench` contains it; any other svl prints it:
-`svl algos exec --example python > svl_matcher.py` beside your own file. read() and report() need
-`pip install pandas mcap mcap-protobuf-support mcap-ros2-support pillow`.
+This module is one file, and needs numpy alone. It is part of the package svl_bench, whose other modules it
+does not load. Without the wheel, in the folder of your own file:
+
+    mkdir svl_bench
+    svl algos exec --example python > svl_bench/matcher.py
 """
 
 from __future__ import annotations
 
 import argparse
 import inspect
-import io
 import json
 import os
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Iterator, NamedTuple, Sequence
+from typing import Any, Callable, Sequence
 
 import numpy as np
-
-if TYPE_CHECKING:
-    import pandas
 
 __version__ = "0.1.0"
 
@@ -380,93 +378,6 @@ def memory_error(error: BaseException) -> BaseException:
         return error
     words = " ".join(words.split())[:120]
     return MemoryError(f"{words}: too little memory; a smaller --size or --batch, or --device cpu")
-
-
-# --- Recordings and reports -------------------------------------------------------------------
-
-
-class Pair(NamedTuple):
-    """A synchronized pair of a recording.
-
-    sequence: number of the pair in the recording. stamp_ns: of the left image. left, right: uint8,
-    height x width. depth_m: true distances along the optical axis in metres, NaN for none; None if the
-    recording has no truth.
-    """
-
-    sequence: int
-    stamp_ns: int
-    left: np.ndarray
-    right: np.ndarray
-    depth_m: np.ndarray | None
-
-
-_LEFT, _RIGHT, _DEPTH = "/stereo/left/image", "/stereo/right/image", "/truth/depth"
-# The last message of a pair.
-_SYNC = "/stereo/sync"
-
-
-class _Json:
-    """The mcap library leaves JSON to its users."""
-
-    def decoder_for(self, message_encoding, _schema):
-        return json.loads if message_encoding == "json" else None
-
-
-def read(recording: str | Path) -> Iterator[Pair]:
-    """The pairs of one of svl's recordings, in order. A truncated one ends with its last complete pair.
-    Raises ValueError for a file of another program."""
-    from mcap.reader import make_reader
-    from mcap_protobuf.decoder import DecoderFactory as Protobuf
-    from mcap_ros2.decoder import DecoderFactory as Ros2
-
-    with open(recording, "rb") as file:
-        reader = make_reader(file, decoder_factories=[Protobuf(), Ros2(), _Json()])
-        # By the number of the pair: the right image has a stamp of its own.
-        pairs: dict[int, dict[str, Any]] = {}
-        found = set()
-        topics = [_LEFT, _RIGHT, _DEPTH, _SYNC]
-        for _, channel, message, decoded in reader.iter_decoded_messages(topics=topics):
-            found.add(channel.topic)
-            pair = pairs.setdefault(message.sequence, {})
-            pair[channel.topic] = decoded
-            if channel.topic == _LEFT:
-                pair["stamp"] = message.log_time
-            if {_LEFT, _RIGHT, _SYNC} <= pair.keys():
-                del pairs[message.sequence]
-                depth = pair.get(_DEPTH)
-                yield Pair(
-                    message.sequence,
-                    pair["stamp"],
-                    _image(pair[_LEFT]),
-                    _image(pair[_RIGHT]),
-                    None if depth is None else _image(depth),
-                )
-        missing = {_LEFT, _RIGHT, _SYNC} - found
-        if missing:
-            names = ", ".join(sorted(missing))
-            raise ValueError(f"{recording}: not one of svl's recordings: it has no {names}")
-
-
-def _image(message):
-    encoding = getattr(message, "encoding", None)
-    if encoding is None:
-        from PIL import Image
-
-        return np.asarray(Image.open(io.BytesIO(message.data)))
-    kind = np.dtype({"mono8": "u1", "32FC1": "<f4"}[encoding])
-    rows = np.frombuffer(bytes(message.data), kind)
-    return rows.reshape(message.height, message.step // kind.itemsize)[:, : message.width]
-
-
-def report(folder: str | Path) -> dict[str, pandas.DataFrame]:
-    """The tables of a report as data frames, by their names: rows, cells, summary and so on.
-    Raises ValueError for another folder."""
-    import pandas
-
-    folder = Path(folder)
-    if not (folder / "manifest.json").is_file():
-        raise ValueError(f"{folder}: not one of svl's reports: it has no manifest.json")
-    return {path.stem: pandas.read_csv(path) for path in sorted(folder.glob("*.csv"))}
 
 
 if __name__ == "__main__":
