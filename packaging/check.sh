@@ -13,25 +13,45 @@ machine="$(basename "$tar" -linux.tar.gz)" && machine="${machine##*-}"
 if [ "$architecture" = "$(dpkg --print-architecture)" ]; then
   how=install frames=40 emulator=() debian=(--include=python3-pip,python3-numpy,man-db)
 else
-  how=unpack frames=6 emulator=("/usr/bin/qemu-$machine-static") debian=(--foreign "--arch=$architecture")
+  how=unpack frames=6 emulator=("/usr/bin/qemu-$machine-static")
+  debian=(--include=python3-numpy --foreign "--arch=$architecture")
 fi
 debootstrap --variant=minbase "${debian[@]}" bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
 if [ "$how" = unpack ]; then
   cp "${emulator[0]}" "$root/clean/usr/bin/"
   mkdir -p "$root/clean/usr/local/bin"
+  # debootstrap has fetched Python and its libraries, which need no installer here.
+  for package in "$root"/clean/var/cache/apt/archives/*.deb; do dpkg-deb -x "$package" "$root/clean"; done
 fi
 
 inside() { env -i PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LANG=C.UTF-8 chroot "$place" "$@"; }
 svl() { inside "${emulator[@]}" "$program" "$@"; }
 
-install_wheel() { inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl && python3 -c "import svl_bench.matcher; svl_bench.match; svl_bench.program()"'; }
+# Depths of a textured plane of 9 px, by the extension for this processor.
+python_matches() {
+  "$@" -c '
+import numpy as np, svl_bench as svl, svl_bench.matcher
+noise = np.random.default_rng(7).integers(0, 256, (240, 400), np.uint8)
+rig = svl.Rig(focal_px=328, baseline_m=0.044, cx_px=160, cy_px=120)
+found = svl.match(noise[:, :320], noise[:, 9:329], "v3", rig=rig)
+assert abs(np.nanmedian(found.distance_m) - 328 * 0.044 / 9) < 0.05, found.distance_m
+print("svl_bench", svl.__version__, svl.instruction_set())
+'
+}
+install_wheel() {
+  inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl'
+  inside python3 -c "import svl_bench; svl_bench.program()"
+  python_matches inside python3
+}
 install_deb() { inside bash -euc 'dpkg -i /tmp/svl_*.deb'; }
 install_tar() { inside bash -euc 'tar -C /usr/local --strip-components 1 -xzf /tmp/svl-*.tar.gz'; }
 unpack_wheel() {
   python3 -m pip -q install --no-index --no-deps --only-binary :all: --platform "manylinux_2_31_$machine" \
     --target "$place/opt" "$wheel"
-  test -s "$place/opt/svl_bench/matcher.py" -a -s "$place/opt/svl_bench/_svl.abi3.so"
   mv "$place/opt/bin/svl" "$place/usr/local/bin/"
+  local libraries="/usr/lib/$machine-linux-gnu"
+  python_matches inside "${emulator[@]}" -E PYTHONPATH=/opt -E "LD_LIBRARY_PATH=$libraries/blas:$libraries/lapack" \
+    /usr/bin/python3.9
 }
 unpack_deb() { dpkg-deb -x "$deb" "$place"; }
 unpack_tar() { tar -C "$place/usr/local" --strip-components 1 -xzf "$tar"; }
