@@ -30,7 +30,7 @@ fi
 build() { "$python" -m maturin build "${options[@]}" "$@"; }
 
 # Man page and completions are the program's own, so it is built first.
-build --bindings bin --features ros2 -o "$target/packaging/program"
+build --bindings bin -o "$target/packaging/program"
 program="$target/${triple:+$triple/}$profile/svl"
 data=packaging/svl.data share=packaging/svl.data/data/share
 rm -rf "$data"

@@ -32,7 +32,7 @@ const PARSED: &[(&str, &str)] = &[
     ("svl record foxglove:", "needs a bridge; ros2:: has one"),
     (
         "svl replay run.mcap --publish",
-        "needs a feature that is off; ros2:: has it",
+        "needs a network; ros2:: has one",
     ),
     (
         "svl replay run.mcap --verify=live.csv",
