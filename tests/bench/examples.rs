@@ -15,8 +15,6 @@ mod scale;
 #[path = "../../examples/simulated_cameras.rs"]
 mod simulated_cameras;
 
-#[cfg(unix)]
-use super::cli::adapters::python_with;
 use super::cli::fixture::Fixture;
 
 #[test]
@@ -70,60 +68,6 @@ fn a_recording_is_read() {
     fixture.run("record arena --frames 3 -o a.mcap");
     assert_eq!(read_recording::read(&fixture.path("a.mcap")).unwrap(), 3);
     assert!(read_recording::main().is_err());
-}
-
-#[cfg(unix)]
-#[test]
-fn the_notebook_plots_a_report() {
-    let Some(python) = python_with("matplotlib") else {
-        return;
-    };
-    let fixture = Fixture::new();
-    fixture.run("record arena --frames 60 -o a.mcap");
-    fixture.run("score a.mcap --algo v5 --algo v3 -o reports/arena --rerun none");
-    let notebook = include_str!("../../examples/python/report.ipynb");
-    let notebook: serde_json::Value = serde_json::from_str(notebook).unwrap();
-    let cells = notebook["cells"].as_array().unwrap().iter();
-    let mut program = String::new();
-    for cell in cells.filter(|cell| cell["cell_type"] == "code") {
-        let lines = cell["source"].as_array().unwrap().iter();
-        program.extend(lines.map(|line| line.as_str().unwrap()));
-        program.push('\n');
-    }
-    let output = std::process::Command::new(python)
-        .args(["-c", &program])
-        .env("MPLBACKEND", "Agg")
-        .current_dir(fixture.path(""))
-        .output()
-        .unwrap();
-    let printed = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    assert!(fixture.path("right-against-time.svg").exists());
-    // The change and its interval are those of `svl compare`, in per cent, but for other draws.
-    let last = printed.lines().last().unwrap();
-    let numbers = last
-        .split(['(', ')', ' '])
-        .filter_map(|word| word.parse::<f64>().ok());
-    let numbers = numbers.collect::<Vec<_>>();
-    let compared = fixture.run("compare reports/arena#v5 reports/arena#v3 --json");
-    let compared: serde_json::Value = serde_json::from_str(&compared).unwrap();
-    let right = &compared[0]["algorithms"][0]["metrics"][0];
-    let expected = [
-        &right["difference"],
-        &right["interval"][0],
-        &right["interval"][1],
-    ];
-    let expected = expected.map(|share| 100.0 * share.as_f64().unwrap());
-    assert!(right["metric"] == "right" && numbers.len() == 3, "{last}");
-    let is_near = numbers
-        .iter()
-        .zip(expected)
-        .all(|(a, b)| (a - b).abs() < 0.7);
-    assert!(is_near, "{last}: {expected:?}");
 }
 
 #[test]

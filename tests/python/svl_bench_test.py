@@ -1,9 +1,14 @@
 """Tests of the package svl_bench as the wheel installs it: packaging/python-test.sh."""
 
+import ast
 import importlib.util
-import math
+import json
+import multiprocessing
 import os
+import pydoc
+import shutil
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -13,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import svl_bench as svl
 
+ROOT = Path(__file__).resolve().parents[2]
 WIDTH, HEIGHT = 160, 96
 RIG = svl.Rig(focal_px=170, baseline_m=0.06, cx_px=80, cy_px=48)
 
@@ -32,6 +38,24 @@ def svl_program(*words):
     if ran.returncode:
         raise AssertionError(ran.stderr)
     return ran.stdout
+
+
+def has(*modules):
+    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    return unittest.skipIf(missing, f"no Python with {', '.join(missing)}")
+
+
+def python(code, folder=None):
+    """What a Python of its own prints."""
+    line = [sys.executable, "-c", code]
+    ran = subprocess.run(line, capture_output=True, text=True, cwd=folder)
+    if ran.returncode:
+        raise AssertionError(ran.stderr)
+    return ran.stdout
+
+
+def resident_bytes():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def write_pgm(path, image):
@@ -171,6 +195,21 @@ class Matching(InFolder):
             np.testing.assert_array_equal(each.disparity, expected)
 
 
+    @unittest.skipUnless(Path("/proc/self/statm").exists(), "no /proc")
+    def test_memory_does_not_grow(self):
+        left, right = pair()
+        for _ in range(50):
+            svl.match(left, right, rig=RIG)
+        before = resident_bytes()
+        for _ in range(1000):
+            svl.match(left, right, rig=RIG)
+        self.assertLess(resident_bytes() - before, 4e6)
+
+
+def forked(_):
+    return svl.match(*pair()).disparity
+
+
 class BadInput(InFolder):
     def test_images_that_are_none(self):
         left, right = pair()
@@ -221,6 +260,36 @@ class BadInput(InFolder):
             ranger.match(*pair())
         with self.fails(ValueError, "closed"):
             ranger.reset()
+
+    def test_an_error_is_its_thread_s_alone(self):
+        left, right = pair()
+        expected = svl.match(left, right).disparity
+        found = {}
+
+        def work(i):
+            try:
+                found[i] = svl.match(left, right[: HEIGHT - i % 2]).disparity
+            except ValueError as error:
+                found[i] = error
+
+        threads = [threading.Thread(target=work, args=[i]) for i in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        for i in range(6):
+            if i % 2:
+                self.assertIn("160x95", str(found[i]))
+            else:
+                np.testing.assert_array_equal(found[i], expected)
+
+    @unittest.skipUnless(hasattr(os, "fork"), "no fork")
+    def test_a_pool_of_processes(self):
+        expected = svl.match(*pair()).disparity
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            found = pool.map_async(forked, range(4)).get(timeout=60)
+        for disparity in found:
+            np.testing.assert_array_equal(disparity, expected)
 
     @unittest.skipUnless(hasattr(os, "fork"), "no fork")
     def test_a_fork(self):
@@ -287,21 +356,57 @@ class Program(InFolder):
             report = svl.score(scenario, output=self.folder / f"r{most}", gate=True)
             self.assertIs(report.gate_passed, passes)
 
-    @unittest.skipUnless(
-        all(importlib.util.find_spec(name) for name in ["mcap", "mcap_protobuf", "mcap_ros2", "PIL", "pandas"]),
-        "no Python with mcap, pandas",
-    )
-    def test_read_and_tables(self):
+    def test_a_report_is_shown_by_its_page(self):
+        report = svl.score("arena", "v5", output=self.folder / "r", seeds="1", every=60)
+        shown = report._repr_html_()
+        self.assertTrue(shown.startswith("<iframe srcdoc=") and shown.endswith("</iframe>"))
+        page = (self.folder / "r/index.html").read_text(encoding="utf-8")
+        self.assertLess(len(shown), 0.5 * len(page))
+        for part in ["&lt;style&gt;", "&lt;table", "&lt;section id=&quot;plot&quot;", "&lt;svg"]:
+            self.assertIn(part, shown)
+        for part in ["data:image", "&lt;details", "href=&quot;#", "<script", "<table"]:
+            self.assertNotIn(part, shown)
+        (self.folder / "r/index.html").unlink()
+        self.assertIsNone(report._repr_html_())
+
+    def test_tables_are_frames_of_what_is_there(self):
         recording = svl.record("arena", self.folder / "a.mcap", frames=3)
+        report = svl.score(recording, ["v5", "bm"], output=self.folder / "r")
+        shapes = {}
+        for library, shape in [
+            ("polars", lambda frame: frame.shape),
+            ("pyarrow", lambda table: table.shape),
+            ("pandas", lambda frame: frame.shape),
+        ]:
+            if importlib.util.find_spec(library):
+                tables = report.tables(library)
+                self.assertEqual(type(tables["rows"]).__module__.split(".")[0], library)
+                shapes[library] = {name: shape(table) for name, table in tables.items()}
+                self.assertEqual(shapes[library]["rows"][0], 6)
+                self.assertEqual(shapes[library]["cells"][0], 90)
+                first = next(iter(shapes))
+                self.assertEqual(type(report.tables()["rows"]).__module__.split(".")[0], first)
+                self.assertEqual(shapes[library], shapes[first])
+            else:
+                with self.fails(ImportError, f"pip install {library}"):
+                    report.tables(library)
+        with self.fails(ValueError, "frames='excel'", "polars, pyarrow, pandas"):
+            report.tables("excel")
+        none = (
+            "import importlib.util; importlib.util.find_spec = lambda name: None\n"
+            "import svl_bench as svl\n"
+            f"try: svl.report({os.fspath(self.folder / 'r')!r}).tables()\n"
+            "except ImportError as error: print(error)"
+        )
+        self.assertIn("polars or pyarrow or pandas: pip install polars", python(none))
+
+    @has("pandas")
+    def test_a_ranger_answers_what_the_bench_scores(self):
+        recording = svl.record("arena", self.folder / "a.mcap", frames=3)
+        report = svl.score(recording, "v5", output=self.folder / "r")
+        cells = report.tables("pandas")["cells"]
         pairs = list(svl.read(recording))
-        self.assertEqual([pair.sequence for pair in pairs], [0, 1, 2])
-        with self.fails(RuntimeError, "none.bag"):
-            next(svl.read(self.folder / "none.bag"))
-        cells = svl.score(recording, "v5", output=self.folder / "r").tables()["cells"]
-        # A ranger answers what the bench scores. The arena's cameras see 52 degrees.
-        focal_px = 160 / math.tan(math.radians(26))
-        rig = svl.Rig(focal_px, 0.044, cx_px=159.5, cy_px=119.5)
-        with svl.Ranger("v5", rig=rig) as ranger:
+        with svl.Ranger("v5", rig=pairs[0].rig) as ranger:
             for pair in pairs:
                 found = ranger.match(pair.left, pair.right, stamp_ns=pair.stamp_ns)
                 scored = cells[cells["sequence"] == pair.sequence].sort_values(["row", "column"])
@@ -313,6 +418,159 @@ class Program(InFolder):
                     theirs = scored[column].to_numpy(np.float32).reshape(3, 5)
                     np.testing.assert_array_equal(mine, theirs, column)
         self.assertTrue((cells["probability"] > 0.5).any())
+
+
+class Reading(InFolder):
+    def assert_equal_pairs(self, some, others):
+        self.assertEqual(len(some), len(others))
+        for one, other in zip(some, others):
+            self.assertEqual(one.stamp_ns, other.stamp_ns)
+            np.testing.assert_array_equal(one.left, other.left)
+            np.testing.assert_array_equal(one.right, other.right)
+
+    def test_a_recording_and_a_bag_have_the_same_pairs(self):
+        recording = svl.record("arena", self.folder / "a.mcap", frames=3)
+        bag = svl.record(recording, self.folder / "bag.mcap", ros2=True)
+        pairs = list(svl.read(recording))
+        self.assertEqual([pair.sequence for pair in pairs], [0, 1, 2])
+        self.assert_equal_pairs(pairs, list(svl.read(bag)))
+        self.assert_equal_pairs(pairs, list(svl.read("arena", frames=3)))
+        self.assert_equal_pairs(pairs[::2], list(svl.read(recording, every=2)))
+        first = pairs[0]
+        self.assertEqual(first.left.shape, (240, 320))
+        self.assertEqual(first.left.dtype, np.uint8)
+        self.assertAlmostEqual(first.rig.baseline_m, 0.044)
+        depth = first.depth_m
+        distance = first.rig.focal_px * 0.044 / first.true_disparity[120, 160]
+        self.assertAlmostEqual(float(depth[120, 160]), float(distance), places=5)
+        first.left[0, 0] = 1  # It is the caller's.
+
+    def test_raw_bags_come_rectified(self):
+        raw = svl.record("board", self.folder / "raw.mcap", frames=2, ros2=True)
+        pairs = list(svl.read(raw))
+        rectified = svl.record(raw, self.folder / "rectified.mcap")
+        self.assert_equal_pairs(pairs, list(svl.read(rectified)))
+        left_raw = next(svl.read(raw, calib="none"))
+        if pairs[0].rig is not None:
+            self.assertFalse(np.array_equal(left_raw.left, pairs[0].left))
+            self.assertIsNone(left_raw.rig)
+
+    def test_a_reader_may_leave(self):
+        began = time.monotonic()
+        pairs = svl.read("arena", frames=100_000_000)
+        next(pairs)
+        pairs.close()
+        self.assertLess(time.monotonic() - began, 20)
+
+    def test_errors_are_svl_s(self):
+        with self.fails(RuntimeError, "none.bag"):
+            next(svl.read(self.folder / "none.bag"))
+        with self.fails(ValueError, "--no-such"):
+            next(svl.read("arena", no_such=True))
+        with self.fails(ValueError, "--ros2", "for files"):
+            next(svl.read("arena", ros2=True))
+        with self.fails(ValueError, "read"):
+            svl.record("arena", "-")
+        recording = svl.record("arena", self.folder / "a.mcap", frames=8)
+        cut = self.folder / "cut.mcap"
+        cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
+        pairs = svl.read(cut)
+        self.assertEqual(next(pairs).sequence, 0)
+        with self.fails(RuntimeError, "cut.mcap"):
+            list(pairs)
+
+    def test_distances_of_disparities(self):
+        rig = svl.Rig(100, 0.5, doffs_px=-2)
+        found = rig.distance_m([[7, 2], [1, np.inf]])
+        np.testing.assert_array_equal(found, np.float32([[10, np.inf], [np.nan, np.nan]]))
+        self.assertEqual(found.dtype, np.float32)
+
+
+class Package(InFolder):
+    def test_a_matcher_loads_neither_the_extension_nor_the_program_s_modules(self):
+        code = (
+            "import sys; from svl_bench import matcher; matcher.serve; "
+            "print([name for name in sys.modules if name.startswith('svl_bench')])"
+        )
+        self.assertEqual(ast.literal_eval(python(code)), ["svl_bench", "svl_bench.matcher"])
+
+    def test_a_printed_module_is_found_without_the_package(self):
+        printed = self.folder / "svl_bench"
+        printed.mkdir()
+        (printed / "matcher.py").write_text(svl_program("algos", "exec", "--example", "python"))
+        # Without site-packages, but for numpy.
+        paths = [os.fspath(self.folder), os.fspath(Path(np.__file__).parents[1])]
+        code = f"import sys; sys.path += {paths!r}; from svl_bench import matcher; print(matcher.__file__)"
+        line = [sys.executable, "-S", "-c", code]
+        said = subprocess.run(line, capture_output=True, text=True, check=True).stdout
+        self.assertEqual(said.strip(), os.fspath(printed / "matcher.py"))
+
+    def test_names_have_descriptions_and_types(self):
+        for name in svl.__all__:
+            if name not in ("REASONS", "__version__"):
+                self.assertTrue(getattr(svl, name).__doc__, name)
+        self.assertEqual(set(dir(svl)), set(svl.__all__))
+        self.assertIn("height x width", pydoc.render_doc(svl.Ranger))
+        self.assertTrue((Path(svl.__file__).parent / "py.typed").exists())
+        with self.assertRaises(AttributeError):
+            svl.no_such_name
+
+    def test_a_wheel_of_another_machine(self):
+        there = Path(svl.__file__).parent
+        shutil.copytree(there, self.folder / "svl_bench", ignore=shutil.ignore_patterns("_svl.*so"))
+        facts = self.folder / "svl_bench-0.1.0.dist-info"
+        facts.mkdir()
+        (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: svl-bench\nVersion: 0.1.0\n")
+        (facts / "WHEEL").write_text("Wheel-Version: 1.0\nTag: cp39-abi3-manylinux_2_31_riscv64\n")
+        code = (
+            f"import sys; sys.path.insert(0, {os.fspath(self.folder)!r})\n"
+            "import svl_bench as svl; svl.report\n"
+            "try: svl.match\nexcept ImportError as error: print(error)"
+        )
+        said = python(code)
+        for words in ["no extension for", "is for manylinux_2_31_riscv64", "on x86_64 and aarch64"]:
+            self.assertIn(words, said)
+
+
+class Examples(InFolder):
+    def test_a_robot_stops(self):
+        line = [sys.executable, ROOT / "examples/python/stop.py"]
+        said = subprocess.run(line, capture_output=True, text=True, check=True).stdout
+        # Those of the other languages: tests/c.
+        distances = ["1.44", "1.31", "1.11", "0.90", "0.69", "0.48"]
+        actions = 5 * ["go on"] + ["stop"]
+        expected = [f"nearest {m} m: {action}" for m, action in zip(distances, actions)]
+        self.assertEqual(said.splitlines(), expected)
+
+    @has("matplotlib")
+    def test_the_notebook_from_top_to_bottom(self):
+        """Its cells in a Python of their own; of each the last expression is shown."""
+        notebook = json.loads((ROOT / "examples/python/report.ipynb").read_text(encoding="utf-8"))
+        sources = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+        runner = (
+            "import ast, json, sys\n"
+            "names = {'__name__': '__main__'}\n"
+            "for source in json.load(open('cells.json')):\n"
+            "    *body, last = ast.parse(source).body\n"
+            "    is_shown = isinstance(last, ast.Expr)\n"
+            "    body += [] if is_shown else [last]\n"
+            "    exec(compile(ast.Module(body, []), 'cell', 'exec'), names)\n"
+            "    if is_shown:\n"
+            "        shown = eval(compile(ast.Expression(last.value), 'cell', 'eval'), names)\n"
+            "        print((getattr(shown, '_repr_html_', None) or shown.__repr__)())\n"
+        )
+        (self.folder / "cells.json").write_text(json.dumps(sources), encoding="utf-8")
+        environment = {**os.environ, "MPLBACKEND": "Agg"}
+        line = [sys.executable, "-c", runner]
+        ran = subprocess.run(line, capture_output=True, text=True, cwd=self.folder, env=environment)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        self.assertIn("<iframe srcdoc=", ran.stdout)
+        for file in ["run.mcap", "reports/run/index.html", "cells.svg", "distances.svg"]:
+            self.assertTrue((self.folder / file).is_file(), file)
+        # The change is that of the program.
+        compared = svl.compare(f"{self.folder}/reports/run#v3", f"{self.folder}/reports/run#v5")
+        first = compared[0]["algorithms"][0]["metrics"][0]
+        self.assertIn(f"{first['metric']:10} {first['difference']:+8.3f}", ran.stdout)
 
 
 if __name__ == "__main__":

@@ -221,8 +221,9 @@ impl DisparityMap {
                 counts[x % 2][why as usize] += 1;
             }
         }
-        let [even, odd] = counts;
-        let [valid, invalid @ ..] = std::array::from_fn(|i| even[i] + odd[i]);
+        let [mut counts, odd] = counts;
+        (counts.iter_mut().zip(odd)).for_each(|(count, odd)| *count += odd);
+        let [valid, invalid @ ..] = counts;
         if f64::from(valid) >= min_valid * pixels as f64 {
             return Reason::Valid;
         }

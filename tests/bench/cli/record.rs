@@ -2,6 +2,8 @@
 
 use super::fixture::{Fixture, assert_says, pgm};
 use crate::common::python;
+use assert_cmd::cargo::cargo_bin;
+use std::process::Command;
 use svl::recording::Recording;
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Geometry, StereoPair};
@@ -16,6 +18,41 @@ fn records_the_arena_and_says_how_much() {
     let frame = source.next().unwrap().unwrap();
     assert_eq!(frame.pair.size(), (320, 240));
     assert!(frame.truth.is_some() && frame.rig().is_some() && frame.pose.is_some());
+}
+
+/// Pairs on standard output, as docs/exec-protocol.md says: a line, two images, the truth.
+#[test]
+fn pairs_go_to_a_program_as_bytes() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 3 -o a.mcap");
+    let mut command = Command::new(cargo_bin!("svl"));
+    command.args(["record", "a.mcap", "-o", "-"]);
+    let ran = command.current_dir(fixture.path("")).output().unwrap();
+    assert!(ran.status.success() && ran.stderr.is_empty(), "{ran:?}");
+    let (mut bytes, mut source) = (
+        &ran.stdout[..],
+        RecordingSource::open(fixture.path("a.mcap")).unwrap(),
+    );
+    for sequence in 0..3_u64 {
+        let frame = source.next().unwrap().unwrap();
+        let end = bytes.iter().position(|byte| *byte == b'\n').unwrap();
+        let line: serde_json::Value = serde_json::from_slice(&bytes[..end]).unwrap();
+        assert_eq!((&line["width"], &line["height"]), (&320.into(), &240.into()));
+        let stamp_ns = frame.stamp_ns;
+        assert_eq!((&line["sequence"], &line["stamp_ns"]), (&sequence.into(), &stamp_ns.into()));
+        let rig = serde_json::to_value(frame.rig().unwrap()).unwrap();
+        assert_eq!((&line["rig"], &line["truth"]), (&rig, &true.into()));
+        let truth = frame.truth.unwrap().disparity;
+        let mut pixels: Vec<u8> = frame.pair.left().pixels().collect();
+        pixels.extend(frame.pair.right().pixels());
+        pixels.extend(truth.pixels().flat_map(f32::to_le_bytes));
+        bytes = bytes[end + 1..].strip_prefix(&pixels[..]).unwrap();
+    }
+    assert!(bytes.is_empty() && source.next().unwrap().is_none());
+    fixture.fails(
+        "record a.mcap -o - --ros2 => 2: --ros2 | are for files\n\
+         record a.mcap -o run.txt => 2: run.txt | .mcap",
+    );
 }
 
 #[test]
