@@ -8,6 +8,7 @@ use super::rows::{CellRow, record};
 use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
+use svl_score::bootstrap::Sample;
 use svl_score::judge::{CellNumber, Verdict};
 
 /// Largest change of a cell at rest between successive answers, of its true distance.
@@ -84,9 +85,9 @@ impl AccuracyRow {
     }
 }
 
-/// The errors of an algorithm in a range.
+/// The errors of an algorithm in a range, or in a pair.
 #[derive(Default)]
-struct RangeErrors {
+pub(super) struct RangeErrors {
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
@@ -183,6 +184,17 @@ impl AccuracyTally {
         }
     }
 
+    /// As [`AccuracyTally::add`], for the cells of one algorithm; returns the errors that they add,
+    /// of all distances.
+    pub(super) fn take_pair(&mut self, stamp_ns: u64, cells: &[CellRow]) -> RangeErrors {
+        self.add(stamp_ns, cells);
+        let label = cells.first().map(|cell| cell.algorithm.as_str());
+        let own = label.and_then(|label| self.algorithms.get_mut(label));
+        own.map_or_else(RangeErrors::default, |own| {
+            std::mem::take(&mut own.ranges[0])
+        })
+    }
+
     /// Per algorithm, in the order of the labels, the errors of all distances and of each range
     /// that has any.
     pub(super) fn into_rows(mut self, labels: &[&str]) -> Vec<AccuracyRow> {
@@ -238,6 +250,35 @@ impl RangeErrors {
                 self.flickers += u64::from(flickers);
             }
             _ => self.flickers += 1,
+        }
+    }
+
+    /// The values of a metric in pairs, as [`RangeErrors::into_row`] has it over all of them.
+    pub(super) fn sample(number: CellNumber, pairs: &[Self]) -> Sample {
+        let errors = |own: &Self| own.errors_m.iter().copied().map(f64::from).collect::<Vec<_>>();
+        let parts = |part: &dyn Fn(&Self) -> [f64; 2]| pairs.iter().map(part).collect::<Vec<_>>();
+        let cells = |own: &Self| own.errors_m.len() as f64;
+        match number {
+            CellNumber::Bias => {
+                Sample::Ratio(parts(&|own| [errors(own).iter().sum(), cells(own)]))
+            }
+            CellNumber::Rmse => Sample::Root(parts(&|own| {
+                [errors(own).iter().map(|error| error * error).sum(), cells(own)]
+            })),
+            CellNumber::MedianError => {
+                let sizes = |own| errors(own).iter().map(|error| error.abs()).collect();
+                Sample::Median(pairs.iter().map(sizes).collect())
+            }
+            CellNumber::AbsRel => Sample::Ratio(parts(&|own| [own.relative, cells(own)])),
+            CellNumber::Noise => {
+                Sample::Root(parts(&|own| [own.squares, 2.0 * own.known as f64]))
+            }
+            CellNumber::Flicker if pairs.iter().all(|own| own.errors_m.is_empty()) => {
+                Sample::Ratio(Vec::new())
+            }
+            CellNumber::Flicker => {
+                Sample::Ratio(parts(&|own| [own.flickers as f64, own.resting as f64]))
+            }
         }
     }
 

@@ -137,8 +137,8 @@ impl Report<'_> {
         summary.add_accuracy(&tables.accuracy);
         summary.latency = self.latency();
         summary.ending = self.ending()?;
-        summary.rule = plan.part("cells")?.unwrap_or_default();
-        let columns: Option<ColumnChoice> = plan.part("columns")?;
+        summary.rule = plan.manifest.part("cells")?.unwrap_or_default();
+        let columns: Option<ColumnChoice> = plan.manifest.part("columns")?;
         summary.columns = options.columns.cloned().or(columns).unwrap_or_default();
         summary.measured = !plan.is_driven();
         summary.time_groups = self.time_groups();
@@ -159,7 +159,7 @@ impl Report<'_> {
         )?;
         write(&folder.join("summary.tex"), summary.headline().latex())?;
         write_json(&folder.join(MANIFEST), &manifest)?;
-        let mut limits: Vec<Limit> = plan.part("gate")?.unwrap_or_default();
+        let mut limits: Vec<Limit> = plan.manifest.part("gate")?.unwrap_or_default();
         for (limit, line) in limits.iter_mut().zip(&plan.limit_lines) {
             limit.line = *line;
         }
@@ -173,7 +173,7 @@ impl Report<'_> {
             gate: (gate.iter())
                 .map(|result| (result.state, result.to_string()))
                 .collect(),
-            description: plan.part("description")?.unwrap_or_default(),
+            description: plan.manifest.part("description")?.unwrap_or_default(),
             times_ms: times_ms(&tables.rows),
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),

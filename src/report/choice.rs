@@ -99,8 +99,11 @@ pub fn pareto_front<'a, T>(
 /// The better value first, none last.
 pub fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
     match (a, b) {
-        (Some(a), Some(b)) if metric.better == Better::Less => a.total_cmp(&b),
-        (Some(a), Some(b)) => b.total_cmp(&a),
+        (Some(a), Some(b)) => match metric.better {
+            Better::Less => a.total_cmp(&b),
+            Better::Zero => a.abs().total_cmp(&b.abs()),
+            Better::More | Better::Neither => b.total_cmp(&a),
+        },
         (a, b) => b.is_some().cmp(&a.is_some()),
     }
 }

@@ -13,6 +13,8 @@ pub struct RowReader<R> {
     places: ColumnPlaces,
     reader: csv::Reader<BufReader<Take<File>>>,
     line: csv::StringRecord,
+    /// A column, and the text that all rows have there.
+    only: Option<(&'static str, String)>,
     row: std::marker::PhantomData<R>,
 }
 
@@ -36,14 +38,30 @@ impl<R: Record> RowReader<R> {
             places,
             reader,
             line: csv::StringRecord::new(),
+            only: None,
             row: std::marker::PhantomData,
         })
     }
 
+    /// The rows with that text in a column: others are not parsed.
+    pub fn only(mut self, column: &'static str, text: &str) -> Self {
+        self.only = Some((column, text.to_owned()));
+        self
+    }
+
     fn read(&mut self) -> Result<Option<R>> {
-        let read = self.reader.read_record(&mut self.line);
-        if !read.map_err(|e| csv_error(&self.path, e))? {
-            return Ok(None);
+        loop {
+            let read = self.reader.read_record(&mut self.line);
+            if !read.map_err(|e| csv_error(&self.path, e))? {
+                return Ok(None);
+            }
+            let is_other = self.only.as_ref().is_some_and(|(column, text)| {
+                let cell = self.places.cell(&self.line, column);
+                cell.is_some_and(|cell| cell != text)
+            });
+            if !is_other {
+                break;
+            }
         }
         let cells = CsvCells {
             places: &self.places,

@@ -206,6 +206,16 @@ record! {
     }
 }
 
+impl Row {
+    /// Its pair in words.
+    pub(super) fn origin_words(&self) -> String {
+        let seed = self.seed.map(|seed| format!("seed {seed}, "));
+        let run = self.run.as_ref().map(|run| format!("{run}, "));
+        let run = seed.or(run).unwrap_or_default();
+        format!("{run}frame {}", self.sequence)
+    }
+}
+
 record! {
     /// One cell of the obstacle grid in one pair through one algorithm.
     CellRow {

@@ -39,7 +39,8 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
         },
         MetricOrigin::Time => Some(Sample::Median(
             rows.iter()
-                .filter_map(|row| Some(row.total_us? as f64 / 1000.0))
+                .map(|row| row.total_us.map(|us| us as f64 / 1000.0))
+                .map(|ms| ms.into_iter().collect())
                 .collect(),
         )),
         MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,

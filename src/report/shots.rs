@@ -1,8 +1,12 @@
 //! The pictures of a report, chosen from those of its units.
 
 use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
-use super::units::{BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredSeal};
+use super::rows::Row;
+use super::units::{
+    BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredSeal, Units,
+};
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use svl_core::Result;
 use svl_score::judge::{Checkpoint, CheckpointTally};
 use svl_score::manifest::read_json;
@@ -82,6 +86,55 @@ fn read(stored: &StoredSeal) -> Result<Option<BlockPictures>> {
     stored.pictures().map(|path| read_json(&path)).transpose()
 }
 
+/// An image file, and the size of the image that it is of.
+pub(super) type StoredImage = (Vec<u8>, (usize, usize));
+
+/// The left images that the units of a report hold: not of all pairs.
+#[derive(Default)]
+pub(super) struct LeftImages {
+    /// Per seed, recording and number of a pair the files of pictures that show it.
+    files: BTreeMap<(Option<u64>, Option<String>, u64), PathBuf>,
+}
+
+impl LeftImages {
+    /// Those of a report's folder; none without units of this version of svl.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file.
+    pub fn find(folder: &Path) -> Result<Self> {
+        let (units, mut found) = (Units::for_report(folder), Self::default());
+        if !units.exist() || !units.are_readable() {
+            return Ok(found);
+        }
+        let sessions = units.sessions()?;
+        let plan = units.plan()?;
+        for run in plan.runs.iter().filter(|run| run.stress.is_none()) {
+            for stored in units.seals(run, &sessions, |_, _| ())? {
+                let Some(path) = stored.pictures() else {
+                    continue;
+                };
+                for sequence in read_json::<BlockPictures>(&path)?.sequences() {
+                    let key = (run.seed, run.run.clone(), sequence);
+                    found.files.insert(key, path.clone());
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// The image of the row's pair, which the report has under that name of the recording.
+    ///
+    /// # Errors
+    /// As [`LeftImages::find`].
+    pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
+        let key = (row.seed, run.map(str::to_owned), row.sequence);
+        let Some(path) = self.files.get(&key) else {
+            return Ok(None);
+        };
+        read_json::<BlockPictures>(path)?.left(row)
+    }
+}
+
 /// A pair, by the places of its run and of itself in it.
 type PlaceInRuns = (usize, u64);
 
@@ -97,7 +150,7 @@ struct ChosenPictures {
 impl ChosenPictures {
     fn new(plan: &ReportPlan) -> Result<Self> {
         Ok(Self {
-            checkpoints: plan.part("checkpoint")?.unwrap_or_default(),
+            checkpoints: plan.manifest.part("checkpoint")?.unwrap_or_default(),
             shots: BTreeMap::new(),
             samples: BTreeMap::new(),
             scenes: BTreeMap::new(),

@@ -158,10 +158,10 @@ impl Summary {
             RunKind::Distances => Some(value(a, "right")? - value(a, "wrong")?),
             _ => {
                 let value = self.value(&a.algorithm, first?, None)?;
-                Some(if first?.better == Better::Less {
-                    -value
-                } else {
-                    value
+                Some(match first?.better {
+                    Better::Less => -value,
+                    Better::Zero => -value.abs(),
+                    Better::More | Better::Neither => value,
                 })
             }
         };

@@ -131,10 +131,12 @@ fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] 
 pub enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
     Ratio(Vec<[f64; 2]>),
+    /// As a ratio; the value is its square root.
+    Root(Vec<[f64; 2]>),
     /// The value is the sum.
     Count(Vec<f64>),
-    /// The value is the median by nearest rank.
-    Median(Vec<f64>),
+    /// The numbers of each item; the value is the median of all by nearest rank.
+    Median(Vec<Vec<f64>>),
 }
 
 fn ratio([numerator, denominator]: [f64; 2]) -> Option<f64> {
@@ -145,8 +147,9 @@ impl Sample {
     /// Number of items.
     pub fn items(&self) -> usize {
         match self {
-            Self::Ratio(parts) => parts.len(),
-            Self::Count(values) | Self::Median(values) => values.len(),
+            Self::Ratio(parts) | Self::Root(parts) => parts.len(),
+            Self::Count(values) => values.len(),
+            Self::Median(values) => values.len(),
         }
     }
 
@@ -159,8 +162,11 @@ impl Sample {
     fn value(&self, ranges: &[Range<usize>]) -> Option<f64> {
         match self {
             Self::Ratio(parts) => ratio(sums(parts, ranges)),
+            Self::Root(parts) => ratio(sums(parts, ranges)).map(f64::sqrt),
             Self::Count(values) => Some(items(ranges).map(|i| values[i]).sum()),
-            Self::Median(values) => lower_median(items(ranges).map(|i| values[i])),
+            Self::Median(values) => {
+                lower_median(items(ranges).flat_map(|i| values[i].iter().copied()))
+            }
         }
     }
 
@@ -267,6 +273,16 @@ mod tests {
             .interval(&mean(&alike))
             .unwrap();
         assert!(high - low > 0.15, "{low} {high}");
+    }
+
+    #[test]
+    fn roots_and_medians_are_of_all_numbers() {
+        let root = Sample::Root(vec![[9.0, 1.0], [7.0, 3.0]]);
+        assert_eq!((root.items(), root.total()), (2, Some(2.0)));
+        // An item without a number remains one.
+        let median = Sample::Median(vec![vec![5.0, 1.0], vec![], vec![2.0]]);
+        assert_eq!((median.items(), median.total()), (3, Some(2.0)));
+        assert_eq!(Sample::Median(vec![vec![]]).total(), None);
     }
 
     #[test]

@@ -206,7 +206,7 @@ impl Goal {
         match self.objective.better {
             Better::More => self.is_maximized,
             Better::Less => !self.is_maximized,
-            Better::Neither => true,
+            Better::Zero | Better::Neither => true,
         }
     }
 }

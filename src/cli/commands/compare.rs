@@ -5,22 +5,25 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
+use svl::files;
 use svl::outputs::{Outputs, write};
-use svl::report::compare::{Change, Comparison, Judgement, ScoredRun};
+use svl::report::compare::{Change, Comparison, ComparisonPage, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{ColumnChoice, Metric, MetricUnit};
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///
 /// Every report is compared with the first, algorithm by algorithm, over the pairs of both, without
-/// stress. A change has a 95 % bootstrap interval over the pairs, drawn in blocks, as neighbouring
-/// pairs are correlated. It is called better or worse only where the interval excludes 0, and never
-/// for fewer than eight blocks or scenes. Times are shown as ratios and never called better or
-/// worse, as the machine may have been slower that day.
+/// stress. The first line is the verdict, by the headline metrics. A change has a 95 % bootstrap
+/// interval over the pairs, drawn in blocks, as neighbouring pairs are correlated. It is called
+/// better or worse only where the interval excludes 0, and never for fewer than eight blocks or
+/// scenes. Times are shown as ratios and never called better or worse, as the machine may have been
+/// slower that day.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl compare reports/before reports/after
+  svl compare reports/before reports/after -o compare.html
   svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
@@ -38,10 +41,13 @@ pub(crate) struct Args {
         value_parser = NonEmptyStringValueParser::new()
     )]
     reports: Vec<String>,
-    /// Compare the algorithm BASE of the first report with OTHER of the others [default: those of
-    /// equal names]
+    /// Compare the algorithm BASE of the first report with OTHER of the others; those of equal names
+    /// are compared, too
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
+    /// Write the page of two reports: changes, and the frames that changed most
+    #[arg(short, long, value_name = "FILE.html")]
+    output: Option<PathBuf>,
     /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
     /// not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
@@ -55,7 +61,7 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(long)]
     force: bool,
-    /// Print Markdown
+    /// Print ten lines of Markdown, for a pull request
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
     /// Print JSON
@@ -76,6 +82,7 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let outputs = claim(args)?;
     let runs = args.reports.iter().map(|text| ScoredRun::named(text));
     let mut runs = runs.collect::<Result<Vec<_>, _>>()?;
     let [base, others @ ..] = &mut runs[..] else {
@@ -100,8 +107,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         gate_cases(&comparisons, &args.fail_on)?
     };
-    if let Some(path) = &args.junit {
-        write_junit(path, &cases, args.force)?;
+    let page = match (&comparisons[..], &others[..], &args.output) {
+        ([comparison], [other], Some(path)) => {
+            Some((path, ComparisonPage::new(comparison, base, other)?.render()?))
+        }
+        _ => None,
+    };
+    // Nothing replaces an earlier page if nothing was compared.
+    if args.output.is_some() == page.is_some() {
+        write_files(args, outputs, &cases, page)?;
     }
     show(args, &comparisons, &not_compared)?;
     match &complaints(&cases)[..] {
@@ -143,16 +157,46 @@ fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<
     Ok(cases)
 }
 
-fn write_junit(path: &Path, cases: &[TestCase], force: bool) -> anyhow::Result<()> {
-    if path.extension().is_none_or(|extension| extension != "xml") {
-        return Err(usage::wrong(format!(
-            "{}: must end in .xml",
-            path.display()
-        )));
+/// Claims the page and the file of the cases.
+fn claim(args: &Args) -> anyhow::Result<Outputs> {
+    for (path, ending) in [(&args.output, "html"), (&args.junit, "xml")] {
+        if let Some(path) = path.as_ref().filter(|path| !files::has_ending(path, ending)) {
+            let words = format!("{}: must end in .{ending}", path.display());
+            return Err(usage::wrong(words));
+        }
     }
-    let mut outputs = Outputs::claim(force, [], [path])?;
+    if args.output.is_some() && args.reports.len() != 2 {
+        let words = "-o: the page is of two reports; call svl once for each other report";
+        return Err(usage::wrong(words));
+    }
+    let outputs = [&args.output, &args.junit].into_iter().flatten();
+    if let Some(path) = outputs.clone().find(|path| is_in_report(path)) {
+        let words = "is in the folder of a report, whose files svl replaces; name another place";
+        return Err(usage::wrong(format!("{}: {words}", path.display())));
+    }
+    Ok(Outputs::claim(args.force, [], outputs.map(PathBuf::as_path))?)
+}
+
+/// True for a file in the folder of a report.
+fn is_in_report(file: &Path) -> bool {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    folder.join("manifest.json").is_file()
+}
+
+/// Writes the cases and the page, where they are asked for.
+fn write_files(
+    args: &Args,
+    mut outputs: Outputs,
+    cases: &[TestCase],
+    page: Option<(&PathBuf, String)>,
+) -> anyhow::Result<()> {
     outputs.set_aside()?;
-    write(path, junit("svl compare", cases))?;
+    if let Some(path) = &args.junit {
+        write(path, junit("svl compare", cases))?;
+    }
+    if let Some((path, page)) = page {
+        write(path, page)?;
+    }
     outputs.commit();
     Ok(())
 }
@@ -162,7 +206,7 @@ fn show(args: &Args, comparisons: &[Comparison], not_compared: &[String]) -> any
     let joined = |text: &dyn Fn(&Comparison) -> String| {
         let reasons = not_compared
             .iter()
-            .map(|why| format!("not compared: {why}\n"));
+            .map(|why| format!("not comparable: {why}\n"));
         let parts: Vec<_> = reasons.chain(comparisons.iter().map(text)).collect();
         parts.join("\n")
     };
@@ -176,7 +220,11 @@ fn show(args: &Args, comparisons: &[Comparison], not_compared: &[String]) -> any
     } else {
         let columns = args.columns.clone().unwrap_or_default();
         let style = style();
-        print(&joined(&|comparison| comparison.terminal(&columns, style)))
+        let mut text = joined(&|comparison| comparison.terminal(&columns, style));
+        if let Some(path) = &args.output {
+            text += &format!("page   {}\n", path.display());
+        }
+        print(&text)
     }
 }
 

@@ -1,18 +1,26 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
+mod conclusion;
+mod frames;
+mod matched;
+mod page;
 mod scored_run;
 mod text;
 
+use super::accuracy::RangeErrors;
 use super::rows::Row;
+pub use conclusion::Conclusion;
+use matched::MatchedLabels;
 pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
+pub use page::ComparisonPage;
 pub use scored_run::ScoredRun;
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_score::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
-use svl_score::judge::{Better, METRICS, Metric, MetricUnit};
+use svl_score::judge::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
 pub use text::change_table;
 pub use text::signed;
@@ -42,6 +50,12 @@ pub struct Comparison {
     /// Algorithms that only one run has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
+    /// Algorithms of both runs that are not compared as the user mapped others to their namesakes.
+    pub left_out: Vec<String>,
+    /// Algorithms that only one run has, but the other with other parameters: `BASE=OTHER`.
+    pub proposed_maps: Vec<String>,
+    /// Folders without a table of cells, whose errors of distances are not compared.
+    pub without_cells: Vec<PathBuf>,
 }
 
 /// The program and the machine that made a report.
@@ -85,7 +99,8 @@ pub struct Change {
     pub metric: &'static Metric,
     pub base: f64,
     pub other: f64,
-    /// `other - base`; of times `other / base`.
+    /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
+    /// magnitude.
     pub difference: f64,
     /// 95 % bootstrap interval of the difference.
     pub interval: Option<Interval>,
@@ -113,6 +128,8 @@ pub enum Judgement {
     Worse,
     /// The interval excludes 0, but neither direction is better.
     Differs,
+    /// Times, which vary with the machine, and metrics of reports that were scored differently.
+    Unjudged,
 }
 
 impl ReportOrigin {
@@ -135,8 +152,8 @@ impl ReportOrigin {
 }
 
 impl Comparison {
-    /// Compares the algorithms of equal labels; where each run has just one, these two; and those
-    /// that `map` names, as `BASE=OTHER`.
+    /// Compares the algorithms that `map` names, as `BASE=OTHER`, and of the others those of equal
+    /// labels; without a map, where each run has just one, these two.
     ///
     /// # Errors
     /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
@@ -150,20 +167,15 @@ impl Comparison {
                 driven.folder.display()
             )));
         }
-        let (ours, theirs) = (base.labels(), other.labels());
-        let shared = shared_labels(&ours, &theirs, map)?;
+        let matched = MatchedLabels::new(&base.manifest, &other.manifest, map)?;
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
-        if shared.is_empty() {
-            let (ours, theirs) = (ours.join(", "), theirs.join(", "));
-            return Err(Error::Incomplete(format!(
-                "{}: no algorithm in common ({ours}; {theirs})",
-                shown()
-            )));
+        if matched.both.is_empty() {
+            let words = matched.none_words();
+            return Err(Error::Incomplete(format!("{}: {words}", shown())));
         }
-        let algorithms: Vec<_> = shared
-            .iter()
-            .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
-            .collect();
+        let algorithms = matched.both.iter();
+        let algorithms = algorithms.map(|labels| AlgorithmChange::from_runs(base, other, *labels));
+        let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         if algorithms
             .iter()
             .all(|a| a.pairs == 0 && a.newly_failed == 0)
@@ -175,19 +187,6 @@ impl Comparison {
                 shown()
             )));
         }
-        let both: Vec<_> = ours
-            .iter()
-            .filter(|label| theirs.contains(label))
-            .copied()
-            .collect();
-        let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
-            let taken: Vec<_> = shared.iter().map(side).collect();
-            labels
-                .iter()
-                .filter(|label| !taken.contains(&(**label).to_owned()) && !both.contains(label))
-                .map(|l| (*l).to_owned())
-                .collect()
-        };
         let mut comparison = Self {
             base: base.folder.clone(),
             other: other.folder.clone(),
@@ -205,8 +204,15 @@ impl Comparison {
                 .map(|algorithm| algorithm.changes().count())
                 .sum(),
             algorithms,
-            only_in_base: left(&ours, |pair| pair.0.to_owned()),
-            only_in_other: left(&theirs, |pair| pair.1.to_owned()),
+            proposed_maps: matched.proposed_maps(),
+            only_in_base: matched.only_in_base,
+            only_in_other: matched.only_in_other,
+            left_out: matched.left_out,
+            without_cells: [base, other]
+                .into_iter()
+                .filter(|run| !run.has_cells())
+                .map(|run| run.folder.clone())
+                .collect(),
         };
         if !comparison.is_judged() {
             let algorithms = &mut comparison.algorithms;
@@ -231,26 +237,10 @@ impl Comparison {
     }
 }
 
-/// The labels of `BASE=OTHER`, either of which may hold `=`.
-fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str, &'a str)> {
-    let splits = text
-        .match_indices('=')
-        .map(|(i, _)| (&text[..i], &text[i + 1..]));
-    let find = |labels: &[&'a str], label| labels.iter().find(|l| **l == label).copied();
-    let mut found = splits.filter_map(|(a, b)| Some((find(ours, a)?, find(theirs, b)?)));
-    found.next().ok_or_else(|| {
-        let (ours, theirs) = (ours.join(", "), theirs.join(", "));
-        Error::Invalid(format!(
-            "--map {text}: expected BASE=OTHER, an algorithm of the first report ({ours}) and one \
-             of the other ({theirs})"
-        ))
-    })
-}
-
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
-    changes_over(base, other, &resamples(base))
+    changes_over([base, other], None, &resamples(base))
 }
 
 /// The runs whose pairs both reports have completely: checkpoint tables hold sums only. `common`
@@ -264,38 +254,26 @@ fn complete_runs<'a>(common: [&[&'a Row]; 2], all: [&[&'a Row]; 2]) -> Vec<RunKe
     runs
 }
 
-fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Change> {
+/// `errors`: those of distances in the pairs of both, if both have cells.
+fn changes_over(
+    rows: [&[&Row]; 2],
+    errors: Option<&[Vec<RangeErrors>; 2]>,
+    resamples: &Resamples,
+) -> Vec<Change> {
     // Metrics that no pair has, and checkpoints, have no sample.
     let change = |metric: &'static Metric| {
-        let samples = [base, other].map(|rows| sample(metric, rows));
+        let samples = match metric.origin {
+            MetricOrigin::Cells { number, .. } => errors?
+                .each_ref()
+                .map(|pairs| Some(RangeErrors::sample(number, pairs))),
+            _ => rows.map(|rows| sample(metric, rows)),
+        };
         let [Some(a), Some(b)] = samples else {
             return None;
         };
         Change::from_samples(metric, &a, &b, resamples)
     };
     METRICS.iter().filter_map(change).collect()
-}
-
-/// The labels of the algorithms that are compared; `map`: those that the user named.
-fn shared_labels<'a>(
-    ours: &[&'a str],
-    theirs: &[&'a str],
-    map: &[String],
-) -> Result<Vec<(&'a str, &'a str)>> {
-    let mapped = map.iter().map(|text| pair(text, ours, theirs));
-    let mapped = mapped.collect::<Result<Vec<_>>>()?;
-    Ok(match (ours, theirs) {
-        _ if !mapped.is_empty() => mapped,
-        // With one algorithm each, two different algorithms can be compared: v1 with v3.
-        ([one], [another]) => vec![(*one, *another)],
-        // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
-        // their parameters are equal.
-        _ => ours
-            .iter()
-            .filter(|label| theirs.contains(label))
-            .map(|label| (*label, *label))
-            .collect(),
-    })
 }
 
 /// The differences of the two scenarios, and of the inputs of common pairs.
@@ -337,15 +315,13 @@ impl AlgorithmChange {
         }))
     }
 
-    fn from_runs(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
+    fn from_runs(
+        base: &ScoredRun,
+        other: &ScoredRun,
+        (label, other_label): (&str, &str),
+    ) -> Result<Self> {
         let (ours, theirs) = (base.rows(label), other.rows(other_label));
-        let pairs: Vec<_> = ours
-            .iter()
-            .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)))
-            // Equal numbers are not enough: another seed or version of the arena renders other
-            // pixels.
-            .filter(|(a, b)| a.pair_hash == b.pair_hash)
-            .collect();
+        let pairs = common_pairs(&ours, &theirs);
         let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
         let all = [&ours, &theirs].map(|rows| rows.values().copied().collect::<Vec<_>>());
         let runs = complete_runs([&a, &b], [&all[0], &all[1]]);
@@ -355,7 +331,12 @@ impl AlgorithmChange {
             .iter()
             .filter(|(a, b)| a.result_hash == b.result_hash)
             .count();
-        let mut metrics = changes_over(&a, &b, &resamples);
+        let has_cells = base.has_cells() && other.has_cells();
+        let errors = match has_cells {
+            true => Some([base.pair_errors(label, &a)?, other.pair_errors(other_label, &b)?]),
+            false => None,
+        };
+        let mut metrics = changes_over([&a, &b], errors.as_ref(), &resamples);
         if !are_times_comparable(base, other, &pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
@@ -378,7 +359,7 @@ impl AlgorithmChange {
                 .map(|checkpoint| &mut checkpoint.change);
             changes.for_each(Change::withdraw_equal);
         }
-        Self {
+        Ok(Self {
             algorithm: label.to_owned(),
             other_algorithm: other_label.to_owned(),
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
@@ -393,8 +374,20 @@ impl AlgorithmChange {
             blocks: resamples.blocks(),
             metrics,
             checkpoints,
-        }
+        })
     }
+}
+
+/// The rows of the pairs that both have: equal numbers are not enough, as another seed or version of
+/// the arena renders other pixels.
+fn common_pairs<'a, K: Ord>(
+    ours: &BTreeMap<K, &'a Row>,
+    theirs: &BTreeMap<K, &'a Row>,
+) -> Vec<(&'a Row, &'a Row)> {
+    let both = ours
+        .iter()
+        .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)));
+    both.filter(|(a, b)| a.pair_hash == b.pair_hash).collect()
 }
 
 /// True for times of two reports, and within a report only where one session has both.
@@ -415,11 +408,11 @@ impl Change {
         other: &Sample,
         resamples: &Resamples,
     ) -> Option<Self> {
-        // Times scale with the machine, so their change is a factor.
-        let difference: fn(f64, f64) -> f64 = if metric.unit == MetricUnit::Ms {
-            |a, b| b / a
-        } else {
-            |a, b| b - a
+        let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
+            // Times scale with the machine, so their change is a factor.
+            (MetricUnit::Ms, _) => |a, b| b / a,
+            (_, Better::Zero) => |a, b| b.abs() - a.abs(),
+            _ => |a, b| b - a,
         };
         let (a, b) = (base.total()?, other.total()?);
         let interval = Sample::interval_between(base, other, difference, resamples);
@@ -441,7 +434,7 @@ impl Change {
     /// Withdraws better and worse: the two runs have different scenarios.
     fn withdraw(&mut self) {
         if self.judgement != Judgement::Equal {
-            self.judgement = Judgement::Unclear;
+            self.judgement = Judgement::Unjudged;
         }
     }
 
@@ -462,11 +455,11 @@ impl Change {
             _ if base == other => Judgement::Equal,
             // All pairs of a run are of one moment: their spread does not include how the machine
             // varies between runs.
-            _ if metric.unit == MetricUnit::Ms => Judgement::Unclear,
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unjudged,
             Some((low, high)) if low > 0.0 || high < 0.0 => {
                 match (metric.better, difference > 0.0) {
                     (Better::Neither, _) => Judgement::Differs,
-                    (Better::More, true) | (Better::Less, false) => Judgement::Better,
+                    (Better::More, true) | (Better::Less | Better::Zero, false) => Judgement::Better,
                     _ => Judgement::Worse,
                 }
             }

@@ -1,19 +1,24 @@
 //! A report that is compared, read from its folder.
 
+use crate::accuracy::{AccuracyTally, RangeErrors};
+use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::DriveRow;
-use crate::read_rows;
-use crate::rows::{CheckpointRow, FailureRow, Row};
+use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::samples::{RunKey, run_key};
+use crate::shots::LeftImages;
 use crate::sources::Sources;
 use serde::Deserialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_score::manifest::{Manifest, read_json};
 
 /// A report of `svl score`, read from its folder.
 pub struct ScoredRun {
+    /// As the user named it.
     pub folder: PathBuf,
+    /// The folder itself.
+    report: PathBuf,
     pub manifest: Manifest,
     /// Reason why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
@@ -23,7 +28,14 @@ pub struct ScoredRun {
     pub(super) failures: Vec<FailureRow>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
+    /// The names of its recordings by those that it is compared under.
+    own_names: BTreeMap<String, String>,
+    /// Its table of cells, if it is there.
+    cells: Option<PathBuf>,
 }
+
+/// Seed and recording of a pair, and its number there.
+pub(super) type PairKey<'a> = (RunKey<'a>, u64);
 
 /// The part of `summary.json` that is read.
 #[derive(Deserialize)]
@@ -67,7 +79,9 @@ impl ScoredRun {
         }
         let manifest = Manifest::read(folder)?;
         let sources = Sources::read(folder).unwrap_or_default();
-        if let Some(table) = sources.changed(folder, false) {
+        // The largest table may have been removed.
+        let cells = Some(folder.join("cells.csv")).filter(|path| path.is_file());
+        if let Some(table) = sources.changed(folder, cells.is_some()) {
             let shown = folder.display();
             return Err(Error::Invalid(format!(
                 "{shown}/{table}: was changed after the report was made; `svl report {shown}` \
@@ -99,12 +113,15 @@ impl ScoredRun {
         checkpoints.retain(|row| row.stress.is_none());
         Ok(Self {
             folder: folder.to_owned(),
+            report: folder.to_owned(),
             manifest,
             incomplete,
             rows,
             failures,
             checkpoints,
             drives,
+            own_names: BTreeMap::new(),
+            cells,
         })
     }
 
@@ -137,6 +154,7 @@ impl ScoredRun {
         if all.len() < own.len() {
             return;
         }
+        self.own_names = own.iter().map(|own| (new(own), own.clone())).collect();
         let rows = self.rows.iter_mut().map(|row| &mut row.run);
         let failures = self.failures.iter_mut().map(|row| &mut row.run);
         let checkpoints = self.checkpoints.iter_mut().map(|row| &mut row.run);
@@ -157,6 +175,74 @@ impl ScoredRun {
 
     pub(super) fn all_rows(&self) -> Vec<&Row> {
         self.rows.iter().collect()
+    }
+
+    /// True if it has a table of cells.
+    pub(super) fn has_cells(&self) -> bool {
+        self.cells.is_some()
+    }
+
+    /// The left images that its folder holds.
+    pub(super) fn left_images(&self) -> Result<LeftImages> {
+        LeftImages::find(&self.report)
+    }
+
+    /// The key of a row's pair in the tables of its folder, where recordings have their own names.
+    pub(super) fn own_key<'a>(&'a self, row: &'a Row) -> PairKey<'a> {
+        let own = |run: &'a String| self.own_names.get(run).unwrap_or(run).as_str();
+        ((row.seed, row.run.as_ref().map(own)), row.sequence)
+    }
+
+    /// Hands on the cells of an algorithm pair by pair, in the order of its table.
+    pub(super) fn each_pair_of_cells(
+        &self,
+        label: &str,
+        mut take: impl FnMut(PairKey<'_>, &[CellRow]),
+    ) -> Result<()> {
+        let Some(path) = &self.cells else {
+            return Ok(());
+        };
+        fn key(cell: &CellRow) -> PairKey<'_> {
+            ((cell.seed, cell.run.as_deref()), cell.sequence)
+        }
+        let mut pair: Vec<CellRow> = Vec::new();
+        for cell in RowReader::<CellRow>::open(path)?.only("algorithm", label) {
+            let cell = cell?;
+            if cell.stress.is_some() {
+                continue;
+            }
+            if pair.first().is_some_and(|first| key(first) != key(&cell)) {
+                take(key(&pair[0]), &pair);
+                pair.clear();
+            }
+            pair.push(cell);
+        }
+        if let Some(first) = pair.first() {
+            take(key(first), &pair);
+        }
+        Ok(())
+    }
+
+    /// The errors of distances in these pairs, in their order.
+    pub(super) fn pair_errors(&self, label: &str, pairs: &[&Row]) -> Result<Vec<RangeErrors>> {
+        let places = pairs.iter().enumerate();
+        let places = places.map(|(i, row)| (self.own_key(row), (i, row.stamp_ns)));
+        let places: HashMap<_, _> = places.collect();
+        let mut errors = Vec::new();
+        errors.resize_with(pairs.len(), RangeErrors::default);
+        let rule = self.manifest.part("cells")?.unwrap_or_default();
+        let (mut tally, mut last_run) = (AccuracyTally::new(rule), None);
+        self.each_pair_of_cells(label, |(run, sequence), cells| {
+            let Some(&(i, stamp_ns)) = places.get(&(run, sequence)) else {
+                return;
+            };
+            let (own, _) = self.own_key(pairs[i]);
+            if last_run.replace(own) != Some(own) {
+                tally.begin_run();
+            }
+            errors[i] = tally.take_pair(stamp_ns, cells);
+        })?;
+        Ok(errors)
     }
 
     /// True if its times are of one machine.

@@ -1,5 +1,6 @@
 //! A comparison on the terminal and as Markdown.
 
+use super::matched::map_options;
 use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
 use crate::summary::caution;
 use crate::table::{NONE, Table, TableCell, TableColumn, TerminalStyle, escape, wrapped};
@@ -8,15 +9,19 @@ use svl_core::counted;
 use svl_score::bootstrap::Interval;
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
 
-/// Limit of the metrics that the answer lists of each kind.
-const MAX_LISTED: usize = 3;
+/// Limit of the metrics that are listed as worse besides the headline.
+const MAX_BESIDES: usize = 3;
+/// Limit of the changes in Markdown, with the line of what is not compared.
+const MAX_LINES: usize = 4;
 
 impl Comparison {
-    /// Parts that are not compared, the origins of the two, a row for each algorithm or the table
-    /// of a single one; tables of all if `columns` is all.
+    /// The verdict, parts that are not compared, the origins of the two, a row for each algorithm or
+    /// the table of a single one; tables of all if `columns` is all.
     pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
         let fit = |line: String| wrapped(&line, 7, style.width);
-        let mut text: String = self.head().into_iter().map(fit).collect();
+        let lines = [self.verdict()].into_iter();
+        let lines = lines.chain(self.not_compared()).chain(self.origin_lines());
+        let mut text: String = lines.chain(self.cautions()).map(fit).collect();
         let is_all = *columns == ColumnChoice::All;
         if self.algorithms.len() > 1 && !is_all {
             let table = self.overview(columns).terminal(style);
@@ -28,27 +33,25 @@ impl Comparison {
                     2,
                     style.width,
                 );
-                let table = change_table(["base", "other"], algorithm.shown(columns).into_iter());
+                let table = change_table(["before", "after"], algorithm.shown(columns).into_iter());
                 text.push_str(&format!("\n{head}{}\n", table.terminal(style)));
             }
         }
-        let besides = self
-            .algorithms
-            .iter()
-            .flat_map(|algorithm| algorithm.worse_besides(columns));
-        for line in besides {
-            text.push_str(&wrapped(&line, 2, style.width));
+        if *columns == ColumnChoice::Headline {
+            let besides = self.algorithms.iter();
+            let besides = besides.filter_map(AlgorithmChange::besides_words);
+            text.extend(besides.map(|line| wrapped(&line, 2, style.width)));
         }
         match self.algorithms.len() {
             _ if is_all => {}
-            1 => text.push_str("more   --columns all, --json\n"),
-            _ => text.push_str("more   REPORT#ALGORITHM for intervals, --columns all, --json\n"),
+            1 => text.push_str("more   -o FILE.html, --columns all, --json\n"),
+            _ => text.push_str("more   REPORT#ALGORITHM for intervals, -o FILE.html, --json\n"),
         }
         text
     }
 
     /// The changes of the algorithms, a row each.
-    fn overview(&self, columns: &ColumnChoice) -> Table {
+    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
         let has = |metric: &&Metric| {
             let mut changes = self
                 .algorithms
@@ -90,99 +93,104 @@ impl Comparison {
         table
     }
 
-    /// The answer in a sentence: the headline metrics that became worse and better.
-    fn answer(&self) -> Option<String> {
-        let shown = self.algorithms.iter().flat_map(|algorithm| {
-            let shown = algorithm.shown(&ColumnChoice::Headline).into_iter();
-            shown.map(|(name, change)| (format!("{} {name}", algorithm.title()), change))
-        });
-        let is_ranked = |change: &Change| {
-            change.metric.better != Better::Neither && change.metric.unit != MetricUnit::Ms
-        };
-        let changes: Vec<_> = shown.filter(|(_, change)| is_ranked(change)).collect();
-        if changes.is_empty() || !self.differences.is_empty() {
-            return None;
-        }
-        let among_all = format!("of {}", counted(changes.len() as u64, "headline metric"));
-        let listed = |(judgement, word): (Judgement, &str)| {
-            let found = changes
-                .iter()
-                .filter(|(_, change)| change.judgement == judgement);
-            let mut words: Vec<_> = found
-                .map(|(name, change)| {
-                    format!("{name} {}", signed(change.metric, change.difference))
-                })
-                .collect();
-            let count = words.len();
-            if count > MAX_LISTED {
-                words.truncate(MAX_LISTED);
-                words.push(format!("{} more", count - MAX_LISTED));
-            }
-            let listed = match self.algorithms.len() {
-                1 => String::new(),
-                _ => format!(" ({})", words.join(", ")),
-            };
-            (count > 0).then(|| format!("{word} in {count}{listed}"))
-        };
-        let parts = [(Judgement::Worse, "worse"), (Judgement::Better, "better")];
-        let parts: Vec<_> = parts.into_iter().filter_map(listed).collect();
-        let [base, other] = [&self.base, &self.other].map(|folder| folder.display());
-        let mut unequal = changes
-            .iter()
-            .filter(|(_, change)| change.judgement != Judgement::Equal)
-            .peekable();
-        Some(if !parts.is_empty() {
-            format!("{other} is {} {among_all}.", parts.join(" and "))
-        } else if unequal.peek().is_none() {
-            format!("{other} equals {base} in each {among_all}.")
-        } else if unequal.all(|(_, change)| change.interval.is_none()) {
-            format!("{other} and {base}: too few pairs to tell; score more pairs.")
-        } else {
-            format!("{other} and {base}: no significant difference in any {among_all}.")
-        })
-    }
-
-    /// The same as Markdown, for a pull request.
+    /// The verdict, the changes that matter most, and the two reports: at most ten lines of
+    /// Markdown, for a pull request.
     pub fn markdown(&self) -> String {
-        let (base, other) = (self.base.display(), self.other.display());
-        let mut page = format!("### {}: `{base}` → `{other}`\n\n", self.scenario);
-        for line in self.head() {
-            page.push_str(&format!("{line}  \n"));
+        let conclusion = self.conclusion();
+        let reason = escape(&self.verdict_reason(conclusion));
+        let mut page = format!("**{}**: {reason}", conclusion.word());
+        let not_compared: Vec<_> = self.not_compared().collect();
+        let mut lines = MAX_LINES;
+        if !not_compared.is_empty() {
+            page.push_str(&format!("  \n{}", escape(&not_compared.join("; "))));
+            lines -= 1;
         }
-        for algorithm in &self.algorithms {
-            let (title, extent) = (escape(&algorithm.title()), escape(&algorithm.extent()));
-            let table = change_table(["base", "other"], algorithm.changes()).markdown();
-            page.push_str(&format!("\n**{title}**: {extent}\n\n{table}"));
-        }
+        let changes = self.leading_changes(lines);
+        let table = change_table(["before", "after"], changes.into_iter()).markdown();
+        page.push_str(&format!("\n\n{table}\n{}\n", self.footer()));
         page
     }
 
-    /// Algorithms and pairs that are not compared, a line each report and each algorithm.
-    fn not_compared(&self) -> impl Iterator<Item = String> {
+    /// The headline's changes that are worse, then those that are better, then what is worse
+    /// besides, then the others.
+    fn leading_changes(&self, count: usize) -> Vec<(String, &Change)> {
+        let headline = || self.named_changes(&ColumnChoice::Headline).into_iter();
+        let of_judgement = |judgement| {
+            headline().filter(move |(_, change): &(String, &Change)| change.judgement == judgement)
+        };
+        let besides = self.algorithms.iter().flat_map(|algorithm| {
+            let besides = algorithm.worse_besides().into_iter();
+            besides.map(|(name, change)| (self.name(algorithm, &name), change))
+        });
+        let is_rest = |(_, change): &(String, &Change)| {
+            !matches!(change.judgement, Judgement::Worse | Judgement::Better)
+        };
+        let worse = of_judgement(Judgement::Worse).chain(of_judgement(Judgement::Better));
+        let all = worse.chain(besides).chain(headline().filter(is_rest));
+        all.take(count).collect()
+    }
+
+    /// The name of a change, with that of its algorithm where there are several.
+    pub(super) fn name(&self, algorithm: &AlgorithmChange, name: &str) -> String {
+        match self.algorithms.len() {
+            1 => name.to_owned(),
+            _ => format!("{}: {name}", algorithm.title()),
+        }
+    }
+
+    /// Where the numbers of the Markdown are of, in a line.
+    fn footer(&self) -> String {
+        let (base, other) = (self.base.display(), self.other.display());
+        let count = |judgement| {
+            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
+            changes.filter(|(_, change)| change.judgement == judgement).count()
+        };
+        let (better, worse) = (count(Judgement::Better), count(Judgement::Worse));
+        let scenario = escape(&self.scenario);
+        let counts = format!("{better} better and {worse} worse of {} metrics", self.tested);
+        let cautions: String = self.cautions().map(|line| format!(". {}", escape(&line))).collect();
+        format!(
+            "{scenario}, `{base}` → `{other}`: {counts}; `svl compare {base} {other} -o \
+             compare.html` shows frames{cautions}"
+        )
+    }
+
+    /// Algorithms and pairs that are not compared, each with the reason.
+    pub(super) fn not_compared(&self) -> impl Iterator<Item = String> {
         let sides = [
             (&self.only_in_base, &self.base),
             (&self.only_in_other, &self.other),
         ];
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
         let alone = sides.map(|(labels, folder)| {
+            format!("{}, only in {}", labels.join(", "), folder.display())
+        });
+        let left_out = (!self.left_out.is_empty())
+            .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
+        let cells = self.without_cells.iter().map(|folder| {
             let folder = folder.display();
-            format!("not compared: {}, only in {folder}", labels.join(", "))
+            format!("errors of distances: {folder} has no cells.csv; `svl report {folder}` makes it")
+        });
+        let lines = alone.chain(left_out).chain(cells);
+        let lines = lines.map(|words| format!("not compared: {words}"));
+        let cure = (!self.proposed_maps.is_empty()).then(|| {
+            let options = map_options(&self.proposed_maps);
+            format!("{options} compares them with their other parameters")
         });
         let algorithms = self.algorithms.iter();
-        alone.chain(algorithms.filter_map(AlgorithmChange::missing))
+        lines.chain(cure).chain(algorithms.filter_map(AlgorithmChange::missing))
     }
 
-    /// Parts that are not compared, origin of the two reports, and the reasons why nothing is
-    /// called better or worse.
-    fn head(&self) -> Vec<String> {
-        let mut lines: Vec<_> = self.not_compared().collect();
-        let sides = [("base ", &self.base), ("other", &self.other)];
+    /// The origins of the two reports.
+    fn origin_lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let sides = [("before", &self.base), ("after ", &self.other)];
         let [base, other] = &self.origins;
         let is_one = base == other;
         for (((name, folder), truths), origin) in sides.iter().zip(&self.truths).zip(&self.origins)
         {
             let caution = caution(truths).map_or_else(String::new, |words| format!(": {words}"));
-            lines.push(format!("{name}  {}{caution}", folder.display()));
+            lines.push(format!("{name} {}{caution}", folder.display()));
             if !is_one {
                 lines.push(format!("       {origin}"));
             }
@@ -190,6 +198,12 @@ impl Comparison {
         if is_one {
             lines.push(format!("both   {base}"));
         }
+        lines
+    }
+
+    /// What else bears on the verdict: other machines, incomplete reports.
+    pub(super) fn cautions(&self) -> impl Iterator<Item = String> {
+        let [base, other] = &self.origins;
         let differs = [
             ("svl", base.svl != other.svl),
             ("CPU", base.processor != other.processor),
@@ -198,24 +212,14 @@ impl Comparison {
             ("the timed work", base.times != other.times),
         ];
         let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
-        if !differs.is_empty() {
+        let times = (!differs.is_empty()).then(|| {
             let what = differs.join(", ");
-            lines.push(format!(
-                "Different: {what}; ratios of times are of that, too."
-            ));
-        }
+            format!("Different: {what}; ratios of times are of that, too.")
+        });
         let incomplete = self.incomplete.iter();
-        lines.extend(
-            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display())),
-        );
-        if !self.differences.is_empty() {
-            let differences = self.differences.join("; ");
-            lines.push(format!(
-                "Scored differently ({differences}): nothing is called better or worse."
-            ));
-        }
-        lines.extend(self.answer());
-        lines
+        let incomplete =
+            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
+        incomplete.chain(times)
     }
 }
 
@@ -237,28 +241,38 @@ impl AlgorithmChange {
     }
 
     /// The changes of these columns; of checkpoints where their column is one.
-    fn shown(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
+    pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
         let metrics = columns.metrics(self.kind());
         let is_shown = |(_, change): &(String, &Change)| metrics.contains(&change.metric);
         self.changes().filter(is_shown).collect()
     }
 
-    /// The headline does not show what else became worse.
-    fn worse_besides(&self, columns: &ColumnChoice) -> Option<String> {
-        let metrics = columns.metrics(self.kind());
-        let worse = self.metrics.iter().filter(|change| {
-            change.judgement == Judgement::Worse && !metrics.contains(&change.metric)
-        });
-        let words = |change: &Change| {
-            format!(
-                "{} {}",
-                change.metric.words,
-                signed(change.metric, change.difference)
-            )
+    /// What became worse and is not in the headline, the surest change first.
+    pub(super) fn worse_besides(&self) -> Vec<(String, &Change)> {
+        let metrics = ColumnChoice::Headline.metrics(self.kind());
+        let mut worse: Vec<_> = self
+            .changes()
+            .filter(|(_, change)| {
+                change.judgement == Judgement::Worse && !metrics.contains(&change.metric)
+            })
+            .collect();
+        // Stable: of equally sure ones the first.
+        worse.sort_by(|(_, a), (_, b)| b.certainty().total_cmp(&a.certainty()));
+        worse
+    }
+
+    fn besides_words(&self) -> Option<String> {
+        let worse = self.worse_besides();
+        let shown = worse.iter().take(MAX_BESIDES);
+        let shown: Vec<_> = shown
+            .map(|(name, change)| format!("{name} {}", signed(change.metric, change.difference)))
+            .collect();
+        let more = match worse.len().saturating_sub(MAX_BESIDES) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
         };
-        let words: Vec<_> = worse.map(words).collect();
-        let is_shown = *columns == ColumnChoice::Headline && !words.is_empty();
-        is_shown.then(|| format!("{}: WORSE besides: {}", self.title(), words.join(", ")))
+        let words = shown.join(", ");
+        (!worse.is_empty()).then(|| format!("{}: WORSE besides: {words}{more}", self.title()))
     }
 
     /// Pairs that the second run alone failed on, in words.
@@ -268,7 +282,7 @@ impl AlgorithmChange {
     }
 
     /// The pairs that are compared.
-    fn extent(&self) -> String {
+    pub(super) fn extent(&self) -> String {
         let pairs = counted(self.pairs, "pair");
         format!("{pairs}, {} with equal results", self.equal_results)
     }
@@ -287,6 +301,32 @@ impl AlgorithmChange {
 }
 
 impl Change {
+    /// The values and the difference.
+    pub(super) fn words(&self) -> String {
+        let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
+        format!("{base} → {other} ({})", signed(self.metric, self.difference))
+    }
+
+    /// The difference in widths of its interval.
+    fn certainty(&self) -> f64 {
+        let width = self.interval.map_or(f64::INFINITY, |(low, high)| high - low);
+        self.difference.abs() / width
+    }
+
+    /// The answer to whether the change is real.
+    fn is_real_words(&self) -> &'static str {
+        match (self.judgement, self.interval, self.metric.origin) {
+            (Judgement::Equal, ..) => "equal",
+            (Judgement::Better, ..) => "yes, better",
+            (Judgement::Worse, ..) => "yes, WORSE",
+            (Judgement::Differs, ..) => "yes, differs",
+            (Judgement::Unjudged, ..) => "not tested",
+            (Judgement::Unclear, Some(_), _) => "no",
+            (Judgement::Unclear, None, MetricOrigin::Checkpoints) => "too few frames",
+            (Judgement::Unclear, None, _) => "too few pairs",
+        }
+    }
+
     /// The difference and its name.
     fn cell(&self) -> TableCell {
         let number = unitless(self.metric, self.difference);
@@ -304,25 +344,21 @@ pub fn change_table<'a>(
     changes: impl Iterator<Item = (String, &'a Change)>,
 ) -> Table {
     let table = Table::new("", "metric").with_columns(heads.into_iter().chain(["change"]));
-    let mut table = table.with_texts(["95 % interval", "result"]);
+    let mut table = table.with_texts(["95 % interval", "real?"]);
     for (name, change) in changes {
         let metric = change.metric;
         let [base, other] = [change.base, change.other].map(|value| metric.show(value));
         let interval = change.interval.map(|interval| between(metric, interval));
-        let too_few = match metric.origin {
-            MetricOrigin::Checkpoints => "too few frames",
-            _ => "too few pairs",
-        };
-        let interval = interval.unwrap_or_else(|| too_few.to_owned());
+        let interval = interval.unwrap_or_else(|| NONE.to_owned());
         let difference = signed(metric, change.difference);
         let cells = [name, base, other, difference, interval];
-        let result = verdict(change.judgement).to_owned();
-        let result = match change.judgement {
-            Judgement::Worse => TableCell::Alert(result),
-            _ => TableCell::Text(result),
+        let real = change.is_real_words().to_owned();
+        let real = match change.judgement {
+            Judgement::Worse => TableCell::Alert(real),
+            _ => TableCell::Text(real),
         };
         let cells = cells.into_iter().map(TableCell::Text);
-        table.rows.push(cells.chain([result]).collect());
+        table.rows.push(cells.chain([real]).collect());
     }
     table.remove_empty_columns();
     table
@@ -342,18 +378,20 @@ fn unitless(metric: &Metric, difference: f64) -> String {
 /// A difference with its sign; of times a ratio.
 pub fn signed(metric: &Metric, v: f64) -> String {
     // Rounded first, as a small negative value would be shown as -0.0.
-    let is_negative = v < 0.0 && !metric.show(-v).starts_with("0.0 ");
+    let shown = metric.show(v.abs());
+    let number = shown.split(' ').next().and_then(|number| number.parse().ok());
+    let is_negative = v < 0.0 && number != Some(0.0);
     match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),
-        _ if is_negative => format!("-{}", metric.show(v.abs())),
-        _ => format!("+{}", metric.show(v.abs())),
+        _ if is_negative => format!("-{shown}"),
+        _ => format!("+{shown}"),
     }
 }
 
 /// A word for the result; none without a difference.
 fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
-        Judgement::Unclear => "",
+        Judgement::Unclear | Judgement::Unjudged => "",
         Judgement::Equal => "equal",
         Judgement::Better => "better",
         Judgement::Worse => "WORSE",

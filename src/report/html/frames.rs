@@ -81,7 +81,7 @@ fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -
         algorithm: &shot.row.algorithm,
         rank,
         passed: shot.passed,
-        origin: origin(&shot.row),
+        origin: shot.row.origin_words(),
         cells: cells(&shot.row),
         failures: &shot.failures,
         wrong: wrong_cells(shot),
@@ -111,13 +111,6 @@ fn mark_views(
         MarkView::new(*mark, format!("({}, {}): {words}", at.0, at.1), wrong)
     };
     marks.iter().map(view).collect()
-}
-
-fn origin(row: &Row) -> String {
-    let seed = row.seed.map(|seed| format!("seed {seed}, "));
-    let run = row.run.as_ref().map(|run| format!("{run}, "));
-    let run = seed.or(run).unwrap_or_default();
-    format!("{run}frame {}", row.sequence)
 }
 
 /// True for metrics that do not apply to a single frame.

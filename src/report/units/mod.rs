@@ -276,6 +276,40 @@ pub struct BlockPictures {
     pub scenes: Vec<(u64, SceneFigure)>,
 }
 
+impl BlockPictures {
+    /// The numbers of the pairs that they show.
+    pub fn sequences(&self) -> impl Iterator<Item = u64> {
+        let samples = self.samples.iter().flat_map(|(_, figure)| &figure.shots);
+        let scenes = self.scenes.iter().flat_map(|(_, scene)| &scene.shots);
+        let checkpoints = self.checkpoints.iter().map(|shot| shot.sequence);
+        checkpoints
+            .chain(samples.map(|(_, shot)| shot.row.sequence))
+            .chain(scenes.map(|shot| shot.row.sequence))
+    }
+
+    /// The left image of the row's pair, if they show it: the file, and the size of the image.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if a picture is not what svl writes.
+    pub fn left(self, row: &Row) -> Result<Option<(Vec<u8>, (usize, usize))>> {
+        let is_own = |own: &Row| own.pair_hash == row.pair_hash;
+        for shot in self.checkpoints.iter().filter(|shot| shot.sequence == row.sequence) {
+            let shot = shot.shot()?;
+            if is_own(&shot.row) {
+                return Ok(Some((shot.left, shot.size)));
+            }
+        }
+        let samples = self.samples.into_iter().flat_map(|(_, figure)| figure.shots);
+        let mut samples = samples.filter(|(_, shot)| is_own(&shot.row));
+        if let Some((_, shot)) = samples.next() {
+            return Ok(Some((shot.left, shot.size)));
+        }
+        let shows = |scene: &SceneFigure| scene.shots.iter().any(|shot| is_own(&shot.row));
+        let mut scenes = self.scenes.into_iter().filter(|(_, scene)| shows(scene));
+        Ok(scenes.next().map(|(_, scene)| (scene.left, scene.size)))
+    }
+}
+
 /// The picture of a frame that shows a checkpoint.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct CheckpointShot {

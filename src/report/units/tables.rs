@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
-use svl_core::{Error, Result};
+use svl_core::Result;
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, agreed_cells};
 use svl_score::manifest::{RunRecord, hash};
 
@@ -462,11 +462,12 @@ impl ScoreRule {
     fn new(plan: &ReportPlan) -> Result<Self> {
         Ok(Self {
             shape: plan
+                .manifest
                 .part::<GridSettings>("grid")?
                 .unwrap_or_default()
                 .shape(),
-            cells: plan.part("cells")?.unwrap_or_default(),
-            checkpoints: plan.part("checkpoint")?.unwrap_or_default(),
+            cells: plan.manifest.part("cells")?.unwrap_or_default(),
+            checkpoints: plan.manifest.part("checkpoint")?.unwrap_or_default(),
         })
     }
 
@@ -626,18 +627,5 @@ impl FrameRow {
             order_holds: self.order_holds,
             error: self.error,
         }
-    }
-}
-
-impl ReportPlan {
-    /// A part of the scenario.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if it is not what svl writes.
-    pub fn part<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<Option<T>> {
-        let description = self.manifest.description.as_ref();
-        let written = description.and_then(|value| value.get(key)).cloned();
-        let part = written.map(serde_json::from_value).transpose();
-        part.map_err(|e| Error::Invalid(format!("the plan of the report: {key}: {e}")))
     }
 }

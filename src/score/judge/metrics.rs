@@ -165,6 +165,8 @@ pub enum MetricUnit {
 pub enum Better {
     More,
     Less,
+    /// The nearer to 0, from either side.
+    Zero,
     /// Neither: an unknown is not an error.
     Neither,
 }
@@ -731,6 +733,7 @@ pub const METRICS: &[Metric] = &[
         group: "distance error",
         head: "bias m",
         unit: MetricUnit::M,
+        better: Better::Zero,
         origin: MetricOrigin::Cells {
             column: "bias_m",
             number: CellNumber::Bias,
@@ -993,7 +996,7 @@ impl Metric {
 
     /// True if it may be negative.
     pub fn is_signed(&self) -> bool {
-        self.unit == MetricUnit::M && self.better == Better::Neither
+        self.better == Better::Zero
     }
 
     /// True if any frame of an algorithm can have it, without checkpoints and drives.

@@ -185,6 +185,17 @@ impl Manifest {
         self.algorithms.iter().map(|a| a.label.as_str())
     }
 
+    /// A part of the scenario.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is not what svl writes.
+    pub fn part<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>> {
+        let description = self.description.as_ref();
+        let written = description.and_then(|value| value.get(key)).cloned();
+        let part = written.map(serde_json::from_value).transpose();
+        part.map_err(|e| Error::Invalid(format!("the manifest of the report: {key}: {e}")))
+    }
+
     /// A run of `algorithms` on `scenario` that begins now, on this machine.
     ///
     /// # Errors

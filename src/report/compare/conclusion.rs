@@ -1,0 +1,207 @@
+//! The verdict of a comparison: a word, and the sentence that every form of it begins with.
+
+use super::{Change, Comparison, Judgement};
+use serde::Serialize;
+use svl_core::counted;
+use svl_score::judge::{Better, ColumnChoice, MetricUnit};
+
+/// Limit of the changes that the sentence has of each direction.
+const MAX_LISTED: usize = 2;
+
+/// The verdict in a word, by the headline metrics that have a better direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Conclusion {
+    Better,
+    Worse,
+    /// Some metrics are better, others worse.
+    Mixed,
+    NoChange,
+    /// There is no interval.
+    TooFewPairs,
+    NotComparable,
+}
+
+impl Conclusion {
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Worse => "worse",
+            Self::Mixed => "mixed",
+            Self::NoChange => "no change",
+            Self::TooFewPairs => "too few pairs",
+            Self::NotComparable => "not comparable",
+        }
+    }
+}
+
+impl Comparison {
+    /// The verdict. A pair that the second run alone failed on is worse.
+    pub fn conclusion(&self) -> Conclusion {
+        let ranked = self.ranked();
+        let has = |judgement| {
+            let mut changes = ranked.iter();
+            changes.any(|(_, change)| change.judgement == judgement)
+        };
+        let is_open = |change: &Change| {
+            change.judgement == Judgement::Unclear && change.interval.is_none()
+        };
+        let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
+        let is_worse = has(Judgement::Worse) || has_failed;
+        let mut unequal = ranked
+            .iter()
+            .filter(|(_, change)| change.judgement != Judgement::Equal)
+            .peekable();
+        match (is_worse, has(Judgement::Better)) {
+            _ if !self.is_judged() => Conclusion::NotComparable,
+            (true, true) => Conclusion::Mixed,
+            (true, false) => Conclusion::Worse,
+            (false, true) => Conclusion::Better,
+            _ if ranked.is_empty() => Conclusion::NotComparable,
+            _ if unequal.peek().is_some() && unequal.all(|(_, change)| is_open(change)) => {
+                Conclusion::TooFewPairs
+            }
+            _ => Conclusion::NoChange,
+        }
+    }
+
+    /// The verdict in a sentence, which begins with its word: what changed, by how much, and
+    /// whether that is real.
+    pub fn verdict(&self) -> String {
+        let conclusion = self.conclusion();
+        format!("{}: {}", conclusion.word(), self.verdict_reason(conclusion))
+    }
+
+    /// The verdict without its word.
+    pub(super) fn verdict_reason(&self, conclusion: Conclusion) -> String {
+        let ranked = self.ranked();
+        let tested = self.tested_words();
+        match conclusion {
+            Conclusion::NotComparable if !self.is_judged() => {
+                let differences = self.differences.join("; ");
+                format!("scored differently ({differences}): nothing is called better or worse")
+            }
+            Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
+            Conclusion::TooFewPairs => format!(
+                "{} are in fewer than {} independent blocks, so there is no interval; score more \
+                 pairs",
+                self.pairs_words(),
+                self.method.fewest_blocks
+            ),
+            Conclusion::NoChange if self.are_equal() => {
+                format!("the results of {} are equal to the bit", self.pairs_words())
+            }
+            Conclusion::NoChange => {
+                let metrics = counted(ranked.len() as u64, "headline metric");
+                format!("none of {metrics} differs {tested}")
+            }
+            Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
+                let list = |judgement| listed(&ranked, judgement);
+                let word = |list: String, word: &str| match conclusion {
+                    Conclusion::Mixed => format!("{word} {list}"),
+                    _ => list,
+                };
+                let better = list(Judgement::Better).map(|list| word(list, "better"));
+                let worse = list(Judgement::Worse).map(|list| word(list, "worse"));
+                let real = (better.is_some() || worse.is_some()).then(|| format!("real {tested}"));
+                let failures = self.algorithms.iter().filter_map(|algorithm| {
+                    let words = algorithm.failures()?;
+                    Some(format!("{} {words}", algorithm.title()))
+                });
+                let parts: Vec<_> = failures.chain(worse).chain(better).chain(real).collect();
+                parts.join("; ")
+            }
+        }
+    }
+
+    /// What follows for a change that is to be merged.
+    pub(super) fn advice(&self) -> String {
+        let conclusion = self.conclusion();
+        let besides = self.algorithms.iter().flat_map(|own| own.worse_besides());
+        let besides = besides.count() as u64;
+        let words = match conclusion {
+            Conclusion::NoChange if self.are_equal() => "Yes: no result changed.".to_owned(),
+            Conclusion::Better | Conclusion::NoChange if besides > 0 => {
+                let metrics = counted(besides, "metric");
+                format!("Not before a look at what is worse besides the headline: {metrics}.")
+            }
+            Conclusion::Better => "Yes: nothing that was measured is worse.".to_owned(),
+            Conclusion::NoChange => "Nothing that was measured speaks against it. A change \
+                                     smaller than the intervals would not be seen."
+                .to_owned(),
+            Conclusion::Worse => {
+                "No, unless something that is not measured here outweighs it.".to_owned()
+            }
+            Conclusion::Mixed => "Only if what is better is worth what is worse.".to_owned(),
+            Conclusion::TooFewPairs => "Cannot be told: score more pairs.".to_owned(),
+            Conclusion::NotComparable => {
+                "Cannot be told: score both by the same scenario.".to_owned()
+            }
+        };
+        let is_partial = !self.only_in_base.is_empty() || !self.left_out.is_empty();
+        let partial = match is_partial {
+            true => " The algorithms that were not compared may have changed, too.",
+            false => "",
+        };
+        let incomplete = match self.incomplete.is_empty() {
+            true => "",
+            false => " A report is incomplete.",
+        };
+        words + partial + incomplete
+    }
+
+    /// The headline metrics with a better direction, but times, with their names.
+    fn ranked(&self) -> Vec<(String, &Change)> {
+        let changes = self.named_changes(&ColumnChoice::Headline);
+        let is_ranked = |(_, change): &(String, &Change)| {
+            change.metric.better != Better::Neither && change.metric.unit != MetricUnit::Ms
+        };
+        changes.into_iter().filter(is_ranked).collect()
+    }
+
+    /// The changes of these columns, with the names of their algorithms where there are several.
+    pub(super) fn named_changes(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
+        let changes = self.algorithms.iter().flat_map(|algorithm| {
+            let shown = algorithm.shown(columns).into_iter();
+            shown.map(|(name, change)| (self.name(algorithm, &name), change))
+        });
+        changes.collect()
+    }
+
+    /// True if all pairs have equal results.
+    fn are_equal(&self) -> bool {
+        let mut algorithms = self.algorithms.iter();
+        algorithms.all(|own| own.equal_results == own.pairs)
+    }
+
+    /// The numbers of pairs of the algorithms.
+    fn pairs_words(&self) -> String {
+        let pairs = || self.algorithms.iter().map(|own| own.pairs);
+        let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
+        match fewest == most {
+            true => counted(most as u64, "pair"),
+            false => format!("{fewest} to {most} pairs"),
+        }
+    }
+
+    fn tested_words(&self) -> String {
+        format!("at {} over {}", self.method.level, self.pairs_words())
+    }
+}
+
+/// The changes of that judgement, the first of them with their values.
+fn listed(changes: &[(String, &Change)], judgement: Judgement) -> Option<String> {
+    let own = changes
+        .iter()
+        .filter(|(_, change)| change.judgement == judgement);
+    let words = own.map(|(name, change)| format!("{name} {}", change.words()));
+    let mut words: Vec<_> = words.collect();
+    let more = words.len().saturating_sub(MAX_LISTED);
+    words.truncate(MAX_LISTED);
+    let listed = words.join(", ");
+    match (words.is_empty(), more) {
+        (true, _) => None,
+        (false, 0) => Some(listed),
+        (false, more) => Some(format!("{listed} and {more} more")),
+    }
+}

@@ -1,0 +1,195 @@
+//! The page of a comparison: one file that answers what changed, whether it is real, on which frame,
+//! and whether to merge.
+
+mod cells;
+
+use super::frames::{BothImages, ChangedFrame, ChangedFrames};
+use super::scored_run::ScoredRun;
+use super::text::change_table;
+use super::{AlgorithmChange, Comparison, Conclusion};
+use crate::page::{ImageView, PageImages, fill};
+use crate::table::Table;
+use cells::FrameView;
+use serde::Serialize;
+use svl_core::{Result, counted};
+use svl_score::judge::ColumnChoice;
+
+/// Limit of the rows of what is worse besides the headline.
+const MAX_BESIDES: usize = 3;
+const HEADS: [&str; 2] = ["before", "after"];
+
+/// Everything the page of a comparison shows.
+pub struct ComparisonPage<'a> {
+    comparison: &'a Comparison,
+    /// Per algorithm of the comparison.
+    frames: Vec<ChangedFrames>,
+}
+
+impl<'a> ComparisonPage<'a> {
+    /// The page of the comparison of these two reports.
+    ///
+    /// # Errors
+    /// Those of reading the tables of cells and the pictures.
+    pub fn new(
+        comparison: &'a Comparison,
+        base: &ScoredRun,
+        other: &ScoredRun,
+    ) -> Result<Self> {
+        let images = BothImages::find([base, other])?;
+        let frames = comparison.algorithms.iter();
+        let frames = frames.map(|algorithm| ChangedFrames::find(algorithm, &images));
+        Ok(Self {
+            comparison,
+            frames: frames.collect::<Result<_>>()?,
+        })
+    }
+
+    /// The page as HTML, without scripts, all texts escaped.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with the error of the template engine.
+    pub fn render(&self) -> Result<String> {
+        let comparison = self.comparison;
+        let mut images = PageImages::default();
+        let algorithms = comparison.algorithms.iter().zip(&self.frames);
+        let algorithms =
+            algorithms.map(|(own, frames)| AlgorithmView::new(own, frames, &mut images));
+        let algorithms: Vec<_> = algorithms.collect();
+        let conclusion = comparison.conclusion();
+        let view = ComparisonView {
+            title: format!("{} → {}", comparison.base.display(), comparison.other.display()),
+            scenario: &comparison.scenario,
+            conclusion,
+            word: conclusion.word(),
+            reason: comparison.verdict_reason(conclusion),
+            advice: comparison.advice(),
+            not_compared: comparison.not_compared().collect(),
+            cautions: comparison.cautions().collect(),
+            overview: (algorithms.len() > 1)
+                .then(|| comparison.overview(&ColumnChoice::Headline)),
+            algorithms,
+            level: comparison.method.level,
+            tested: comparison.tested,
+            images: images.into_views(),
+            identity: identity(comparison),
+            incomplete: (),
+        };
+        fill(include_str!("page.html"), include_str!("page.css"), view)
+    }
+}
+
+/// Where the reports are from, and how they were compared.
+fn identity(comparison: &Comparison) -> Vec<(String, String)> {
+    let Comparison {
+        base,
+        other,
+        origins,
+        method,
+        ..
+    } = comparison;
+    let entry = |name: &str, value: String| (name.to_owned(), value);
+    vec![
+        entry("before", base.display().to_string()),
+        entry("made by", origins[0].to_string()),
+        entry("after", other.display().to_string()),
+        entry("made by", origins[1].to_string()),
+        entry("intervals", format!("{} of {}", method.level, method.name)),
+        entry("resamples", format!("{}, seed {}", method.resamples, method.seed)),
+        entry("block length", format!("{} pairs of a run of n", method.block_length)),
+        entry("fewest blocks", method.fewest_blocks.to_string()),
+    ]
+}
+
+#[derive(Serialize)]
+struct ComparisonView<'a> {
+    title: String,
+    scenario: &'a str,
+    conclusion: Conclusion,
+    word: &'static str,
+    reason: String,
+    advice: String,
+    not_compared: Vec<String>,
+    cautions: Vec<String>,
+    /// A row for each of several algorithms.
+    overview: Option<Table>,
+    algorithms: Vec<AlgorithmView<'a>>,
+    level: &'static str,
+    tested: usize,
+    images: Vec<ImageView>,
+    identity: Vec<(String, String)>,
+    /// The cautions say it.
+    incomplete: (),
+}
+
+#[derive(Serialize)]
+struct AlgorithmView<'a> {
+    title: String,
+    extent: String,
+    headline: Table,
+    besides: Table,
+    /// Number of those that are worse besides and have no row.
+    more_besides: usize,
+    all: Table,
+    worse: Vec<FrameView<'a>>,
+    better: Vec<FrameView<'a>>,
+    /// What the frames lack, or why there are none.
+    note: Option<String>,
+}
+
+impl<'a> AlgorithmView<'a> {
+    fn new(
+        algorithm: &AlgorithmChange,
+        frames: &'a ChangedFrames,
+        images: &mut PageImages<'a>,
+    ) -> Self {
+        let besides = algorithm.worse_besides();
+        let more_besides = besides.len().saturating_sub(MAX_BESIDES);
+        let shown = algorithm.shown(&ColumnChoice::Headline);
+        let labels = match algorithm.algorithm == algorithm.other_algorithm {
+            true => HEADS.map(str::to_owned),
+            false => [&algorithm.algorithm, &algorithm.other_algorithm].map(Clone::clone),
+        };
+        let views = frames.frames.iter();
+        let views = views.map(|frame| (frame, FrameView::new(frame, &labels, images)));
+        let (worse, better): (Vec<_>, Vec<_>) =
+            views.partition(|(frame, _)| frame.change() < 0.0);
+        let views = |frames: Vec<(&ChangedFrame, FrameView<'a>)>| {
+            frames.into_iter().map(|(_, view)| view).collect()
+        };
+        Self {
+            title: algorithm.title(),
+            extent: algorithm.extent(),
+            headline: change_table(HEADS, shown.into_iter()),
+            besides: change_table(HEADS, besides.into_iter().take(MAX_BESIDES)),
+            more_besides,
+            all: change_table(HEADS, algorithm.changes()),
+            worse: views(worse),
+            better: views(better),
+            note: note(frames),
+        }
+    }
+}
+
+/// What the folders do not hold of the frames, or why there are none.
+fn note(frames: &ChangedFrames) -> Option<String> {
+    if let Some(why) = frames.none {
+        return Some(why.to_owned());
+    }
+    let all = frames.frames.len();
+    if frames.frames.iter().any(|frame| frame.cells.iter().any(Vec::is_empty)) {
+        return Some("A folder has no cells.csv, so the cells are not shown.".to_owned());
+    }
+    let lacking = frames.frames.iter().filter(|frame| frame.left.is_none()).count();
+    let keeps = "`svl score` keeps the images of some frames: the best and the worst of each \
+                 checkpoint, or a few that are spread over a recording";
+    match lacking {
+        0 => None,
+        n if n == all => Some(format!(
+            "The folders hold no image of these frames, so their cells stand alone; {keeps}."
+        )),
+        n => Some(format!(
+            "The folders hold no image of {}, whose cells stand alone; {keeps}.",
+            counted(n as u64, "frame")
+        )),
+    }
+}
