@@ -122,6 +122,12 @@ impl LeftImages {
         Ok(found)
     }
 
+    /// True if it is there, as [`LeftImages::read`] reads it.
+    pub fn hold(&self, row: &Row, run: Option<&str>) -> bool {
+        let key = (row.seed, run.map(str::to_owned), row.sequence);
+        self.files.contains_key(&key)
+    }
+
     /// The image of the row's pair, which the report has under that name of the recording.
     ///
     /// # Errors

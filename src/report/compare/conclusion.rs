@@ -74,6 +74,22 @@ impl Comparison {
 
     /// The verdict without its word.
     pub(super) fn verdict_reason(&self, conclusion: Conclusion) -> String {
+        let reason = self.headline_reason(conclusion);
+        match (conclusion, self.besides()) {
+            (Conclusion::Better | Conclusion::NoChange, besides @ 1..) => {
+                format!("{reason}; besides, {} worse", counted_are(besides))
+            }
+            _ => reason,
+        }
+    }
+
+    /// Number of metrics that are worse and not in the headline.
+    fn besides(&self) -> usize {
+        let besides = self.algorithms.iter().map(|own| own.worse_besides().len());
+        besides.sum()
+    }
+
+    fn headline_reason(&self, conclusion: Conclusion) -> String {
         let ranked = self.ranked();
         let tested = self.tested_words();
         match conclusion {
@@ -98,7 +114,7 @@ impl Comparison {
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
                 let list = |judgement| listed(&ranked, judgement);
                 let word = |list: String, word: &str| match conclusion {
-                    Conclusion::Mixed => format!("{word} {list}"),
+                    Conclusion::Mixed => format!("{word}: {list}"),
                     _ => list,
                 };
                 let better = list(Judgement::Better).map(|list| word(list, "better"));
@@ -117,13 +133,12 @@ impl Comparison {
     /// What follows for a change that is to be merged.
     pub(super) fn advice(&self) -> String {
         let conclusion = self.conclusion();
-        let besides = self.algorithms.iter().flat_map(|own| own.worse_besides());
-        let besides = besides.count() as u64;
+        let besides = self.besides();
         let words = match conclusion {
             Conclusion::NoChange if self.are_equal() => "Yes: no result changed.".to_owned(),
             Conclusion::Better | Conclusion::NoChange if besides > 0 => {
-                let metrics = counted(besides, "metric");
-                format!("Not before a look at what is worse besides the headline: {metrics}.")
+                let metrics = counted_are(besides);
+                format!("Not before a look below: {metrics} worse besides the headline.")
             }
             Conclusion::Better => "Yes: nothing that was measured is worse.".to_owned(),
             Conclusion::NoChange => "Nothing that was measured speaks against it. A change \
@@ -186,6 +201,14 @@ impl Comparison {
 
     fn tested_words(&self) -> String {
         format!("at {} over {}", self.method.level, self.pairs_words())
+    }
+}
+
+/// So many metrics, with their verb.
+fn counted_are(metrics: usize) -> String {
+    match metrics {
+        1 => "1 metric is".to_owned(),
+        metrics => format!("{metrics} metrics are"),
     }
 }
 

@@ -53,6 +53,12 @@ impl<'a> BothImages<'a> {
         Ok(Self { runs, images })
     }
 
+    /// True if a folder holds the image of the row's pair.
+    fn hold(&self, row: &Row) -> bool {
+        let mut sides = self.runs.iter().zip(&self.images);
+        sides.any(|(run, images)| images.hold(row, run.own_key(row).0.1))
+    }
+
     fn read(&self, row: &Row) -> Result<Option<StoredImage>> {
         for (run, images) in self.runs.iter().zip(&self.images) {
             let ((_, name), _) = run.own_key(row);
@@ -85,10 +91,12 @@ impl ChangedFrames {
         if scored.is_empty() {
             return Ok(none("Without a truth of cells no frame is better or worse."));
         }
-        // Stable: of equal changes the first.
-        scored.sort_by(|a, b| change(a).total_cmp(&change(b)));
+        // Of equal changes those with an image, then the first: the sort is stable.
+        let place = |pair: &ScoredPair<'_>| (-change(pair).abs(), !images.hold(pair.0));
+        let order = |a: &(f64, bool), b: &(f64, bool)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        scored.sort_by(|a, b| order(&place(a), &place(b)));
         let worse = spread(scored.iter().filter(|pair| change(pair) < 0.0));
-        let better = spread(scored.iter().rev().filter(|pair| change(pair) > 0.0));
+        let better = spread(scored.iter().filter(|pair| change(pair) > 0.0));
         let chosen: Vec<_> = worse.into_iter().chain(better).collect();
         if chosen.is_empty() {
             return Ok(none("No frame has more or fewer right minus wrong cells."));

@@ -175,7 +175,7 @@ impl Comparison {
         let lines = lines.map(|words| format!("not compared: {words}"));
         let cure = (!self.proposed_maps.is_empty()).then(|| {
             let options = map_options(&self.proposed_maps);
-            format!("{options} compares them with their other parameters")
+            format!("add {options} to compare other parameters")
         });
         let algorithms = self.algorithms.iter();
         lines.chain(cure).chain(algorithms.filter_map(AlgorithmChange::missing))
