@@ -1,14 +1,19 @@
 //! Maps of the courses that algorithms drove through.
 
 use super::drives::{CoursePlan, DriveRow, TrackRow};
-use super::plot::{CourseMap, MapWay};
+use super::plot::{CameraSector, CourseMap, MapWay};
 
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAX_MAPS: usize = 12;
 
-/// The maps of the courses with their unperturbed drives; if there are too many, those with the
-/// most collisions.
-pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
+/// The maps of the courses with their unperturbed drives, first those that a candidate did not
+/// finish; if there are too many, those with the most collisions.
+pub fn maps(
+    plans: &[CoursePlan],
+    drives: &[DriveRow],
+    track: &[TrackRow],
+    candidates: &[&str],
+) -> Vec<CourseMap> {
     let plain_drives = |plan: &CoursePlan| {
         let seed = plan.seed;
         let plain = drives.iter().filter(|row| row.stress.is_none());
@@ -20,10 +25,15 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
         .iter()
         .filter(|plan| plain_drives(plan).next().is_some())
         .collect();
+    let is_failed = |plan: &CoursePlan| {
+        let mut failed = plain_drives(plan).filter(|row| !row.finished);
+        failed.any(|row| candidates.contains(&row.algorithm.as_str()))
+    };
     if shown.len() > MAX_MAPS {
-        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
+        shown.sort_by_key(|plan| (!is_failed(plan), std::cmp::Reverse(hits(plan))));
         shown.truncate(MAX_MAPS);
     }
+    shown.sort_by_key(|plan| !is_failed(plan));
     let way = |row: &DriveRow| {
         let is_own = |at: &&TrackRow| {
             at.seed == row.seed && at.algorithm == row.algorithm && at.stress == row.stress
@@ -33,6 +43,9 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
             let events = own.iter().filter(|at| at.event.as_deref() == Some(event));
             events.map(|at| [at.x_m, at.y_m]).collect()
         };
+        let hit = own
+            .iter()
+            .find(|at| at.event.as_deref() == Some("collision"));
         let stretches = own.chunk_by(|_, next| !next.placed);
         MapWay {
             name: row.algorithm.clone(),
@@ -41,12 +54,18 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
                 .collect(),
             collisions: places("collision"),
             stuck: places("stuck"),
+            sector: hit.map(|at| CameraSector {
+                at: [at.x_m, at.y_m],
+                heading: at.heading,
+            }),
         }
     };
     let map = |plan: &CoursePlan| CourseMap {
         title: format!("course {}", plan.seed),
         size_m: (plan.width_m, plan.length_m),
         goal_m: plan.goal_m,
+        field_of_view_deg: plan.field_of_view_deg,
+        is_failed: is_failed(plan),
         outlines: plan.outlines.clone(),
         ways: plain_drives(plan).map(way).collect(),
     };

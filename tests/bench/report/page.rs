@@ -49,6 +49,7 @@ fn figure(number: u32, title: &str, shots: Vec<(Rank, FrameShot)>) -> Checkpoint
     CheckpointFigure {
         checkpoint: Some(number),
         title: title.into(),
+        at_s: None,
         about: String::new(),
         shots,
     }
@@ -113,6 +114,8 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         estimate: drawn([known, known, unknown]),
         truth: Some(drawn([known; 3])),
         preview: b"preview".to_vec(),
+        true_preview: Some(b"true preview".to_vec()),
+        errors: Some(b"errors".to_vec()),
     }
 }
 
