@@ -124,7 +124,8 @@ impl Summary {
         let rows = &self.reliability;
         let own = order.flat_map(|a| rows.iter().filter(|r| r.algorithm == a.algorithm));
         for row in own {
-            let range = format!("{}–{}", 100.0 * row.from, 100.0 * row.to);
+            let end = |share: f64| (1000.0 * share).round() / 10.0;
+            let range = format!("{}–{}", end(row.from), end(row.to));
             let cells = [
                 range,
                 row.cells.to_string(),

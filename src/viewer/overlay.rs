@@ -51,12 +51,12 @@ impl Overlay {
             }
         }
         let mut distances = Vec::new();
-        // Below the squares, which are centred.
+        // Below the middle of the squares: Rerun writes below a point, and a view ends at the image.
         let below = |place| {
             let (x, y) = grid.shape().pixels(place, size);
             [
                 x.start.midpoint(x.end) as f32,
-                (3 * y.start + 17 * y.end) as f32 / 20.0,
+                (2 * y.start + 3 * y.end) as f32 / 5.0,
             ]
         };
         for (place, cell) in grid.iter() {

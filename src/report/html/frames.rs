@@ -49,7 +49,10 @@ impl<'a> FigureView<'a> {
         if let (true, Some((_, last))) = (is_film, figure.shots.last()) {
             for ((_, shot), view) in figure.shots.iter().zip(&mut shots) {
                 let before_ns = last.row.stamp_ns.saturating_sub(shot.row.stamp_ns);
-                view.moment = format!("{:.1} s before", before_ns as f64 / 1e9);
+                view.moment = match before_ns {
+                    0 => "collision".to_owned(),
+                    _ => format!("{:.1} s before", before_ns as f64 / 1e9),
+                };
             }
         }
         shots.sort_by_key(|shot| place(shot.algorithm));

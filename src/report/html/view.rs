@@ -396,7 +396,25 @@ fn is_pictured(page: &ReportPage, label: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::name;
+    use super::{CheckpointFigure, chips, name};
+
+    #[test]
+    fn chips_are_times_with_the_decimals_that_tell_them_apart() {
+        let figure = |at_s| CheckpointFigure {
+            checkpoint: None,
+            title: "v3, course 2".into(),
+            at_s,
+            about: String::new(),
+            shots: Vec::new(),
+        };
+        let chips = |times: &[Option<f64>]| {
+            let figures: Vec<_> = times.iter().copied().map(figure).collect();
+            chips(&figures)
+        };
+        assert_eq!(chips(&[Some(0.84), Some(1.0)]), ["0.8 s", "1.0 s"]);
+        assert_eq!(chips(&[Some(0.84), Some(0.8)]), ["0.84 s", "0.80 s"]);
+        assert_eq!(chips(&[None]), ["v3, course 2"]);
+    }
 
     #[test]
     fn settings_in_columns_are_not_in_names() {

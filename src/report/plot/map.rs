@@ -137,3 +137,25 @@ impl CourseMap {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sector_ends_at_the_walls() {
+        let map = CourseMap {
+            size_m: (2.0, 6.0),
+            field_of_view_deg: 90.0,
+            ..CourseMap::default()
+        };
+        // Ahead, along y, beside the right wall.
+        let sector = map.sector(&CameraSector {
+            at: [1.9, 3.0],
+            heading: std::f64::consts::FRAC_PI_2,
+        });
+        assert_eq!((sector[0], sector.len()), ([1.9, 3.0], 14));
+        assert!(sector.iter().all(|[x, y]| *x <= 2.0 && *y >= 3.0));
+        assert!((sector[7][1] - 3.7).abs() < 1e-9, "{sector:?}");
+    }
+}
