@@ -29,6 +29,18 @@ pub enum Unit {
     Epochs,
 }
 
+impl Unit {
+    /// Its name, for several.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Pairs => "pairs",
+            Self::Rows => "rows",
+            Self::Drives => "drives",
+            Self::Epochs => "epochs",
+        }
+    }
+}
+
 /// The progress of some work; shown until it is dropped.
 pub trait Bar: Send + Sync {
     /// `done` steps are done.

@@ -135,6 +135,7 @@ impl Report<'_> {
         }
         summary.add_drives(&tables.drives);
         summary.add_accuracy(&tables.accuracy);
+        summary.reliability.clone_from(&tables.reliability);
         summary.latency = self.latency();
         summary.ending = self.ending()?;
         summary.rule = plan.manifest.part("cells")?.unwrap_or_default();
@@ -168,7 +169,8 @@ impl Report<'_> {
             .flat_map(|limit| limit_results(limit, &summary, &manifest))
             .collect();
         let last_session = manifest.sessions.last().map(|last| last.began.clone());
-        let (figures, scenes) = self.pictures()?;
+        let candidates = summary.candidate_labels();
+        let (figures, scenes) = self.pictures(&candidates)?;
         let page = ReportPage {
             gate: (gate.iter())
                 .map(|result| (result.state, result.to_string()))
@@ -180,7 +182,7 @@ impl Report<'_> {
             sweeps: sweeps(&manifest.algorithms),
             figures,
             scenes,
-            maps: self.maps()?,
+            maps: self.maps(&candidates)?,
             manifest,
         };
         page.write(&folder.join("index.html"))?;
@@ -359,17 +361,18 @@ impl Report<'_> {
         group_by_label
     }
 
-    fn pictures(&self) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+    /// The pictures; those of drives begin with the candidates.
+    fn pictures(&self, candidates: &[&str]) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
         if self.plan.is_driven() {
-            return Ok((
-                shots::for_drives(self.plan, self.runs, &self.tables)?,
-                Vec::new(),
-            ));
+            let mut labels = self.plan.labels();
+            labels.sort_by_key(|label| !candidates.contains(label));
+            let figures = shots::for_drives(&labels, self.runs, &self.tables)?;
+            return Ok((figures, Vec::new()));
         }
         shots::for_runs(self.plan, self.runs)
     }
 
-    fn maps(&self) -> Result<Vec<super::plot::CourseMap>> {
+    fn maps(&self, candidates: &[&str]) -> Result<Vec<super::plot::CourseMap>> {
         if !self.plan.is_driven() {
             return Ok(Vec::new());
         }
@@ -386,7 +389,8 @@ impl Report<'_> {
             }
         }
         write_json(&self.folder.join(COURSES), &plans)?;
-        Ok(maps(&plans, &self.tables.drives, &self.tables.tracks))
+        let ReportTables { drives, tracks, .. } = &self.tables;
+        Ok(maps(&plans, drives, tracks, candidates))
     }
 }
 

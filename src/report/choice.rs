@@ -34,6 +34,12 @@ impl Summary {
         self.perfect.contains(label) || label == "blind"
     }
 
+    /// The labels of those that may be called best.
+    pub(super) fn candidate_labels(&self) -> Vec<&str> {
+        let candidates = self.candidates().into_iter();
+        candidates.map(|a| a.algorithm.as_str()).collect()
+    }
+
     fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let algorithms = self.algorithms.iter();
         algorithms.filter(|a| self.is_candidate(a)).collect()

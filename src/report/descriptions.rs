@@ -3,6 +3,7 @@
 use super::accuracy::AccuracyRow;
 use super::columns::ColumnDescription;
 use super::drives::{DriveRow, TrackRow};
+use super::reliability::ReliabilityRow;
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use super::summary::{AlgorithmSummary, CheckpointSummary};
 use super::table::Table;
@@ -46,6 +47,11 @@ pub const TABLES: &[TableDescription] = &[
         name: "accuracy",
         about: "the errors of the distances of one algorithm in one range",
         columns: AccuracyRow::columns,
+    },
+    TableDescription {
+        name: "reliability",
+        about: "the cells of one algorithm whose probability lies in one range",
+        columns: ReliabilityRow::columns,
     },
     TableDescription {
         name: "failures",

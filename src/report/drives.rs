@@ -87,6 +87,8 @@ pub struct CoursePlan {
     pub length_m: f64,
     /// `y` of the goal line.
     pub goal_m: f64,
+    /// Horizontal field of view of the robot's camera.
+    pub field_of_view_deg: f64,
     /// Closed outlines of the obstacles.
     pub outlines: Vec<Vec<[f64; 2]>>,
     /// The way of the driver with perfect sight.

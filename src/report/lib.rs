@@ -30,6 +30,7 @@ mod markdown;
 pub mod outputs;
 pub mod page;
 pub mod plot;
+mod reliability;
 mod rows;
 mod samples;
 pub mod shots;
@@ -57,6 +58,7 @@ pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use lead::{Certainty, Lead, RunnerUp};
+pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
     hash_words,

@@ -1,14 +1,19 @@
 //! Maps of the courses that algorithms drove through.
 
 use super::drives::{CoursePlan, DriveRow, TrackRow};
-use super::plot::{CourseMap, MapWay};
+use super::plot::{CameraSector, CourseMap, MapWay};
 
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAX_MAPS: usize = 12;
 
-/// The maps of the courses with their unperturbed drives; if there are too many, those with the
-/// most collisions.
-pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
+/// The maps of the courses with their unperturbed drives, first those that a candidate did not
+/// finish; if there are too many, those with the most collisions.
+pub fn maps(
+    plans: &[CoursePlan],
+    drives: &[DriveRow],
+    track: &[TrackRow],
+    candidates: &[&str],
+) -> Vec<CourseMap> {
     let plain_drives = |plan: &CoursePlan| {
         let seed = plan.seed;
         let plain = drives.iter().filter(|row| row.stress.is_none());
@@ -20,10 +25,15 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
         .iter()
         .filter(|plan| plain_drives(plan).next().is_some())
         .collect();
+    let is_failed = |plan: &CoursePlan| {
+        let mut failed = plain_drives(plan).filter(|row| !row.finished);
+        failed.any(|row| candidates.contains(&row.algorithm.as_str()))
+    };
     if shown.len() > MAX_MAPS {
-        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
+        shown.sort_by_key(|plan| (!is_failed(plan), std::cmp::Reverse(hits(plan))));
         shown.truncate(MAX_MAPS);
     }
+    shown.sort_by_key(|plan| !is_failed(plan));
     let way = |row: &DriveRow| {
         let is_own = |at: &&TrackRow| {
             at.seed == row.seed && at.algorithm == row.algorithm && at.stress == row.stress
@@ -33,6 +43,9 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
             let events = own.iter().filter(|at| at.event.as_deref() == Some(event));
             events.map(|at| [at.x_m, at.y_m]).collect()
         };
+        let hit = own
+            .iter()
+            .find(|at| at.event.as_deref() == Some("collision"));
         let stretches = own.chunk_by(|_, next| !next.placed);
         MapWay {
             name: row.algorithm.clone(),
@@ -41,14 +54,65 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
                 .collect(),
             collisions: places("collision"),
             stuck: places("stuck"),
+            sector: hit.map(|at| CameraSector {
+                at: [at.x_m, at.y_m],
+                heading: at.heading,
+            }),
         }
     };
     let map = |plan: &CoursePlan| CourseMap {
         title: format!("course {}", plan.seed),
         size_m: (plan.width_m, plan.length_m),
         goal_m: plan.goal_m,
+        field_of_view_deg: plan.field_of_view_deg,
+        is_failed: is_failed(plan),
         outlines: plan.outlines.clone(),
         ways: plain_drives(plan).map(way).collect(),
     };
     shown.into_iter().map(map).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::csv_rows::rows_from_text;
+
+    /// A drive whose other numbers are 0.
+    fn drive(seed: u64, algorithm: &str, finished: bool) -> DriveRow {
+        let text = format!(
+            "scenario,seed,algorithm,finished,arrived,collisions,near_misses,stuck,driven_m,\
+             first_collision_m,duration_s,stood_s,frames,failures,track_hash,recording,stress\n\
+             d,{seed},{algorithm},{finished},true,0,0,0,0,,0,0,0,0,,,\n"
+        );
+        rows_from_text(&text).unwrap().remove(0)
+    }
+
+    #[test]
+    fn courses_that_a_candidate_fails_come_first_with_its_view() {
+        let plans = [1, 2].map(|seed| CoursePlan {
+            seed,
+            field_of_view_deg: 60.0,
+            ..CoursePlan::default()
+        });
+        let drives = [
+            drive(1, "v3", true),
+            drive(1, "blind", false),
+            drive(2, "v3", false),
+        ];
+        let track = "scenario,seed,algorithm,sequence,x_m,y_m,heading,speed_m_per_s,clearance_m,\
+                     placed,event,with,stress\nd,2,v3,0,1,2,0.5,0,0,false,collision,ball,\n";
+        let track = rows_from_text(track).unwrap();
+        let maps = maps(&plans, &drives, &track, &["v3"]);
+        let order: Vec<_> = maps
+            .iter()
+            .map(|m| (m.title.as_str(), m.is_failed))
+            .collect();
+        assert_eq!(order, [("course 2", true), ("course 1", false)]);
+        let sector = CameraSector {
+            at: [1.0, 2.0],
+            heading: 0.5,
+        };
+        assert_eq!(maps[0].ways[0].sector, Some(sector));
+        assert_eq!(maps[1].ways[0].sector, None);
+    }
 }

@@ -47,20 +47,20 @@ pub fn for_runs(
     chosen.finish(plan, runs)
 }
 
-/// The two seconds before the fastest collision of each algorithm.
+/// The two seconds before the fastest collision of each algorithm, in the order of the labels.
 ///
 /// # Errors
 /// As [`for_runs`].
 pub fn for_drives(
-    plan: &ReportPlan,
+    labels: &[&str],
     runs: &[RunUnits],
     tables: &ReportTables,
 ) -> Result<Vec<CheckpointFigure>> {
     let mut figures = Vec::new();
-    for label in plan.labels() {
+    for label in labels {
         let hits = tables.tracks.iter().filter(|row| {
             let is_hit = row.event.as_deref() == Some("collision");
-            row.algorithm == label && row.stress.is_none() && is_hit
+            row.algorithm == *label && row.stress.is_none() && is_hit
         });
         // Of equal speeds the first.
         let fastest = hits.reduce(|best, row| match row.speed_m_per_s > best.speed_m_per_s {
@@ -225,6 +225,7 @@ impl ChosenPictures {
             Ok(CheckpointFigure {
                 checkpoint: Some(checkpoint.number),
                 title: format!("{} {}", checkpoint.number, checkpoint.name),
+                at_s: None,
                 about: checkpoint.description,
                 shots,
             })

@@ -60,12 +60,13 @@ impl Sources {
 }
 
 /// The tables with all rows of a report.
-const TABLES: [&str; 7] = [
+const TABLES: [&str; 8] = [
     "rows",
     "cells",
     "failures",
     "checkpoints",
     "accuracy",
+    "reliability",
     "drives",
     "tracks",
 ];

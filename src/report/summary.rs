@@ -3,6 +3,7 @@
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
 use super::lead::Lead;
+use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
 use super::samples::run_key;
 use super::sources::Sources;
@@ -53,6 +54,9 @@ pub struct Summary {
     /// Errors of distances by range, where cells have distances.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub accuracy: Vec<AccuracyRow>,
+    /// Probabilities of cells by range, where an algorithm gives them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub reliability: Vec<ReliabilityRow>,
     /// Delays of the topics whose maps were scored.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<TopicDelay>,

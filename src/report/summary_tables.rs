@@ -115,6 +115,29 @@ impl Summary {
         (!self.accuracy.is_empty()).then_some(table)
     }
 
+    /// Right cells by the probability that an algorithm gives them.
+    pub(super) fn reliability_table(&self) -> Option<Table> {
+        let mut table = Table::new("Reliability of probabilities", "algorithm")
+            .with_texts(["predicted %"])
+            .with_columns(["cells", "mean %", "right %"]);
+        let order = self.ranked_algorithms().into_iter();
+        let rows = &self.reliability;
+        let own = order.flat_map(|a| rows.iter().filter(|r| r.algorithm == a.algorithm));
+        for row in own {
+            let end = |share: f64| (1000.0 * share).round() / 10.0;
+            let range = format!("{}–{}", end(row.from), end(row.to));
+            let cells = [
+                range,
+                row.cells.to_string(),
+                percent(Some(row.predicted)),
+                percent(Some(row.right)),
+            ];
+            table.push(&row.algorithm, cells);
+        }
+        table.note("cells", "known and scored, with a probability");
+        (!rows.is_empty()).then_some(table)
+    }
+
     /// Delays of the topics whose maps were scored.
     pub fn latency_table(&self) -> Option<Table> {
         let mut table = Table::new("Latency on the robot, ms", "topic").with_columns([

@@ -12,6 +12,9 @@ use svl_score::judge::{ColumnChoice, Metric, RunKind};
 const MAX_ALGORITHMS: usize = 15;
 const FIRST_ALGORITHMS: usize = 12;
 
+/// Head of a caution, below whose words it continues.
+const CAUTION: &str = "warning: ";
+
 impl Summary {
     /// The extent of the run, the headline table, the answer and the cautions; the tables of
     /// perturbations. `explain`: the meanings of the columns, too.
@@ -76,7 +79,8 @@ impl Summary {
             .flat_map(|table| &table.notes)
             .filter(|_| explain);
         for (term, meaning) in notes {
-            text.push_str(&wrapped(&format!("{term}: {meaning}"), 2, style.width));
+            let indent = term.chars().count() + 2;
+            text.push_str(&wrapped(&format!("{term}: {meaning}"), indent, style.width));
         }
         let answer = self.answer().join(" ");
         if !answer.is_empty() {
@@ -88,7 +92,8 @@ impl Summary {
             text.push('\n');
         }
         for caution in cautions {
-            text.push_str(&wrapped(&format!("warning: {caution}"), 2, style.width));
+            let line = format!("{CAUTION}{caution}");
+            text.push_str(&wrapped(&line, CAUTION.len(), style.width));
         }
         text
     }

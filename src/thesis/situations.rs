@@ -18,7 +18,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     method: "The thesis shows frames of a walk, most without comment. Here each situation of its \
              tables is a still view with exact truth, and v3 runs beside dp. The grid has 6 x 3 \
              cells. A cell is right within 0.10 m or 20 % of the true distance, and unknown when \
-             the algorithm says so. In the pictures, larger red squares are nearer, a dot is \
+             the algorithm says so. In the pictures, larger squares are nearer, a dot is \
              unknown, a cross is wrong.",
     records: false,
     run,

@@ -2,7 +2,7 @@
 
 use super::kinds::{KindCells, ReportedCells, ScoredCell};
 use super::learned_cells::{LearnedCells, LearnedScenario};
-use super::reliability::{ReliabilityBin, reliability};
+use super::reliability::reliability;
 use crate::fit::CellFit;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -12,6 +12,7 @@ use svl_core::matcher::Algorithm;
 use svl_report::page::{PlotView, fill};
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_report::table::{Table, TableColumn, TerminalStyle};
+use svl_report::{ReliabilityBin, reliability_chart};
 
 /// Figures of a fit, per scenario, and the calibration of its probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -103,37 +104,19 @@ impl CellTraining {
     /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
     /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
-        let line = |name: &str, form, points| Series {
-            name: name.to_owned(),
-            form,
-            points,
-        };
-        let bins = self.reliability.iter().filter(|bin| bin.cells >= 20);
-        let points = bins.map(|bin| (100.0 * bin.said, 100.0 * bin.right));
-        let whole = |label: &str| Axis {
-            range: Some((0.0, 100.0)),
-            ..Axis::share(label)
-        };
-        let reliability = Chart {
-            title: String::new(),
-            x: whole("predicted, %"),
-            y: whole("observed right, %"),
-            series: vec![
-                line("cells", SeriesStyle::Both, points.collect()),
-                line(
-                    "as predicted",
-                    SeriesStyle::Line,
-                    vec![(0.0, 0.0), (100.0, 100.0)],
-                ),
-            ],
-        };
+        let bins = vec![("cells".to_owned(), self.reliability.clone())];
+        let reliability = reliability_chart(bins).unwrap_or_default();
         let points = self.losses.iter().enumerate();
         let points = points.map(|(steps, loss)| (steps as f64, *loss)).collect();
         let losses = Chart {
             title: String::new(),
             x: Axis::new("steps"),
             y: Axis::new("logistic loss, held out"),
-            series: vec![line("loss", SeriesStyle::Both, points)],
+            series: vec![Series {
+                name: "loss".into(),
+                form: SeriesStyle::Both,
+                points,
+            }],
         };
         let view = TrainingView {
             training: self,
@@ -176,7 +159,11 @@ impl CellTraining {
             let range = format!("{} to {}", percent(bin.from, 0), percent(bin.to, 0));
             bins.push(
                 range,
-                [bin.cells.to_string(), share(bin.said), share(bin.right)],
+                [
+                    bin.cells.to_string(),
+                    share(bin.predicted),
+                    share(bin.right),
+                ],
             );
         }
         format!(

@@ -292,7 +292,7 @@ impl TableFigures {
         let scored: Vec<_> = scored.collect();
         let errors = reliability(&scored)
             .into_iter()
-            .map(|bin| bin.cells as f64 * (bin.said - bin.right).abs());
+            .map(|bin| bin.cells as f64 * (bin.predicted - bin.right).abs());
         let ranked = scored.iter().map(|&(score, right)| (score as f32, right));
         Self {
             known: known as f64 / all.max(1) as f64,

@@ -18,7 +18,6 @@ pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
 pub use gaps::GapTraining;
 pub use kinds::{ConfidenceCells, KindCells, ReportedCells, TableFigures};
 pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario, samples_csv};
-pub use reliability::ReliabilityBin;
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{scenario_filters, with_filters};
 pub use v5::{NearTraining, TrainedV5, TrainingScenario, V5Training, train_v5};

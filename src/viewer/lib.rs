@@ -266,6 +266,8 @@ impl RerunSink {
             let mut estimates = judged.estimates.iter();
             estimates.any(|scored| scored.metrics.value(metric).is_some())
         };
+        let first = judged.estimates.first();
+        let cloud = first.map(|scored| scored.estimate.disparity.disparity());
         let facts = layout::Facts {
             truth: frame.truth.as_ref().map(|truth| match &truth.kind.origin {
                 TruthOrigin::Exact => "truth".to_owned(),
@@ -273,7 +275,7 @@ impl RerunSink {
             }),
             rig: frame.rig().is_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
-            eye: world::eye(&self.wireframe, scale),
+            eye: world::eye(&self.wireframe, scale, frame, cloud),
             plots: METRICS
                 .iter()
                 .filter(|m| m.plot.is_some())

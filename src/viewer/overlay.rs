@@ -1,30 +1,31 @@
 //! The thesis's picture of a depth grid (figures 5.8d and 7.3, table 5.1): squares on the left
 //! image.
 //!
-//! Every known cell has a centred red square whose size is the nearness of the cell's median
+//! Every known cell has a centred green square whose size is the nearness of the cell's median
 //! ([`overlay::Nearness`]). A yellow square shows the 20th percentile and a violet one the 80th in
-//! the same way: the closer the three, the smaller the spread of the depth. A red dot means
-//! unknown.
+//! the same way: the closer the three, the smaller the spread of the depth. A grey dot means
+//! unknown. The thesis has both in red, which is here the colour of what is wrong.
 
 use crate::scale::Scale;
 use rerun::{Boxes2D, LineStrips2D, Points2D, Radius, Rgba32};
 use svl_core::stereo::{DepthGrid, GridShape};
 use svl_files::overlay::{self, Rect};
 
-const RED: Rgba32 = Rgba32::from_rgb(240, 40, 40);
+const GREEN: Rgba32 = Rgba32::from_rgb(23, 195, 163);
+const GREY: Rgba32 = Rgba32::from_rgb(195, 201, 208);
 const YELLOW: Rgba32 = Rgba32::from_rgb(255, 221, 50);
 const VIOLET: Rgba32 = Rgba32::from_rgb(186, 85, 255);
 pub(crate) const WHITE: Rgba32 = Rgba32::from_unmultiplied_rgba(255, 255, 255, 110);
 
 /// The shapes on the left image for one depth grid.
 pub(crate) struct Overlay {
-    /// The red squares.
+    /// The green squares.
     pub medians: Boxes2D,
-    /// The red dots.
+    /// The grey dots.
     pub unknown: Points2D,
     /// The borders of the cells.
     pub lines: LineStrips2D,
-    /// The yellow and violet squares, drawn over the red ones: a separate entity.
+    /// The yellow and violet squares, drawn over the green ones: a separate entity.
     pub percentiles: Boxes2D,
     /// The distances of the known cells, or their disparities without a rig, as text.
     pub distances: Points2D,
@@ -43,19 +44,19 @@ impl Overlay {
         for mark in overlay::marks(grid, size, scale.nearness) {
             match mark.squares {
                 Some(squares) => {
-                    medians.push((squares.median, RED));
+                    medians.push((squares.median, GREEN));
                     percentiles.extend([(squares.p20, YELLOW), (squares.p80, VIOLET)]);
                 }
                 None => unknown.push(point(mark.cell.center())),
             }
         }
         let mut distances = Vec::new();
-        // Below the squares, which are centred.
+        // Below the middle of the squares: Rerun writes below a point, and a view ends at the image.
         let below = |place| {
             let (x, y) = grid.shape().pixels(place, size);
             [
                 x.start.midpoint(x.end) as f32,
-                (3 * y.start + 17 * y.end) as f32 / 20.0,
+                (2 * y.start + 3 * y.end) as f32 / 5.0,
             ]
         };
         for (place, cell) in grid.iter() {
@@ -82,7 +83,7 @@ impl Overlay {
         Self {
             medians: boxes(&medians, 1.4 * unit).with_draw_order(31.0),
             unknown: Points2D::new(unknown)
-                .with_colors([RED])
+                .with_colors([GREY])
                 .with_radii([3.5 * unit]),
             lines: LineStrips2D::new(lines(grid.shape(), size))
                 .with_colors([WHITE])

@@ -131,9 +131,9 @@ fn over(png: Vec<u8>) -> EncodedImage {
 }
 
 /// Height of the legend, as a fraction of the image's.
-pub(crate) const LEGEND_SHARE: f64 = 0.32;
+pub(crate) const LEGEND_SHARE: f64 = 0.5;
 
-/// The colours of [`why`] with their names, in two lines below an image of `size` pixels.
+/// The colours of [`why`] with their names, in three lines below an image of `size` pixels.
 pub(crate) fn legend((width, height): (usize, usize)) -> Points2D {
     let (width, height) = (width as f32, height as f32);
     let reasons = &Reason::ALL[1..];

@@ -6,9 +6,9 @@
 //! entity is in the tree.
 
 use crate::{CAMERA, scale::Scale};
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rerun::{CoordinateFrame, LineStrips3D, Pinhole, Radius, Rgba32, Transform3D};
-use svl_core::stereo::{Frame, Pose, Rig, Side};
+use svl_core::stereo::{Frame, Plane, Pose, Rig, Side};
 use svl_sim::arena::WireObject;
 
 /// Name of the left camera's optical frame.
@@ -69,14 +69,25 @@ pub(crate) fn wireframe(things: &[WireObject]) -> LineStrips3D {
         .with_radii([Radius::new_ui_points(0.8)])
 }
 
-/// Position and target of the 3D view: over the whole arena, else from behind the camera.
-pub(crate) fn eye(things: &[WireObject], scale: &Scale) -> [[f32; 3]; 2] {
-    let far = scale.far_m as f32;
+/// Position and target of the 3D view: over the whole arena, else from behind the camera towards
+/// the cloud of the first frame.
+pub(crate) fn eye(
+    things: &[WireObject],
+    scale: &Scale,
+    frame: &Frame,
+    cloud: Option<&Plane<f32>>,
+) -> [[f32; 3]; 2] {
     let mut corners = things
         .iter()
         .flat_map(|thing| thing.strips.iter().flatten());
     let Some(&first) = corners.next() else {
-        return [[-0.25 * far, 0.3 * far, 0.25 * far], [0.4 * far, 0.0, 0.0]];
+        let pose = frame.pose.unwrap_or_else(resting);
+        let place = |point: Point3<f64>| (pose * point).coords.map(|v| v as f32).into();
+        let behind = Point3::new(-0.3, -0.25, -0.25) * scale.far_m;
+        let middle = cloud.zip(frame.rig());
+        let middle = middle.and_then(|(map, rig)| cloud_middle(map, rig, scale));
+        let middle = middle.unwrap_or(Point3::new(0.0, 0.0, 0.4 * scale.far_m));
+        return [place(behind), place(middle)];
     };
     let (low, high) = corners.fold((first, first), |(low, high), p| {
         let pick =
@@ -91,6 +102,50 @@ pub(crate) fn eye(things: &[WireObject], scale: &Scale) -> [[f32; 3]; 2] {
     ]
 }
 
+/// Mean of the points of a cloud in the camera's frame; none without a point.
+fn cloud_middle(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Option<Point3<f64>> {
+    let k = rig.intrinsics(Side::Left);
+    let (mut sum, mut points) = (Vector3::zeros(), 0.0);
+    for (y, row) in map.rows().enumerate() {
+        for (x, &disparity) in row.iter().enumerate() {
+            let depth_m = Some(disparity).filter(|d| d.is_finite());
+            let depth_m = depth_m.and_then(|d| rig.depth_m(d.into()));
+            if let Some(z) = depth_m.filter(|z| *z <= scale.far_m) {
+                let across = |pixel: usize, axis| (pixel as f64 - k[(axis, 2)]) / k[(axis, axis)];
+                sum += Vector3::new(across(x, 0), across(y, 1), 1.0) * z;
+                points += 1.0;
+            }
+        }
+    }
+    (points > 0.0).then(|| Point3::from(sum / points))
+}
+
 fn position(pose: &Pose) -> [f32; 3] {
     pose.translation.vector.map(|v| v as f32).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
+
+    #[test]
+    fn the_eye_looks_at_the_cloud_wherever_the_camera_is() {
+        let image = Gray::filled(320, 240, 0).unwrap();
+        let rig = Rig::new(320.0, (159.5, 119.5), 0.05, 0.0).unwrap();
+        let mut frame = Frame::new(
+            StereoPair::new(image.clone(), image).unwrap(),
+            Geometry::Rectified(Some(rig)),
+        );
+        let scale = Scale::new(&frame);
+        // A wall at 1 m.
+        let wall = Plane::filled(320, 240, 16.0).unwrap();
+        let at = |frame: &Frame| eye(&[], &scale, frame, Some(&wall))[1];
+        let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
+        assert!(near(at(&frame), [1.0, 0.0, 0.0]), "{:?}", at(&frame));
+        let mut moved = resting();
+        moved.translation.vector.x += 100.0;
+        frame.pose = Some(moved);
+        assert!(near(at(&frame), [101.0, 0.0, 0.0]), "{:?}", at(&frame));
+    }
 }

@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_PI_2;
 use svl_core::Result;
 use svl_score::drive::{GroundPoint, RobotState};
 use svl_score::scenario::DriveConfig;
-use svl_sim::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait};
+use svl_sim::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait, WireObject};
 
 /// A world with start, goal, and a route that leads there.
 pub struct Course {
@@ -81,6 +81,36 @@ impl Course {
     /// Closed outlines of the obstacles, metres.
     pub fn outlines(&self) -> Vec<Vec<[f64; 2]>> {
         self.world.plan(self.drive.height_m)
+    }
+
+    /// The outlines at the floor and at the robot's height, the route and the goal line, for a 3D
+    /// viewer.
+    pub fn wireframe(&self) -> Vec<WireObject> {
+        let strip = |points: &mut dyn Iterator<Item = [f64; 2]>, z: f64| {
+            points.map(|[x, y]| [x, y, z].map(|v| v as f32)).collect()
+        };
+        let obstacle = |outline: Vec<[f64; 2]>| {
+            let closed = || outline.iter().chain(outline.first()).copied();
+            let levels = [0.0, self.drive.height_m];
+            WireObject {
+                name: "obstacle".into(),
+                strips: levels.map(|z| strip(&mut closed(), z)).into(),
+            }
+        };
+        let line = |name: &str, points: &mut dyn Iterator<Item = [f64; 2]>| WireObject {
+            name: name.to_owned(),
+            strips: vec![strip(points, 0.0)],
+        };
+        let goal = [0.0, WIDTH_M].map(|x| [x, self.goal_m()]);
+        let lines = [
+            line("route", &mut self.route()),
+            line("goal", &mut goal.into_iter()),
+        ];
+        self.outlines()
+            .into_iter()
+            .map(obstacle)
+            .chain(lines)
+            .collect()
     }
 
     /// `y` of the goal line, metres.

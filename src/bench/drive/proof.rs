@@ -91,6 +91,13 @@ mod tests {
         let (one, again, other) = (course(3), course(3), course(4));
         assert_eq!(one.plan(), again.plan());
         assert_ne!(one.plan().outlines, other.plan().outlines);
+        let drawn = one.wireframe();
+        assert_eq!(drawn.len(), one.plan().outlines.len() + 2);
+        assert!(
+            drawn
+                .iter()
+                .any(|thing| thing.name == "route" && thing.strips[0].len() > 9)
+        );
         for course in [&one, &other] {
             let route: Vec<_> = course.route().collect();
             let last = route[route.len() - 1];

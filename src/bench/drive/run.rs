@@ -196,6 +196,7 @@ impl Course {
             width_m: world.width_m,
             length_m: world.length_m,
             goal_m: self.goal_m(),
+            field_of_view_deg: self.world().config().rig.field_of_view_deg,
             outlines: (self.outlines().iter())
                 .map(|outline| outline.iter().map(|at| rounded(*at)).collect())
                 .collect(),
@@ -284,8 +285,11 @@ impl DriveSink {
         let shots = places.into_iter().filter_map(shot);
         Ok(CheckpointFigure {
             checkpoint: None,
-            title: format!("{name}, course {seed}: the two seconds before it hit '{with}'"),
-            about: format!("Its fastest collision, at {speed:.2} m/s."),
+            title: format!("{name}, course {seed}"),
+            at_s: None,
+            about: format!(
+                "The two seconds before it hit '{with}' at {speed:.2} m/s, its fastest collision."
+            ),
             shots: shots.collect::<Result<_>>()?,
         })
     }

@@ -44,15 +44,24 @@ pub(super) struct BlockShots {
 struct RawShot {
     shot: FrameShot,
     preview: Picture,
+    true_preview: Option<Picture>,
+    errors: Option<Picture>,
 }
 
 impl RawShot {
     fn encoded(&self) -> Result<FrameShot> {
+        let optional = |picture: &Option<Picture>| picture.as_ref().map(encoded).transpose();
         Ok(FrameShot {
-            preview: files::encode_palette_png(&self.preview.codes, &self.preview.palette)?,
+            preview: encoded(&self.preview)?,
+            true_preview: optional(&self.true_preview)?,
+            errors: optional(&self.errors)?,
             ..self.shot.clone()
         })
     }
+}
+
+fn encoded(picture: &Picture) -> Result<Vec<u8>> {
+    files::encode_palette_png(&picture.codes, &picture.palette)
 }
 
 /// Time after which pictures of a block under way are made again: a run that is killed repeats what
@@ -179,14 +188,11 @@ impl BlockShots {
                 _ => left(&judged.frame, MAX_WIDTH)?,
             };
             self.left = Some((place, left.clone()));
-            let RawShot { shot: raw, preview } = raw_shot(identity, judged, scored, left);
-            let raw = FrameShot {
-                passed: Some(frame.passed),
-                failures: checkpoint.failures(grid, scored.cells.as_deref()),
-                findings: checkpoint.findings(grid, self.cells),
-                ..raw
-            };
-            shot = Some(RawShot { shot: raw, preview });
+            let mut raw = raw_shot(identity, judged, scored, left);
+            raw.shot.passed = Some(frame.passed);
+            raw.shot.failures = checkpoint.failures(grid, scored.cells.as_deref());
+            raw.shot.findings = checkpoint.findings(grid, self.cells);
+            shot = Some(raw);
             self.is_changed = true;
         }
         // The shot exists if and only if the frame leads, and only then it is asked for.
@@ -209,6 +215,7 @@ impl BlockShots {
         Ok(CheckpointFigure {
             checkpoint: None,
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
+            at_s: Some(seconds),
             about: String::new(),
             shots: shots.collect::<Result<_>>()?,
         })
@@ -270,7 +277,10 @@ fn raw_shot(
     let size = frame.pair.size();
     let nearness = Nearness::for_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
-    let preview = overlay::disparities(estimate.disparity.disparity(), nearness.near_px() as f32);
+    let preview = |plane: &Plane<f32>| {
+        overlay::disparities(plane, nearness.near_px() as f32).at_most(MAX_WIDTH)
+    };
+    let (map, truth) = (&estimate.disparity, frame.truth.as_ref());
     let shot = FrameShot {
         row: identity.row(judged, scored),
         cells: identity.cells(judged, scored),
@@ -282,16 +292,19 @@ fn raw_shot(
         estimate: marks(&estimate.grid),
         truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
         preview: Vec::new(),
+        true_preview: None,
+        errors: None,
     };
     RawShot {
         shot,
-        preview: preview.at_most(MAX_WIDTH),
+        preview: preview(map.disparity()),
+        true_preview: truth.map(|truth| preview(&truth.disparity)),
+        errors: truth.map(|truth| overlay::errors::errors(map, truth).at_most(MAX_WIDTH)),
     }
 }
 
 fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
-    let Picture { codes, palette } = picture.at_most(width);
-    files::encode_palette_png(&codes, &palette)
+    encoded(&picture.at_most(width))
 }
 
 /// The left image, in colour where the source has it.

@@ -3,7 +3,9 @@
 use super::terminal::{WarningLog, print_error};
 use indicatif::{ProgressBar, ProgressFinish, ProgressState, ProgressStyle};
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use svl::console::{Bar, Console, Unit};
 
@@ -66,7 +68,11 @@ impl Console for Terminal {
         let style = ProgressStyle::with_template(&format!("{{prefix:<24!}} {form}"));
         bar.set_style(style.expect("a valid template").with_key("per_sec", rate));
         bar.set_prefix(work.to_owned());
-        Box::new(TerminalBar(bar.with_finish(ProgressFinish::AndClear)))
+        Box::new(TerminalBar {
+            log: (!self.quiet && !std::io::stderr().is_terminal())
+                .then(|| ProgressLog::new(work, unit, total)),
+            bar: bar.with_finish(ProgressFinish::AndClear),
+        })
     }
 
     fn note(&self, line: &str) {
@@ -84,25 +90,85 @@ impl Console for Terminal {
     }
 }
 
-struct TerminalBar(ProgressBar);
+struct TerminalBar {
+    bar: ProgressBar,
+    /// Where standard error is no terminal, and the user wants to see progress.
+    log: Option<ProgressLog>,
+}
+
+impl TerminalBar {
+    fn report(&self) {
+        let line = |log: &ProgressLog| log.line(self.bar.position(), log.began.elapsed());
+        if let Some(line) = self.log.as_ref().and_then(line) {
+            print_error(line);
+        }
+    }
+}
 
 impl Bar for TerminalBar {
     fn set(&self, done: u64) {
-        self.0.set_position(done);
+        self.bar.set_position(done);
+        self.report();
     }
 
     fn step(&self) {
-        self.0.inc(1);
+        self.bar.inc(1);
+        self.report();
     }
 
     fn show(&self, text: String) {
-        if !self.0.is_hidden() {
-            self.0.set_message(text);
+        if !self.bar.is_hidden() {
+            self.bar.set_message(text);
         }
     }
 
     fn suspend(&self, print: &mut dyn FnMut()) {
-        self.0.suspend(print);
+        self.bar.suspend(print);
+    }
+}
+
+/// Time that work takes before its progress is logged: short work is done before anyone asks.
+const LOGGED_FROM: Duration = Duration::from_secs(10);
+/// Time between the lines of work without a known end.
+const LOGGED_EVERY: Duration = Duration::from_secs(60);
+
+/// The progress of long work in a log: a line for every 10 %, or for every minute where the end is
+/// unknown.
+struct ProgressLog {
+    work: String,
+    unit: Unit,
+    total: Option<u64>,
+    began: Instant,
+    /// Tenths, or minutes, that were logged.
+    logged: AtomicU64,
+}
+
+impl ProgressLog {
+    fn new(work: &str, unit: Unit, total: Option<u64>) -> Self {
+        Self {
+            work: work.to_owned(),
+            unit,
+            total: total.filter(|total| *total > 0),
+            began: Instant::now(),
+            logged: AtomicU64::new(0),
+        }
+    }
+
+    /// The line that is due with so many steps done after that time.
+    fn line(&self, done: u64, after: Duration) -> Option<String> {
+        let reached = match self.total {
+            Some(total) => 10 * done / total,
+            None => after.as_secs() / LOGGED_EVERY.as_secs(),
+        };
+        let is_new = || reached > self.logged.fetch_max(reached, Ordering::Relaxed);
+        if after < LOGGED_FROM || !is_new() {
+            return None;
+        }
+        let (work, unit) = (&self.work, self.unit.words());
+        Some(match self.total {
+            Some(total) => format!("{work}: {} %, {done} of {total} {unit}", 10 * reached),
+            None => format!("{work}: {done} {unit}"),
+        })
     }
 }
 
@@ -140,5 +206,32 @@ impl Bytes {
     /// Takes the bar away.
     pub(crate) fn clear(self) {
         self.0.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_work_logs_each_tenth_once_and_short_work_nothing() {
+        let log = ProgressLog::new("match arena", Unit::Pairs, Some(200));
+        let lines = |seconds| {
+            let line = |done| log.line(done, Duration::from_secs(seconds));
+            [0, 19, 20, 39, 61].map(line)
+        };
+        assert!(lines(9).iter().all(Option::is_none));
+        let tenth = Some("match arena: 10 %, 20 of 200 pairs".to_owned());
+        let third = Some("match arena: 30 %, 61 of 200 pairs".to_owned());
+        assert_eq!(lines(10), [None, None, tenth, None, third]);
+        assert!(lines(20).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn work_without_an_end_logs_each_minute() {
+        let log = ProgressLog::new("record", Unit::Pairs, None);
+        let lines = [59, 60, 119, 121].map(|seconds| log.line(7, Duration::from_secs(seconds)));
+        let line = Some("record: 7 pairs".to_owned());
+        assert_eq!(lines, [None, line.clone(), None, line]);
     }
 }

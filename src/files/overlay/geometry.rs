@@ -89,7 +89,7 @@ impl Rect {
 /// A known cell's squares, with the proportions of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Squares {
-    /// Filled red.
+    /// Filled green.
     pub median: Rect,
     /// Outlined yellow; a farther part of the cell, so it is the smallest.
     pub p20: Rect,
@@ -104,7 +104,7 @@ pub struct Mark {
     pub row: usize,
     /// The cell itself.
     pub cell: Rect,
-    /// `None` draws a red dot in the centre.
+    /// `None` draws a dot in the centre.
     pub squares: Option<Squares>,
 }
 

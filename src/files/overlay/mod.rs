@@ -1,9 +1,9 @@
 //! Overlays on images: the depth grid, error maps, previews of disparities, corners of boards.
 //!
-//! The thesis's overlay of a depth grid (figure 7.3) has a red square in every known cell, the
-//! larger the nearer its content, and a red dot in an unknown one. svl adds the cell's 20th
-//! percentile in yellow and its 80th in violet. [`marks`] is the geometry; the HTML report draws it
-//! as SVG and the Rerun sink as boxes.
+//! The thesis's overlay of a depth grid (figure 7.3) has a square in every known cell, the larger
+//! the nearer its content, and a dot in an unknown one, both in red; here they are green and grey,
+//! as red is what is wrong. svl adds the cell's 20th percentile in yellow and its 80th in violet.
+//! [`marks`] is the geometry; the HTML report draws it as SVG and the Rerun sink as boxes.
 
 mod codes;
 mod colors;

@@ -1,6 +1,7 @@
 //! HTML report of a calibration: one file without scripts or external resources.
 
 mod text;
+mod verdict;
 mod view;
 
 pub use text::terminal;
@@ -16,8 +17,18 @@ pub struct CalibrationPage<'a> {
     pub solution: &'a Solution,
     /// Names of the views, such as file or frame; where one is missing, its number.
     pub names: Vec<String>,
+    /// A pair, rectified; absent if that is not possible.
+    pub pair: Option<RectifiedImages>,
     /// Identity of the run: names and values.
     pub identity: Vec<(String, String)>,
+}
+
+/// Two rectified images as PNG or JPEG files.
+pub struct RectifiedImages {
+    pub name: String,
+    /// Width and height, pixels.
+    pub size: (usize, usize),
+    pub files: [Vec<u8>; 2],
 }
 
 impl CalibrationPage<'_> {
@@ -83,6 +94,40 @@ mod tests {
     }
 
     #[test]
+    fn the_worst_number_decides() {
+        let solution = solution();
+        let verdict = |change: fn(&mut Solution)| {
+            let mut changed = solution.clone();
+            changed.left.coverage = 0.7;
+            changed.right.coverage = 0.7;
+            change(&mut changed);
+            verdict::CalibrationVerdict::new(&changed).words()
+        };
+        assert_eq!(
+            verdict(|_| ()),
+            "good; mean |Δy| 0.00 px (at most 0.25), RMS 0.00 px (at most 0.5), coverage 70 % (at \
+             least 60)"
+        );
+        assert_eq!(
+            verdict(|solution| {
+                solution.rms_px = 0.6;
+                solution.right.coverage = 0.5;
+            }),
+            "acceptable; RMS 0.60 px (good: at most 0.5), coverage 50 % (good: at least 60); hold a \
+             flat board still in a good light, or try another --model; move the board to the edges \
+             of both images"
+        );
+        assert_eq!(
+            verdict(|solution| {
+                solution.rms_px = 0.6;
+                solution.epipolar.mean_px = 0.75;
+            }),
+            "repeat; mean |Δy| 0.75 px (acceptable: at most 0.5); fix both cameras to each other, \
+             and let them expose at the same time"
+        );
+    }
+
+    #[test]
     fn everything_is_there_and_escaped() {
         let solution = solution();
         let names = (0..5).map(|i| format!("{i}.png <&>")).collect();
@@ -91,6 +136,11 @@ mod tests {
             title: "rig <b>".into(),
             solution: &solution,
             names,
+            pair: Some(RectifiedImages {
+                name: "left01.png".into(),
+                size: (640, 480),
+                files: [b"left".to_vec(), b"right".to_vec()],
+            }),
             identity,
         }
         .render()
@@ -102,6 +152,8 @@ mod tests {
             "numbered from another end",
             "5 of 6",
             "T, m",
+            "Calibration is good",
+            "<title>left01.png</title>",
         ] {
             assert!(page.contains(text), "{text}");
         }

@@ -1,5 +1,6 @@
 //! A calibration on the terminal, and the tables that its page shares with it.
 
+use super::verdict::CalibrationVerdict;
 use crate::table::{Table, TerminalStyle, wrapped};
 use svl_calibrate::{CameraEstimate, Estimated, Solution};
 
@@ -32,7 +33,9 @@ pub(super) fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
         solution.views.len()
     );
     let epipolar = solution.epipolar;
+    let verdict = CalibrationVerdict::new(solution).words();
     vec![
+        ("Verdict", verdict),
         ("Views", views),
         (
             "RMS",

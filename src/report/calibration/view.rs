@@ -1,7 +1,9 @@
 //! Data for the page template: formatted numbers, residuals as SVG paths.
 
-use super::CalibrationPage;
 use super::text::{extrinsics, facts, intrinsics};
+use super::verdict::CalibrationVerdict;
+use super::{CalibrationPage, RectifiedImages};
+use crate::page::data_url;
 use crate::table::Table;
 use serde::Serialize;
 use std::fmt::Write;
@@ -10,6 +12,8 @@ use svl_calibrate::{CameraEstimate, Corner, Correlation, Fit, Solution};
 #[derive(Serialize)]
 pub(super) struct CalibrationView<'a> {
     title: &'a str,
+    verdict: CalibrationVerdict,
+    pair: Option<RectifiedView<'a>>,
     facts: Vec<(&'static str, String)>,
     intrinsics: Table,
     extrinsics: Table,
@@ -31,6 +35,33 @@ pub(super) struct CalibrationView<'a> {
     images: [(); 0],
     incomplete: Option<&'static str>,
     identity: &'a [(String, String)],
+}
+
+/// A rectified pair side by side, with lines across both images.
+#[derive(Serialize)]
+struct RectifiedView<'a> {
+    name: &'a str,
+    width: usize,
+    height: usize,
+    files: [String; 2],
+    /// Heights of the lines.
+    lines: Vec<usize>,
+}
+
+/// Lines across a rectified pair.
+const LINES: usize = 16;
+
+impl<'a> RectifiedView<'a> {
+    fn new(pair: &'a RectifiedImages) -> Self {
+        let (width, height) = pair.size;
+        Self {
+            name: &pair.name,
+            width,
+            height,
+            files: pair.files.each_ref().map(|file| data_url(file)),
+            lines: (1..LINES).map(|i| i * height / LINES).collect(),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -93,7 +124,10 @@ impl<'a> CalibrationView<'a> {
         ];
         Self {
             title,
-            facts: facts(solution),
+            verdict: CalibrationVerdict::new(solution),
+            pair: page.pair.as_ref().map(RectifiedView::new),
+            // The verdict is above them.
+            facts: facts(solution).split_off(1),
             intrinsics: intrinsics(solution),
             extrinsics: extrinsics(solution),
             correlations: correlations(solution),

@@ -13,6 +13,8 @@ use svl_score::judge::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
 pub(super) struct FigureView<'a> {
     pub checkpoint: Option<u32>,
     pub title: &'a str,
+    /// True for successive frames of one drive.
+    is_film: bool,
     about: &'a str,
     shots: Vec<ShotView<'a>>,
 }
@@ -21,6 +23,8 @@ pub(super) struct FigureView<'a> {
 struct ShotView<'a> {
     algorithm: &'a str,
     rank: Rank,
+    /// Time of a frame of a film.
+    moment: String,
     passed: Option<bool>,
     origin: String,
     cells: String,
@@ -41,10 +45,21 @@ impl<'a> FigureView<'a> {
         let shots = figure.shots.iter();
         let shots = shots.map(|(rank, shot)| shot_view(*rank, shot, images));
         let mut shots: Vec<_> = shots.collect();
+        let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
+        if let (true, Some((_, last))) = (is_film, figure.shots.last()) {
+            for ((_, shot), view) in figure.shots.iter().zip(&mut shots) {
+                let before_ns = last.row.stamp_ns.saturating_sub(shot.row.stamp_ns);
+                view.moment = match before_ns {
+                    0 => "collision".to_owned(),
+                    _ => format!("{:.1} s before", before_ns as f64 / 1e9),
+                };
+            }
+        }
         shots.sort_by_key(|shot| place(shot.algorithm));
         Self {
             checkpoint: figure.checkpoint,
             title: &figure.title,
+            is_film,
             about: &figure.about,
             shots,
         }
@@ -76,10 +91,18 @@ fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -
         ));
     }
     pictures.push(picture("disparity", &shot.preview, Vec::new()));
+    let maps = [
+        ("true disparity", &shot.true_preview),
+        ("error", &shot.errors),
+    ];
+    for (label, file) in maps {
+        pictures.extend(file.iter().map(|file| picture(label, file, Vec::new())));
+    }
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     ShotView {
         algorithm: &shot.row.algorithm,
         rank,
+        moment: String::new(),
         passed: shot.passed,
         origin: shot.row.origin_words(),
         cells: cells(&shot.row),

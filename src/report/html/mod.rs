@@ -58,6 +58,8 @@ pub struct CheckpointFigure {
     /// Number of the checkpoint; absent without one.
     pub checkpoint: Option<u32>,
     pub title: String,
+    /// Time of the frame in its recording, s; absent of checkpoints and of drives.
+    pub at_s: Option<f64>,
     /// Description, may be empty.
     pub about: String,
     pub shots: Vec<(Rank, FrameShot)>,
@@ -87,6 +89,11 @@ pub struct FrameShot {
     /// The disparities as colours, an image file likewise.
     #[serde(with = "stored::image")]
     pub preview: Vec<u8>,
+    /// The true disparities in the same colours, and the errors, if the frame has a truth.
+    #[serde(with = "stored::optional_image")]
+    pub true_preview: Option<Vec<u8>>,
+    #[serde(with = "stored::optional_image")]
+    pub errors: Option<Vec<u8>>,
 }
 
 /// A scene with the result of each algorithm. Pictures are PNG or JPEG files.
@@ -144,7 +151,8 @@ impl ReportPage {
             plots::trade_offs(self, &colors)?,
             plots::speed(self, &colors)?,
             plots::accuracy(self, &colors)?,
-            plots::maps(self, &colors)?,
+            plots::reliability(self, &colors)?,
+            plots::maps(self, &colors, None)?,
         ];
         for plot in plots.iter().flatten() {
             plot.write(folder, "")?;

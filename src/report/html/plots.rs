@@ -4,6 +4,7 @@ use super::super::page::PlotView;
 use super::super::plot::{
     AlgorithmColors, Axis, Bars, Chart, CourseMap, Series, SeriesStyle, Strips,
 };
+use super::super::reliability::{ABOUT, ReliabilityRow, reliability_chart};
 use super::super::stress::{NUMBERS, kinds};
 use super::super::summary::{AlgorithmSummary, Summary};
 use super::{ParameterSweep, ReportPage};
@@ -198,8 +199,12 @@ pub(super) struct StressView {
     pub plots: Vec<PlotView>,
 }
 
-/// The courses from above.
-pub(super) fn maps(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+/// The courses from above: all, or those that failed or did not.
+pub(super) fn maps(
+    page: &ReportPage,
+    colors: &AlgorithmColors<'_>,
+    failed: Option<bool>,
+) -> Result<Vec<PlotView>> {
     let map = |map: &CourseMap| {
         Ok(PlotView {
             title: map.title.clone().into(),
@@ -207,7 +212,8 @@ pub(super) fn maps(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Ve
             svg: map.svg(colors)?,
         })
     };
-    page.maps.iter().map(map).collect()
+    let shown = |map: &&CourseMap| failed.is_none_or(|failed| map.is_failed == failed);
+    page.maps.iter().filter(shown).map(map).collect()
 }
 
 /// The algorithms but the references as discs, those of a sweep joined, and the front of those that
@@ -440,6 +446,28 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Resul
         about: "Median absolute error of the cells in each range of true distances.",
         svg: chart.svg_in(colors)?,
     }])
+}
+
+/// Observed over predicted fractions of right cells; nothing without probabilities.
+pub(super) fn reliability(
+    page: &ReportPage,
+    colors: &AlgorithmColors<'_>,
+) -> Result<Vec<PlotView>> {
+    let rows = &page.summary.reliability;
+    let algorithms = page.summary.algorithms.iter().map(|a| {
+        let own = rows.iter().filter(|row| row.algorithm == a.algorithm);
+        let bins = own.map(ReliabilityRow::bin).collect();
+        (a.algorithm.clone(), bins)
+    });
+    let plot = |chart: Chart| {
+        Ok(PlotView {
+            title: "Reliability of probabilities".into(),
+            about: ABOUT,
+            svg: chart.svg_in(colors)?,
+        })
+    };
+    let chart = reliability_chart(algorithms.collect());
+    chart.into_iter().map(plot).collect()
 }
 
 /// Time of a stage of an algorithm.

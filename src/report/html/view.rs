@@ -5,13 +5,13 @@ use super::super::plot::AlgorithmColors;
 use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
-use super::plots::{StressView, accuracy, maps, speed, stress, trade_offs};
+use super::plots::{StressView, accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
 use super::{CheckpointFigure, ReportPage};
 use crate::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
 use std::cmp::Ordering::Equal;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use svl_core::{Result, matcher};
 use svl_files::overlay::{algorithm_color, viridis};
 use svl_score::judge::ColumnChoice;
@@ -36,6 +36,8 @@ pub(super) struct ReportPageView<'a> {
     speed: Option<Table>,
     accuracy: Option<Table>,
     accuracy_plot: Vec<PlotView>,
+    reliability: Vec<PlotView>,
+    reliability_table: Option<Table>,
     latency: Option<Table>,
     drives: Option<Table>,
     cases: Option<&'a Table>,
@@ -44,18 +46,22 @@ pub(super) struct ReportPageView<'a> {
     trade_offs: Vec<PlotView>,
     speed_plots: Vec<PlotView>,
     stress: Vec<StressView>,
-    maps: Vec<PlotView>,
+    /// Courses that an algorithm did not finish, and the others, which are folded.
+    failed_maps: Vec<PlotView>,
+    finished_maps: Vec<PlotView>,
     front: FrontView<'a>,
     /// State, its word, and the result.
     gate: Vec<(GateState, &'static str, &'a str)>,
-    /// Ids and titles of the figures, or of the scenes.
-    entries: Vec<(String, &'a str)>,
+    /// Ids of the figures, or of the scenes, and the words of their buttons.
+    entries: Vec<(String, String)>,
     /// The id of the figure that is shown first: the first algorithm's worst checkpoint.
     first: Option<String>,
     /// Columns and rows of the grid of cells, where a frame is shown.
     grid: Option<(usize, usize)>,
     /// Figures have worst and best frames.
     is_ranked: bool,
+    /// Some frame has an error map.
+    has_errors: bool,
     /// Some figure shows several algorithms.
     has_choice: bool,
     figures: Vec<FigureView<'a>>,
@@ -122,7 +128,7 @@ impl<'a> ReportPageView<'a> {
         let scenes = page.scenes.iter();
         let mut scenes: Vec<_> = scenes.map(|scene| SceneView::new(scene, place)).collect();
         sort_by_case(&mut scenes, page);
-        let entries = entries(&figures, &scenes);
+        let entries = entries(page, &scenes);
         let shots = page.figures.iter().flat_map(|figure| &figure.shots);
         let marks = shots.flat_map(|(_, shot)| &shot.estimate);
         let grid = marks.map(|mark| (mark.column + 1, mark.row + 1)).max();
@@ -160,6 +166,8 @@ impl<'a> ReportPageView<'a> {
             speed: summary.speed_table(),
             accuracy: summary.accuracy_table(),
             accuracy_plot: accuracy(page, &colors)?,
+            reliability: reliability(page, &colors)?,
+            reliability_table: summary.reliability_table(),
             latency: summary.latency_table(),
             drives: summary.drive_table(),
             cases: page.cases.as_ref(),
@@ -167,7 +175,8 @@ impl<'a> ReportPageView<'a> {
             trade_offs: trade_offs(page, &colors)?,
             speed_plots: speed(page, &colors)?,
             stress: stress(page, &colors)?,
-            maps: maps(page, &colors)?,
+            failed_maps: maps(page, &colors, Some(true))?,
+            finished_maps: maps(page, &colors, Some(false))?,
             front,
             gate: gate
                 .map(|(state, text)| (*state, state.words(), text.as_str()))
@@ -177,6 +186,8 @@ impl<'a> ReportPageView<'a> {
                 .figures
                 .iter()
                 .any(|figure| figure.checkpoint.is_some()),
+            has_errors: (page.figures.iter())
+                .any(|figure| figure.shots.iter().any(|(_, shot)| shot.errors.is_some())),
             has_choice: page.figures.iter().any(has_choice),
             figures,
             scenes,
@@ -197,17 +208,31 @@ fn sort_by_case(scenes: &mut [SceneView<'_>], page: &ReportPage) {
     scenes.sort_by_key(|scene| case(scene).unwrap_or(usize::MAX));
 }
 
-/// Ids and titles of the figures and the scenes.
-fn entries<'a>(figures: &[FigureView<'a>], scenes: &[SceneView<'a>]) -> Vec<(String, &'a str)> {
-    let titles = figures
-        .iter()
-        .map(|figure| (figure.checkpoint, figure.title));
-    let titles = titles.chain(scenes.iter().map(|scene| (None, scene.title)));
-    let entry = |(i, (checkpoint, title)): (usize, (Option<u32>, &'a str))| {
+/// Ids of the figures and the scenes, and the words of their buttons.
+fn entries(page: &ReportPage, scenes: &[SceneView<'_>]) -> Vec<(String, String)> {
+    let figures = page.figures.iter().zip(chips(&page.figures));
+    let figures = figures.map(|(figure, chip)| (figure.checkpoint, chip));
+    let chips = figures.chain(scenes.iter().map(|scene| (None, scene.title.to_owned())));
+    let entry = |(i, (checkpoint, chip)): (usize, (Option<u32>, String))| {
         let id = checkpoint.map_or_else(|| format!("f{i}"), |number| format!("cp{number}"));
-        (id, title)
+        (id, chip)
     };
-    titles.enumerate().map(entry).collect()
+    chips.enumerate().map(entry).collect()
+}
+
+/// The words of the figures' buttons: the time in the recording, as `0.8 s`, with the recording
+/// where there are several, else the title. Times have as many decimals as tell them apart.
+fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
+    let run = |figure: &CheckpointFigure| figure.shots.first()?.1.row.run.clone();
+    let runs: BTreeSet<_> = figures.iter().map(run).collect();
+    let chip = |figure: &CheckpointFigure, digits: usize| match (figure.at_s, run(figure)) {
+        (None, _) => figure.title.clone(),
+        (Some(at_s), Some(run)) if runs.len() > 1 => format!("{run} {at_s:.digits$} s"),
+        (Some(at_s), _) => format!("{at_s:.digits$} s"),
+    };
+    let all = |digits| figures.iter().map(|figure| chip(figure, digits)).collect();
+    let is_clear = |chips: &Vec<String>| chips.iter().collect::<BTreeSet<_>>().len() == chips.len();
+    (1..3).map(all).find(is_clear).unwrap_or_else(|| all(3))
 }
 
 /// True for a figure of several algorithms.
@@ -371,7 +396,25 @@ fn is_pictured(page: &ReportPage, label: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::name;
+    use super::{CheckpointFigure, chips, name};
+
+    #[test]
+    fn chips_are_times_with_the_decimals_that_tell_them_apart() {
+        let figure = |at_s| CheckpointFigure {
+            checkpoint: None,
+            title: "v3, course 2".into(),
+            at_s,
+            about: String::new(),
+            shots: Vec::new(),
+        };
+        let chips = |times: &[Option<f64>]| {
+            let figures: Vec<_> = times.iter().copied().map(figure).collect();
+            chips(&figures)
+        };
+        assert_eq!(chips(&[Some(0.84), Some(1.0)]), ["0.8 s", "1.0 s"]);
+        assert_eq!(chips(&[Some(0.84), Some(0.8)]), ["0.84 s", "0.80 s"]);
+        assert_eq!(chips(&[None]), ["v3, course 2"]);
+    }
 
     #[test]
     fn settings_in_columns_are_not_in_names() {

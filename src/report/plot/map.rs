@@ -11,6 +11,10 @@ pub struct CourseMap {
     /// Extent in x and in y.
     pub size_m: (f64, f64),
     pub goal_m: f64,
+    /// Angle of the sectors.
+    pub field_of_view_deg: f64,
+    /// True if an algorithm that may be called best did not finish it.
+    pub is_failed: bool,
     /// Closed outlines of the obstacles.
     pub outlines: Vec<Vec<[f64; 2]>>,
     pub ways: Vec<MapWay>,
@@ -24,15 +28,29 @@ pub struct MapWay {
     pub stretches: Vec<Vec<[f64; 2]>>,
     pub collisions: Vec<[f64; 2]>,
     pub stuck: Vec<[f64; 2]>,
+    /// The camera's field of view at the first collision.
+    pub sector: Option<CameraSector>,
+}
+
+/// Place and direction of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraSector {
+    pub at: [f64; 2],
+    /// atan2(y, x), radians.
+    pub heading: f64,
 }
 
 const MARGIN: i32 = 12;
 /// Half the size of a cross.
 const CROSS: i32 = 9;
+/// Radius of a sector, and the number of its corners on the arc.
+const SECTOR_M: f64 = 0.7;
+const ARC_POINTS: u32 = 12;
 
 impl CourseMap {
     /// The map as an SVG element: obstacles in grey, ways in the colours of their algorithms, a
-    /// cross for each collision, a ring where the robot was stuck.
+    /// cross for each collision with the camera's field of view at the first, a ring where the robot
+    /// was stuck.
     ///
     /// # Errors
     /// [`svl_core::Error::Invalid`] with the error of the plotting library.
@@ -43,6 +61,17 @@ impl CourseMap {
         svg(height as u32, &self.title, |canvas| {
             self.draw(canvas, colors, (scale, bottom))
         })
+    }
+
+    /// The corners of a sector, those outside the room moved to its walls.
+    fn sector(&self, CameraSector { at, heading }: &CameraSector) -> Vec<[f64; 2]> {
+        let angle = self.field_of_view_deg.to_radians();
+        let arc = (0..=ARC_POINTS).map(|i| {
+            let (y, x) = (heading + angle * (f64::from(i) / f64::from(ARC_POINTS) - 0.5)).sin_cos();
+            let x = (at[0] + SECTOR_M * x).clamp(0.0, self.size_m.0);
+            [x, (at[1] + SECTOR_M * y).clamp(0.0, self.size_m.1)]
+        });
+        std::iter::once(*at).chain(arc).collect()
     }
 
     fn top(&self) -> i32 {
@@ -66,6 +95,13 @@ impl CourseMap {
         canvas.draw(&Text::new(self.title.clone(), (MARGIN, MARGIN), text(TEXT)))?;
         for outline in &self.outlines {
             canvas.draw(&Polygon::new(places(outline), AXIS.filled()))?;
+        }
+        for way in &self.ways {
+            if let Some(sector) = &way.sector {
+                let color = colors.color(&way.name).unwrap_or(AXIS);
+                let corners = places(&self.sector(sector));
+                canvas.draw(&Polygon::new(corners, color.mix(0.25).filled()))?;
+            }
         }
         let goal = [[0.0, self.goal_m], [self.size_m.0, self.goal_m]];
         canvas.draw(&PathElement::new(places(&goal), AXIS.stroke_width(2)))?;
@@ -99,5 +135,27 @@ impl CourseMap {
             key += text_width(&name, TEXT) + 2 * MARGIN;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sector_ends_at_the_walls() {
+        let map = CourseMap {
+            size_m: (2.0, 6.0),
+            field_of_view_deg: 90.0,
+            ..CourseMap::default()
+        };
+        // Ahead, along y, beside the right wall.
+        let sector = map.sector(&CameraSector {
+            at: [1.9, 3.0],
+            heading: std::f64::consts::FRAC_PI_2,
+        });
+        assert_eq!((sector[0], sector.len()), ([1.9, 3.0], 14));
+        assert!(sector.iter().all(|[x, y]| *x <= 2.0 && *y >= 3.0));
+        assert!((sector[7][1] - 3.7).abs() < 1e-9, "{sector:?}");
     }
 }

@@ -18,7 +18,7 @@ pub use bars::Bars;
 pub use chart::{Axis, Chart};
 pub use columns::two_columns;
 pub use distance::distance_chart;
-pub use map::{CourseMap, MapWay};
+pub use map::{CameraSector, CourseMap, MapWay};
 pub use strips::Strips;
 
 use plotters::prelude::*;

@@ -64,7 +64,11 @@ pub struct ReportPlan {
     pub lost: Option<Missing>,
 }
 
-/// Identifies the columns of all tables of units: other versions of svl have others.
+/// The pictures of a block; a change of [`FrameShot`] or [`SceneFigure`] changes it.
+const PICTURES: &str = "pictures with truth and errors";
+
+/// Identifies the columns of all tables of units, and their pictures: other versions of svl have
+/// others.
 pub fn unit_format() -> String {
     let tables = [
         Row::columns(),
@@ -74,7 +78,7 @@ pub fn unit_format() -> String {
         TrackRow::columns(),
     ];
     let names = tables.iter().flatten().map(|column| column.name);
-    hash(&names.collect::<Vec<_>>().join("\n"))
+    hash(&names.chain([PICTURES]).collect::<Vec<_>>().join("\n"))
 }
 
 impl ReportPlan {

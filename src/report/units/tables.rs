@@ -7,6 +7,7 @@ use super::{ReportPlan, ReportRun, RunFacts, SealedPair};
 use crate::accuracy::{AccuracyRow, AccuracyTally};
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{DriveRow, TrackRow};
+use crate::reliability::{ReliabilityRow, ReliabilityTallies};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, FrameRow, Record, Row};
 use crate::table_writer::TableWriter;
 use std::collections::{BTreeMap, HashMap};
@@ -108,6 +109,8 @@ pub struct ReportTables {
     pub checkpoints: Vec<CheckpointRow>,
     /// Of cells, where they are asked for.
     pub accuracy: Vec<AccuracyRow>,
+    /// Likewise.
+    pub reliability: Vec<ReliabilityRow>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -147,6 +150,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
     } else {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
         tables.accuracy = read_rows(&file("accuracy"))?;
+        tables.reliability = read_rows(&file("reliability"))?;
     }
     Ok(tables)
 }
@@ -189,6 +193,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
     } else {
         write_table(folder, "checkpoints", &tables.checkpoints)?;
         write_table(folder, "accuracy", &tables.accuracy)?;
+        write_table(folder, "reliability", &tables.reliability)?;
     }
     Ok(tables)
 }
@@ -216,6 +221,7 @@ pub fn collect_tables(
     let places: HashMap<String, usize> = places.collect();
     let rule = ScoreRule::new(plan)?;
     let mut accuracy = AccuracyTally::new(rule.cells);
+    let mut reliability = ReliabilityTallies::default();
     for run in runs {
         accuracy.begin_run();
         let mut tallies = RunTallies::new(plan, &rule, &run.run);
@@ -226,6 +232,7 @@ pub fn collect_tables(
             }
             if let (Some(row), false) = (rows_of_pair.rows.first(), plan.is_driven()) {
                 accuracy.add(row.stamp_ns, &rows_of_pair.cells);
+                reliability.add(&rows_of_pair.cells);
             }
             take(TakenRows {
                 rows: &rows_of_pair.rows,
@@ -251,6 +258,7 @@ pub fn collect_tables(
         tables.checkpoints.extend(tallies.into_rows());
     }
     tables.accuracy = accuracy.into_rows(&plan.labels());
+    tables.reliability = reliability.into_rows(&plan.labels());
     Ok(tables)
 }
 

@@ -7,7 +7,7 @@ use svl::overlay::{Nearness, algorithm_color, marks};
 use svl::report::html::{
     CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
 };
-use svl::report::{GateState, Summary};
+use svl::report::{GateState, ReliabilityRow, Summary};
 use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
@@ -49,6 +49,7 @@ fn figure(number: u32, title: &str, shots: Vec<(Rank, FrameShot)>) -> Checkpoint
     CheckpointFigure {
         checkpoint: Some(number),
         title: title.into(),
+        at_s: None,
         about: String::new(),
         shots,
     }
@@ -113,6 +114,8 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         estimate: drawn([known, known, unknown]),
         truth: Some(drawn([known; 3])),
         preview: b"preview".to_vec(),
+        true_preview: Some(b"true preview".to_vec()),
+        errors: Some(b"errors".to_vec()),
     }
 }
 
@@ -153,7 +156,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     .render()
     .unwrap();
     let count = |text: &str| count(&html, text);
-    // "one", "two" and "preview" in base64; six overlays and three previews show them.
+    // "one", "two" and the maps in base64; six overlays and three maps of each kind show them.
     assert_eq!(
         [
             "data:image/png;base64,",
@@ -162,12 +165,12 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
             "cHJldmlldw==\""
         ]
         .map(count),
-        [3, 1, 1, 1]
+        [5, 1, 1, 1]
     );
-    assert_eq!(
-        ["href=\"#i0\"", "href=\"#i1\"", "href=\"#i2\""].map(count),
-        [4, 3, 2]
-    );
+    let shown = (0..5).map(|i| count(&format!("href=\"#i{i}\"")));
+    assert_eq!(shown.collect::<Vec<_>>(), [4, 3, 3, 3, 2]);
+    // With a key of the errors.
+    assert!(html.contains("no estimate"));
     // Besides the legend: two known cells, an unknown and a wrong one per estimate, three known
     // ones per truth.
     assert_eq!(
@@ -304,6 +307,27 @@ fn the_page_shows_scenes_with_truth_and_errors() {
     .render()
     .unwrap();
     assert!(html.contains("id=\"pictured\""));
+}
+
+#[test]
+fn probabilities_have_a_reliability_plot() {
+    let mut summary = example();
+    let row = |from, to, cells| ReliabilityRow {
+        algorithm: "v3".into(),
+        from,
+        to,
+        cells,
+        predicted: (from + to) / 2.0,
+        right: 0.93,
+    };
+    let without = page(summary.clone()).render().unwrap();
+    assert!(!without.contains("id=\"reliability\""));
+    summary.reliability = vec![row(0.9, 0.925, 19), row(0.925, 0.95, 20)];
+    let html = page(summary).render().unwrap();
+    assert_says(
+        &html,
+        &["id=\"reliability\"", "92.5–95", "predicted right, %"],
+    );
 }
 
 #[test]

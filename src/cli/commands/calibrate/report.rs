@@ -3,15 +3,19 @@
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Solution, StereoView};
-use svl::files::write_png;
+use svl::files::{encode_jpeg, read_gray, write_png};
 use svl::outputs::{FolderRule, Outputs, distinct, write_json};
-use svl::report::calibration::CalibrationPage;
-use svl::stereo::{Frame, Gray};
+use svl::rectify::Rectifier;
+use svl::report::calibration::{CalibrationPage, RectifiedImages};
+use svl::stereo::{Frame, Gray, StereoPair};
 
 /// Names of the files in the folder, besides the pairs'.
 const PAGE: &str = "index.html";
 const SOLUTION: &str = "calibration.json";
 const CORNERS: &str = "corners.json";
+
+/// Largest width of an image on the page.
+const MAX_WIDTH: usize = 640;
 
 /// A folder that receives pairs, then a report.
 pub(super) struct ReportFolder {
@@ -97,6 +101,28 @@ impl ReportFolder {
         Ok(write_json(&self.path.join(CORNERS), &self.corners)?)
     }
 
+    /// The first used pair, rectified; none without a rectification.
+    fn rectified(&self, solution: &Solution) -> anyhow::Result<Option<RectifiedImages>> {
+        let first = solution.fits().next();
+        let corners = first.and_then(|(id, _)| self.corners.get(id));
+        // A calibration without a rectification was warned about.
+        let (Some(corners), Ok(rectifier)) = (corners, Rectifier::new(&solution.calibration))
+        else {
+            return Ok(None);
+        };
+        let read = |name: &String| read_gray(&self.path.join(name));
+        let pair = StereoPair::new(read(&corners.left_image)?, read(&corners.right_image)?)?;
+        let mut images = [Gray::filled(1, 1, 0)?, Gray::filled(1, 1, 0)?];
+        let [left, right] = &mut images;
+        rectifier.apply(&pair, left, right)?;
+        let file = |image: &Gray| encode_jpeg(image, MAX_WIDTH);
+        Ok(Some(RectifiedImages {
+            name: format!("{}, {}", corners.left_image, corners.right_image),
+            size: rectifier.size(),
+            files: [file(&images[0])?, file(&images[1])?],
+        }))
+    }
+
     /// Writes the report. `accepted`: the source's name of each pair.
     pub(super) fn finish(
         &self,
@@ -117,6 +143,7 @@ impl ReportFolder {
             title: format!("Calibration from {source}"),
             solution,
             names,
+            pair: self.rectified(solution)?,
             identity,
         };
         Ok(page.write(&self.path.join(PAGE))?)

@@ -2,11 +2,10 @@
 
 use super::Args;
 use super::verify::{Earlier, Verification};
-use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::terminal::{print, print_json, shell_word, style};
 use anyhow::bail;
 use std::collections::BTreeMap;
-use svl::counted;
-use svl::losses::RunEnding;
+use svl::losses::{RunEnding, RunState};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
@@ -14,6 +13,7 @@ use svl::recording::AlgorithmCells;
 use svl::report::{Row, Summary};
 use svl::run::{Outcome, complete, ending};
 use svl::{Error, Result};
+use svl::{counted, joined};
 
 /// Newest rows that the summary of live topics has: the topics have no end.
 pub(super) const LIVE_ROWS: usize = 3000;
@@ -22,6 +22,8 @@ pub(super) const LIVE_ROWS: usize = 3000;
 pub(super) struct Replayed {
     /// Name of the source.
     title: String,
+    /// The same as a user named it.
+    name: String,
     is_live: bool,
     outcome: Outcome,
     ran: Result<()>,
@@ -36,7 +38,7 @@ pub(super) struct Replayed {
 
 impl Replayed {
     pub(super) fn new(
-        title: String,
+        (title, name): (String, String),
         is_live: bool,
         outcome: Outcome,
         (ran, finished): (Result<()>, Result<()>),
@@ -52,6 +54,7 @@ impl Replayed {
         let ran_to_end = stopped.as_ref().unwrap_or(&ran);
         Self {
             title,
+            name,
             is_live,
             ending: ending(ran_to_end, outcome.missing(), args.options.allow_loss),
             outcome,
@@ -131,7 +134,23 @@ impl Replayed {
                 print(&proved)?;
             }
         }
-        Ok(complete(&self.ending)?)
+        complete(&self.ending)?;
+        match (args.json, &self.summary) {
+            (false, Some(summary)) => {
+                let labels = summary.algorithms.iter().map(|a| a.algorithm.as_str());
+                let pairs = counted(self.outcome.frames, "pair");
+                let lost = match self.ending.state {
+                    RunState::Complete => ", none lost",
+                    _ => "",
+                };
+                let next = next(args, &self.name, self.is_live)?;
+                print(&format!(
+                    "\n{pairs} replayed through {}{lost}.\nnext     {next}\n",
+                    joined(labels)
+                ))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Lines on live topics.
@@ -155,6 +174,26 @@ fn written(args: &Args) -> String {
         0 => String::new(),
         _ => format!("\nwritten  {}\n", files.join(", ")),
     }
+}
+
+/// What to do next: a command, unless that would have to repeat options of the source.
+fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
+    let name = shell_word(name);
+    let algorithms = args.algo.iter().map(Algorithm::written);
+    let algorithms: String = algorithms
+        .map(|written| format!(" --algo {}", shell_word(&written)))
+        .collect();
+    Ok(match &args.output {
+        _ if is_live => format!("svl record {name} -o run.mcap  # keeps the pairs"),
+        Some(output) if args.verify.is_none() => {
+            let output = shell_word(&output.display().to_string());
+            format!("svl replay {output} --verify  # the same results again?")
+        }
+        _ if args.options.keys()?.is_empty() => {
+            format!("svl score {name}{algorithms}  # a report with its frames")
+        }
+        _ => "the same with --rerun spawn, to watch it".to_owned(),
+    })
 }
 
 /// The JSON that `--json` prints.

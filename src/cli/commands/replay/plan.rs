@@ -11,6 +11,7 @@ use crate::cli::shared::viewer::{RerunChoice, viewer};
 use std::path::{Path, PathBuf};
 use svl::Error;
 use svl::console::Watch;
+use svl::drive::Course;
 use svl::grab::GrabRequest;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
@@ -119,7 +120,7 @@ impl<'a> Plan<'a> {
         // All that came before an error is kept and reported: the sinks are finished first.
         let (rows, finished) = sinks.finish();
         let mut replayed = Replayed::new(
-            title,
+            (title, self.name),
             self.opened.is_live,
             outcome,
             (ran, finished),
@@ -173,7 +174,14 @@ impl<'a> Plan<'a> {
         let scenario = self.opened.scenario.as_deref();
         let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&self.name)).ok());
         let seed = self.opened.header.seed;
-        let wireframe = scenario.map_or_else(Vec::new, |scenario| scenario.wireframe(seed));
+        let wireframe = scenario.map_or_else(Vec::new, |scenario| match seed {
+            // A course is drawn again, which takes as long as its proof.
+            Some(seed) if scenario.kind() == "courses" => {
+                let course = Course::for_scenario(&scenario, seed);
+                course.map_or_else(|_| Vec::new(), |course| course.wireframe())
+            }
+            _ => scenario.wireframe(seed),
+        });
         Ok(Some(ViewerRequest {
             viewer: viewer()?,
             target: target.clone(),

@@ -24,6 +24,7 @@ const KEYS: &[(&str, &str)] = &[
     ("r, R", "reset it, or all"),
     ("Tab", "the next algorithm"),
     ("[ ]", "to a worse frame, a better one"),
+    ("m", "show all metrics, or six"),
     ("a", "show the setting compared with, and back"),
     ("c", "compare with this setting from now on"),
     ("u, Ctrl-R", "undo, redo"),
@@ -60,6 +61,7 @@ pub(super) struct Tuner {
     /// Place in the list of knobs.
     chosen: usize,
     shows_compared: bool,
+    shows_all_metrics: bool,
     asks: Option<Asks>,
     /// Place among the frames, the worst first.
     worst: Option<usize>,
@@ -95,6 +97,7 @@ impl Tuner {
             redo: Vec::new(),
             chosen: 0,
             shows_compared: false,
+            shows_all_metrics: false,
             asks: None,
             worst: None,
             out,
@@ -127,6 +130,10 @@ impl Tuner {
     /// Which of the two is on the screen.
     pub(super) fn side(&self) -> usize {
         usize::from(self.shows_compared)
+    }
+
+    pub(super) fn shows_all_metrics(&self) -> bool {
+        self.shows_all_metrics
     }
 
     /// Number of the algorithm, from 1, and of how many.
@@ -437,6 +444,7 @@ impl StepTool for Tuner {
             Key::Tab => self.go_to_next_algorithm(stepper, since),
             Key::Char('[') => self.go_to_worst(true, stepper),
             Key::Char(']') => self.go_to_worst(false, stepper),
+            Key::Char('m') => self.shows_all_metrics = !self.shows_all_metrics,
             Key::Char('a') => self.shows_compared = !self.shows_compared,
             Key::Char('c') => {
                 let mut to = self.knobs.clone();

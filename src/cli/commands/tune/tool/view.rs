@@ -22,20 +22,21 @@ const ROOMY: (u16, u16) = (100, 32);
 /// Rows of the pictures.
 const PICTURE: u16 = 14;
 
-/// Metrics that are shown where there is no room for all.
-const FIRST: [&str; 11] = [
+/// Metrics that are shown unless all are, the first [`MAX_HEADLINE`] of those that are measured.
+const HEADLINE: [&str; 11] = [
     "right",
     "wrong",
-    "known",
     "missed",
     "false",
-    "found",
-    "coverage",
-    "bad2",
-    "unrivalled",
-    "close",
     "time",
+    "unrivalled",
+    "bad2",
+    "coverage",
+    "known",
+    "found",
+    "close",
 ];
+const MAX_HEADLINE: usize = 6;
 
 /// Heights of a bar.
 const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
@@ -172,22 +173,16 @@ fn numbers(
     let mut lines = vec![sample_head(shown)];
     let numbers = number_lines(shown, side);
     let (why, bars) = (why_lines(shown, side, area.width), 2);
-    let room = usize::from(area.height).saturating_sub(1 + bars + why.len());
-    let mut left = room.min(numbers.len());
-    let mut is_shown = vec![false; numbers.len()];
-    for is_first in [true, false] {
-        for (is_shown, line) in is_shown.iter_mut().zip(&numbers) {
-            if left > 0 && FIRST.contains(&line.name) == is_first {
-                *is_shown = true;
-                left -= 1;
-            }
-        }
-    }
-    let fitting = numbers
-        .iter()
-        .zip(is_shown)
-        .filter(|(_, is_shown)| *is_shown);
-    lines.extend(fitting.map(|(line, _)| number_line(line, colors)));
+    let room = usize::from(area.height).saturating_sub(2 + bars + why.len());
+    let names = shown_names(&numbers, room, tuner.shows_all_metrics());
+    let fitting = numbers.iter().filter(|line| names.contains(&line.name));
+    lines.extend(fitting.map(|line| number_line(line, colors)));
+    let more = numbers.len() - names.len();
+    lines.push(match (more, tuner.shows_all_metrics()) {
+        (0, _) => Line::default(),
+        (more, false) => Line::raw(format!("and {more} more: m")),
+        (more, true) => Line::raw(format!("and {more} more on a taller terminal")),
+    });
     lines.push(Line::default());
     lines.push(bar_line(&shown.sample, stepper, area.width));
     lines.extend(why);
@@ -199,6 +194,18 @@ fn numbers(
     }
     let wrap = Wrap { trim: false };
     canvas.render_widget(Paragraph::new(lines).wrap(wrap), area);
+}
+
+/// The names of the metrics that are shown in so many lines: those of the headline first.
+fn shown_names(numbers: &[NumberLine], room: usize, is_all: bool) -> Vec<&'static str> {
+    let is_measured = |name: &&str| numbers.iter().any(|line| line.name == *name);
+    let mut names: Vec<_> = HEADLINE.into_iter().filter(is_measured).collect();
+    if is_all {
+        let others = numbers.iter().map(|line| line.name);
+        names.extend(others.filter(|name| !HEADLINE.contains(name)));
+    }
+    names.truncate(if is_all { room } else { room.min(MAX_HEADLINE) });
+    names
 }
 
 fn sample_head(shown: &Shown) -> Line<'static> {
