@@ -47,14 +47,19 @@ impl RangerHandle {
         rig: Option<RigTuple>,
         calibration: Option<PathBuf>,
         filters: Vec<PathBuf>,
-        columns: usize,
-        rows: usize,
-        threads: usize,
+        columns: i64,
+        rows: i64,
+        threads: i64,
     ) -> PyResult<Self> {
+        let cells = GridShape {
+            columns: number("columns", columns, "1 to 64")?,
+            rows: number("rows", rows, "1 to 64")?,
+        };
+        let threads = number("threads", threads, "0 or more")?;
         let open = || {
             let filters = filters.iter().map(|path| FilterModel::read(path));
             let options = RangerOptions {
-                cells: GridShape { columns, rows },
+                cells,
                 filters: filters
                     .map(|read| read.map(Arc::new))
                     .collect::<Result<_>>()?,
@@ -86,11 +91,14 @@ impl RangerHandle {
         py: Python<'py>,
         left: &Bound<'py, PyAny>,
         right: &Bound<'py, PyAny>,
-        stamp_ns: Option<u64>,
-        bits: u8,
+        stamp_ns: Option<i64>,
+        bits: i64,
         is_bgr: bool,
     ) -> PyResult<MatchArrays<'py>> {
         self.check_process()?;
+        let stamp_ns = stamp_ns.map(|stamp_ns| number("stamp_ns", stamp_ns, "0 or more"));
+        let stamp_ns = stamp_ns.transpose()?;
+        let bits = number("bits", bits, "8 to 16")?;
         let arrays = [
             ImageArray::new(left, "left")?,
             ImageArray::new(right, "right")?,
@@ -155,6 +163,12 @@ impl RangerHandle {
             size: map.size(),
         })
     }
+}
+
+/// A number of Python that has to fit into `T`.
+fn number<T: TryFrom<i64>>(name: &str, value: i64, expected: &str) -> PyResult<T> {
+    let wrong = |_| PyValueError::new_err(format!("{name}={value}: expected {expected}"));
+    T::try_from(value).map_err(wrong)
 }
 
 fn closed() -> PyErr {

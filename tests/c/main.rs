@@ -558,12 +558,12 @@ fn examples() -> PathBuf {
 
 /// What the robot of docs/library.md prints, in every language.
 const STOPS: [&str; 6] = [
-    "nearest 1.44 m: go on",
-    "nearest 1.31 m: go on",
-    "nearest 1.11 m: go on",
-    "nearest 0.90 m: go on",
-    "nearest 0.69 m: go on",
-    "nearest 0.48 m: stop",
+    "nearest 1.43 m: go on",
+    "nearest 1.30 m: go on",
+    "nearest 1.10 m: go on",
+    "nearest 0.89 m: go on",
+    "nearest 0.68 m: go on",
+    "nearest 0.50 m: stop",
 ];
 
 #[test]

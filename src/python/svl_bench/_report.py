@@ -53,11 +53,10 @@ class Report:
             page = self._text("index.html")
         except FileNotFoundError:
             return None
-        # Frames and details are long, and stay in the file.
+        # Frames, their images, details and links to them stay in the file.
         page = re.split('<section id="(?:frames|details)"', page, maxsplit=1)[0]
-        # So do the images of the frames.
         page = re.sub("<image id=[^>]*/>\n?", "", page)
-        page = re.sub('<a href="#[^"]*">(.*?)</a>', r"\1", page)
+        page = re.sub(r'(<a\b[^>]*?) href="#[^"]*"', r"\1", page)
         fit = "this.style.height = this.contentDocument.documentElement.scrollHeight + 'px'"
         return (
             f'<iframe srcdoc="{html.escape(page + "</main></body></html>")}" onload="{fit}" '
