@@ -174,40 +174,46 @@ impl Summary {
         if self.is_sorted {
             return self.algorithms.iter().collect();
         }
-        let kind = self.kind();
-        let value = |a: &AlgorithmSummary, name| a.value(Metric::find(name)?);
-        let first = self.first_metric();
-        let key = |a: &AlgorithmSummary| match kind {
-            RunKind::Distances => Some(value(a, "right")? - value(a, "wrong")?),
-            _ => {
-                let value = self.value(&a.algorithm, first?, None)?;
-                Some(match first?.better {
-                    Better::Less => -value,
-                    Better::Zero => -value.abs(),
-                    Better::More | Better::Neither => value,
-                })
-            }
-        };
         let keyed = self.algorithms.iter();
         let mut keyed: Vec<_> = keyed
-            .map(|a| (key(a).unwrap_or(f64::NEG_INFINITY), a))
+            .map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a))
             .collect();
         // Stable, and those without a value are last.
         keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         keyed.into_iter().map(|(_, a)| a).collect()
     }
 
+    /// The number that the algorithms are ranked by: more is better.
+    pub(super) fn merit(&self, a: &AlgorithmSummary) -> Option<f64> {
+        let metric = self.first_metric()?;
+        let value = |name| a.value(Metric::find(name)?);
+        if self.kind() == RunKind::Distances {
+            return Some(value("right")? - value("wrong")?);
+        }
+        let value = self.value(&a.algorithm, metric, None)?;
+        Some(match metric.better {
+            Better::Less => -value,
+            Better::Zero => -value.abs(),
+            Better::More | Better::Neither => value,
+        })
+    }
+
+    /// That number in words.
+    pub(super) fn merit_words(&self) -> Option<&'static str> {
+        match self.kind() {
+            RunKind::Distances => Some("right minus wrong"),
+            _ => Some(self.first_metric()?.words),
+        }
+    }
+
     /// The order in words; none if the user chose it.
     pub(super) fn order_words(&self) -> Option<String> {
-        let words = match self.kind() {
-            RunKind::Distances => "right minus wrong",
-            _ => self.first_metric()?.words,
-        };
+        let words = self.merit_words()?;
         (!self.is_sorted).then(|| format!("sorted by {words}"))
     }
 
     /// The first column that has a better direction.
-    fn first_metric(&self) -> Option<&'static Metric> {
+    pub(super) fn first_metric(&self) -> Option<&'static Metric> {
         let mut metrics = self.columns.metrics(self.kind()).into_iter();
         metrics.find(|metric| metric.better != Better::Neither)
     }

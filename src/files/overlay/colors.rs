@@ -1,4 +1,4 @@
-//! The colours of a run's algorithms: the same on every plot of a page and in Rerun.
+//! The colours of a run's algorithms: the same on every plot of a page and, but for sweeps, in Rerun.
 
 /// Algorithms after which the colours repeat.
 pub const COLOR_COUNT: usize = 8;
@@ -22,6 +22,21 @@ pub fn algorithm_color(place: usize) -> [u8; 3] {
     COLORS[place % COLORS.len()]
 }
 
+/// Colours of the values of a parameter, from the least to the greatest.
+const SHADES: [[u8; 3]; 4] = [COLORS[0], COLORS[5], COLORS[3], COLORS[1]];
+
+/// Colour of a parameter's value at that place between the least, 0, and the greatest, 1.
+pub fn parameter_color(place: f64) -> [u8; 3] {
+    let scaled = place.clamp(0.0, 1.0) * (SHADES.len() - 1) as f64;
+    let first = (scaled as usize).min(SHADES.len() - 2);
+    let share = scaled - first as f64;
+    let mixed = |i: usize| {
+        let [a, b] = [SHADES[first][i], SHADES[first + 1][i]].map(f64::from);
+        (a + share * (b - a)).round() as u8
+    };
+    [0, 1, 2].map(mixed)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -39,11 +54,13 @@ mod tests {
     #[test]
     fn colours_are_seen_on_light_and_on_dark_grounds() {
         let contrast = |a: f64, b: f64| (a.max(b) + 0.05) / (a.min(b) + 0.05);
-        for color in COLORS.map(luminance) {
+        let shades = (0..=30).map(|i| parameter_color(f64::from(i) / 30.0));
+        for color in COLORS.into_iter().chain(shades).map(luminance) {
             for ground in [[0xff; 3], [0x14, 0x17, 0x1b]].map(luminance) {
                 assert!(contrast(color, ground) >= 3.0);
             }
         }
         assert_eq!(algorithm_color(9), COLORS[1]);
+        assert_eq!([0.0, 1.0].map(parameter_color), [COLORS[0], COLORS[1]]);
     }
 }

@@ -2,8 +2,10 @@
 //! first, then frames as in the thesis's figure 7.3; all else is folded.
 
 mod frames;
+mod heat;
 mod plots;
 mod scenes;
+mod shades;
 pub(super) mod stored;
 mod view;
 
@@ -146,7 +148,7 @@ impl ReportPage {
     /// # Errors
     /// As [`ReportPage::render`]; [`Error::Io`] with the file.
     pub fn write_figures(&self, folder: &Path) -> Result<()> {
-        let colors = AlgorithmColors::new(self.manifest.labels());
+        let colors = self.colors();
         let plots = [
             plots::trade_offs(self, &colors)?,
             plots::speed(self, &colors)?,
@@ -163,6 +165,13 @@ impl ReportPage {
             }
         }
         Ok(())
+    }
+
+    /// The colours of the algorithms.
+    fn colors(&self) -> AlgorithmColors<'_> {
+        let shades = shades::parameter_shades(self);
+        let colors = shades.iter().flat_map(|shade| shade.colors.iter().copied());
+        AlgorithmColors::new(self.manifest.labels()).with_shades(colors)
     }
 
     /// The page. All texts are escaped.

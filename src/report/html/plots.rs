@@ -268,7 +268,8 @@ fn scatter(
     });
     series.extend(discs);
     if page.sweeps.len() > MAX_LINES {
-        series.extend(clouds(page, place));
+        let swept = algorithms.iter().filter(|a| is_swept(&a.algorithm));
+        series.extend(swept.filter_map(|a| Some(shaded(&a.algorithm, place(a)?))));
     } else {
         for sweep in &page.sweeps {
             series.extend(joined(sweep, find));
@@ -378,40 +379,21 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
         }
     };
     let labels = places.iter().enumerate().map(label);
-    std::iter::once(line).chain(labels).collect()
+    let shaded = places.iter().map(|(_, label, point)| shaded(label, *point));
+    std::iter::once(line).chain(shaded).chain(labels).collect()
+}
+
+/// A point in the colour of its algorithm.
+fn shaded(label: &str, point: (f64, f64)) -> Series {
+    Series {
+        name: label.to_owned(),
+        form: SeriesStyle::Unkeyed,
+        points: vec![point],
+    }
 }
 
 /// Most sweeps that are drawn as lines: those of a grid would cover each other.
 const MAX_LINES: usize = 6;
-
-/// The swept algorithms as points, a series for each kind of algorithm.
-fn clouds(
-    page: &ReportPage,
-    place: impl Fn(&AlgorithmSummary) -> Option<(f64, f64)>,
-) -> Vec<Series> {
-    let mut clouds: Vec<Series> = Vec::new();
-    for algorithm in &page.summary.algorithms {
-        let holds = |sweep: &&ParameterSweep| {
-            let mut points = sweep.points.iter();
-            points.any(|(_, label)| *label == algorithm.algorithm)
-        };
-        let (Some(sweep), Some(point)) = (page.sweeps.iter().find(holds), place(algorithm)) else {
-            continue;
-        };
-        match clouds
-            .iter_mut()
-            .find(|cloud| cloud.name == sweep.algorithm)
-        {
-            Some(cloud) => cloud.points.push(point),
-            None => clouds.push(Series {
-                name: sweep.algorithm.clone(),
-                form: SeriesStyle::Points,
-                points: vec![point],
-            }),
-        }
-    }
-    clouds
-}
 
 /// The median error over the distance; nothing without distances.
 pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {

@@ -5,8 +5,10 @@ use super::super::plot::AlgorithmColors;
 use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
+use super::heat::HeatMap;
 use super::plots::{StressView, accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
+use super::shades::{ParameterShade, ShadeView, parameter_shades};
 use super::{CheckpointFigure, ReportPage};
 use crate::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
@@ -31,6 +33,8 @@ pub(super) struct ReportPageView<'a> {
     incomplete: (),
     headline: Table,
     overview: HeadlineView<'a>,
+    /// Of a sweep over two parameters.
+    heat: Option<HeatMap<'a>>,
     metrics: Table,
     checkpoints: Option<Table>,
     speed: Option<Table>,
@@ -90,6 +94,9 @@ struct HeadlineView<'a> {
     /// The least and the greatest time, ms.
     times: (f64, f64),
     is_swept: bool,
+    /// Number of columns of parameters.
+    swept: usize,
+    shades: Vec<ShadeView>,
     has_bars: bool,
 }
 
@@ -117,7 +124,7 @@ impl<'a> ReportPageView<'a> {
         let ReportPage {
             manifest, summary, ..
         } = page;
-        let colors = AlgorithmColors::new(manifest.labels());
+        let colors = page.colors();
         let mut images = PageImages::default();
         let ranked = summary.ranked_algorithms();
         let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
@@ -160,6 +167,7 @@ impl<'a> ReportPageView<'a> {
             first: overview.first_figure(&figures),
             grid,
             overview,
+            heat: HeatMap::new(page, &swept(page)),
             headline,
             metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
@@ -254,7 +262,7 @@ impl<'a> HeadlineView<'a> {
             let view = AlgorithmView {
                 name: name(label, &swept),
                 place,
-                color: css_color(algorithm_color(colors.place(label).unwrap_or(place))),
+                color: css_color(colors.rgb(label).unwrap_or(algorithm_color(place))),
                 is_on_front: front.contains(&label),
                 passes: (page.summary.checkpoints.iter())
                     .filter(|c| c.algorithm == label)
@@ -287,6 +295,11 @@ impl<'a> HeadlineView<'a> {
                 times().fold(0.0, f64::max),
             ),
             is_swept: !swept.is_empty(),
+            swept: swept.len(),
+            shades: parameter_shades(page)
+                .iter()
+                .map(ParameterShade::view)
+                .collect(),
             has_bars: (table.rows.iter().flatten())
                 .any(|cell| matches!(cell, TableCell::Bar { .. })),
         }

@@ -24,6 +24,7 @@ pub use strips::Strips;
 use plotters::prelude::*;
 use plotters::style::FontFamily;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::collections::BTreeMap;
 use svl_core::{Error, Result};
 use svl_files::overlay::{COLOR_COUNT, algorithm_color};
 
@@ -36,28 +37,43 @@ pub struct Series {
 }
 
 /// The algorithms of a run in its order, from which their colours follow: those of a kind have one
-/// colour where there are more algorithms than colours.
-pub struct AlgorithmColors<'a>(Vec<&'a str>);
+/// colour where there are more algorithms than colours, and those of a sweep the shade of their
+/// parameter.
+pub struct AlgorithmColors<'a> {
+    labels: Vec<&'a str>,
+    shades: BTreeMap<&'a str, [u8; 3]>,
+}
 
 impl<'a> AlgorithmColors<'a> {
     pub fn new(labels: impl IntoIterator<Item = &'a str>) -> Self {
-        let labels: Vec<_> = labels.into_iter().collect();
-        if labels.len() <= COLOR_COUNT {
-            Self(labels)
-        } else {
-            Self(labels.into_iter().map(kind).collect())
+        let mut labels: Vec<_> = labels.into_iter().collect();
+        if labels.len() > COLOR_COUNT {
+            labels = labels.into_iter().map(kind).collect();
+        }
+        Self {
+            labels,
+            shades: BTreeMap::new(),
         }
     }
 
-    /// The place whose colour an algorithm has, or a kind of algorithms.
-    pub fn place(&self, label: &str) -> Option<usize> {
-        let place = |is: &dyn Fn(&str) -> bool| self.0.iter().position(|own| is(own));
-        let own = place(&|own| own == label);
-        own.or_else(|| place(&|own| kind(own) == kind(label)))
+    /// With the colours of some of them.
+    #[must_use]
+    pub fn with_shades(mut self, shades: impl IntoIterator<Item = (&'a str, [u8; 3])>) -> Self {
+        self.shades.extend(shades);
+        self
+    }
+
+    /// The colour of an algorithm, or of a kind of algorithms.
+    pub fn rgb(&self, label: &str) -> Option<[u8; 3]> {
+        let place = |is: &dyn Fn(&str) -> bool| self.labels.iter().position(|own| is(own));
+        let own = || place(&|own| own == label);
+        let place = || own().or_else(|| place(&|own| kind(own) == kind(label)));
+        let shade = self.shades.get(label).copied();
+        shade.or_else(|| place().map(algorithm_color))
     }
 
     fn color(&self, label: &str) -> Option<RGBColor> {
-        self.place(label).map(color)
+        self.rgb(label).map(rgb)
     }
 }
 
@@ -90,8 +106,10 @@ pub enum SeriesStyle {
     Named,
     /// As named, with discs of that radius in the series' own colour.
     Disc(u32),
-    /// Points joined by lines without a key: captions name them.
+    /// A line without a key: captions name its points.
     Joined,
+    /// Points without a key.
+    Unkeyed,
     /// A dashed line without a key: it joins points of other series.
     Front,
     /// The name alone beside each point: the caption of another series, in place of a key.
@@ -104,9 +122,9 @@ impl SeriesStyle {
     /// Radius of its points, where they are drawn.
     fn radius(self) -> Option<u32> {
         match self {
-            Self::Points | Self::Both | Self::Joined | Self::Named => Some(8),
+            Self::Points | Self::Both | Self::Unkeyed | Self::Named => Some(8),
             Self::Disc(radius) => Some(radius),
-            Self::Line | Self::Front | Self::Caption | Self::Label => None,
+            Self::Line | Self::Joined | Self::Front | Self::Caption | Self::Label => None,
         }
     }
 }

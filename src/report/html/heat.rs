@@ -1,0 +1,96 @@
+//! The heat map of a sweep over two parameters.
+
+use super::ReportPage;
+use super::shades::{parameter_value, parameter_values, swept_records};
+use crate::words::number;
+use serde::Serialize;
+use svl_score::judge::{Better, MetricUnit, RunKind};
+
+/// The number that algorithms are ranked by, over the values of two parameters.
+#[derive(Serialize)]
+pub(super) struct HeatMap<'a> {
+    title: String,
+    about: String,
+    /// The parameters.
+    down: &'a str,
+    across: &'a str,
+    columns: Vec<String>,
+    /// Value and cells; a cell is absent where no algorithm has these values.
+    rows: Vec<(String, Vec<Option<HeatCell<'a>>>)>,
+}
+
+#[derive(Serialize)]
+struct HeatCell<'a> {
+    label: &'a str,
+    text: String,
+    /// 0 for the worst, 1 for the best.
+    place: f64,
+    is_best: bool,
+}
+
+impl<'a> HeatMap<'a> {
+    /// That of a page whose sweeps are of one kind of algorithms, over these parameters; none
+    /// unless they are two.
+    pub(super) fn new(page: &'a ReportPage, parameters: &[&'a str]) -> Option<Self> {
+        let [down, across] = *parameters else {
+            return None;
+        };
+        let name = &page.sweeps.first()?.algorithm;
+        if page.sweeps.iter().any(|sweep| sweep.algorithm != *name) {
+            return None;
+        }
+        let records = swept_records(page, name);
+        let summary = &page.summary;
+        let merits = records.iter().filter_map(|record| {
+            let mut algorithms = summary.algorithms.iter();
+            let own = algorithms.find(|a| a.algorithm == record.label)?;
+            let place = [down, across].map(|parameter| parameter_value(record, parameter));
+            Some((record.label.as_str(), place, summary.merit(own)?))
+        });
+        let merits: Vec<_> = merits.collect();
+        let merit = |(_, _, merit): &(&str, [Option<f64>; 2], f64)| *merit;
+        let best = merits.iter().map(merit).reduce(f64::max)?;
+        let worst = merits.iter().map(merit).reduce(f64::min)?;
+        let (rows, columns) = (
+            parameter_values(&records, down),
+            parameter_values(&records, across),
+        );
+        let (unit, better) = (summary.first_metric()?.unit, summary.first_metric()?.better);
+        // The merit of a cost is negative.
+        let is_cost = summary.kind() != RunKind::Distances && better != Better::More;
+        let cell = |y: f64, x: f64| {
+            let mut own = merits.iter().filter(|own| own.1 == [Some(y), Some(x)]);
+            let (label, _, merit) = *own.next()?;
+            Some(HeatCell {
+                label,
+                text: number(unit, if is_cost { -merit } else { merit }),
+                place: if best > worst {
+                    (merit - worst) / (best - worst)
+                } else {
+                    1.0
+                },
+                is_best: merit == best,
+            })
+        };
+        let percent = if unit == MetricUnit::Share { ", %" } else { "" };
+        let words = summary.merit_words()?;
+        Some(Self {
+            title: format!("{name}: {words}{percent}"),
+            about: format!(
+                "Over {down} and {across}. The best is framed; the table has all metrics."
+            ),
+            down,
+            across,
+            rows: rows
+                .iter()
+                .map(|y| {
+                    (
+                        y.to_string(),
+                        columns.iter().map(|x| cell(*y, *x)).collect(),
+                    )
+                })
+                .collect(),
+            columns: columns.iter().map(f64::to_string).collect(),
+        })
+    }
+}
