@@ -120,8 +120,8 @@ pub fn has_ending(path: &Path, ending: &str) -> bool {
 
 const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
 
-const NO_SCALE: &str = "has 8 bits, which store a multiple of the disparity: give it with --scale \
-                        (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
+const NO_SCALE: &str = "has 8 bits, which store a multiple of the disparity: give it with \
+                        --disparity-scale (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
 
 /// Writes the disparities by the file extension: `.pfm` with `+∞` for invalid pixels, or `.png`,
 /// 16-bit in KITTI's form: 256·d, 0 = invalid, a true 0 written as 1.

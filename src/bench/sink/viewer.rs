@@ -188,20 +188,6 @@ pub enum RerunDetail {
     Full,
 }
 
-impl FromStr for RerunDetail {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "light" => Ok(Self::Light),
-            "full" => Ok(Self::Full),
-            other => Err(Error::Invalid(format!(
-                "'{other}': expected light (maps of some frames) or full (of all)"
-            ))),
-        }
-    }
-}
-
 /// The algorithms of a run and the true geometry of its scene.
 #[derive(Clone, Debug, Default)]
 pub struct RunInfo {

@@ -37,7 +37,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     size: (usize, usize),
     /// Disparities 0..=N, for algorithms that do not set their own
-    #[arg(long, value_name = "N", default_value_t = 80, value_parser = usage::within(0..=1024u16))]
+    #[arg(
+        long, value_name = "N", default_value_t = 80, help_heading = "Input",
+        value_parser = usage::within(0..=1024u16)
+    )]
     max_disparity: u16,
     /// Print JSON
     #[arg(long)]

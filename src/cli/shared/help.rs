@@ -21,11 +21,11 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
     ("Tune and train", &["tune", "label", "train"]),
     ("Calibrate", &["calibrate"]),
-    ("Thesis", &["reproduce"]),
     (
         "Lists and help",
         &["algos", "columns", "datasets", "generate", "help"],
     ),
+    ("Thesis", &["reproduce"]),
 ];
 
 /// Headings in their order, and the options of those that declare none, by their names.
@@ -33,29 +33,34 @@ const HEADINGS: &[(&str, &str)] = &[
     (
         "Input",
         "algo sample filter kind data seed frames duration bits calib size from unit scenario \
-         model target squares square_m object_map mask right_truth map list test tables_only",
+         model target squares square_m object_map mask right_truth disparity_scale map list test \
+         grid from_truth pairs",
     ),
     (
         "Scoring",
-        "near_m shape tolerance stress repeat check gate fail_on allow_loss protocol scale \
-         max_disparity verify pairs grid from_truth hidden scaling no_mean epochs",
+        "near_m shape tolerance stress repeat check gate fail_on allow_loss protocol \
+         max_disparity verify",
+    ),
+    (
+        "Training",
+        "tables_only fit_seed epochs hidden scaling no_mean",
     ),
     (
         "Output",
         "output force rows cells why preview stixels evidence error_map figure figures table \
-         samples compress ros2 publish dense near camera_height rerun rerun_detail drives sort \
+         samples compress ros2 publish dense near camera_height rerun drives sort \
          columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
         "Run",
-        "times prune shard resume script rate yes threads verbose quiet help version",
+        "times prune shard resume script speed yes threads verbose quiet help version",
     ),
 ];
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
-    sample shape tolerance figures rerun_detail publish dense near camera_height drives times \
-    prune junit print_scenario script scaling no_mean epochs samples search_seed test_seeds \
+    sample shape tolerance figures publish dense near camera_height drives times \
+    prune junit print_scenario script scaling no_mean epochs samples test_seeds \
     trials pairs";
 
 /// The command whose page has the options of sources, which others name.

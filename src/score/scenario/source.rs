@@ -19,7 +19,8 @@ const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 
 /// The source of a run, with its options.
 ///
-/// Each is a key of `[source]` and an option of the command line; the option overrides the key.
+/// Each is a key of `[source]` and, except a few, an option of the command line; the option overrides
+/// the key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(deny_unknown_fields)]
 pub struct SourceOptions {
@@ -78,8 +79,8 @@ pub struct SourceOptions {
     /// `disp_occ_0/*.png:disparity=256`. It takes the place of the recording's own truth
     #[arg(long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new())]
     pub truth: Option<String>,
-    /// Largest difference of the stamps of a pair and its measurement [default: 20]
-    #[arg(long, value_name = "MS", value_parser = within(SKEW_MS))]
+    /// Largest difference of the stamps of a pair and its measurement [default: 20].
+    #[arg(skip)]
     pub truth_skew_ms: Option<f64>,
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
     /// or a recording that keeps it; or take them as rectified [default: by the camera_info of a

@@ -123,7 +123,7 @@ fn options_change_the_numbers() {
     // 8-bit files, both of one scale.
     fixture.write("d.pgm", pgm(2, 1, &[40, 48]));
     fixture.write("truth.pgm", pgm(2, 1, &[40, 0]));
-    let grey = fixture.json("eval d.pgm truth.pgm --protocol middeval3 --scale 4 --json");
+    let grey = fixture.json("eval d.pgm truth.pgm --protocol middeval3 --disparity-scale 4 --json");
     assert_eq!((&grey["pixels"], &grey["avgerr"]), (&1.into(), &0.0.into()));
 }
 
@@ -162,7 +162,7 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         );
     }
     fixture.write("truth/notes.txt", "not a map");
-    let args = |protocol: &str| format!("eval d truth --scale 1 --protocol {protocol}");
+    let args = |protocol: &str| format!("eval d truth --disparity-scale 1 --protocol {protocol}");
     insta::assert_snapshot!(fixture.run(&args("kitti12")));
     let mean = fixture.json(&args("kitti12 --json"));
     assert_eq!((&mean["out3"], &mean["pixels"]), (&50.0.into(), &4.into()));
@@ -176,7 +176,7 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
     let wrong = "
         eval d truth/000000_10.pgm --protocol kitti12 => 1: d: is a folder
         eval d truth --protocol kitti12 --error-map e.png => 2: --error-map draws one image
-        eval d truth --scale 1 --protocol kitti12 --mask d => 1: d/000000_10.pfm | not a readable
+        eval d truth --disparity-scale 1 --protocol kitti12 --mask d => 1: d/000000_10.pfm | not a readable
     ";
     fixture.fails(wrong);
     // More estimates than truths: reported, and scored without the surplus.

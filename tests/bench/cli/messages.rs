@@ -23,8 +23,8 @@ const COMMANDS: &str = "
     record --threads 0
     record --frames many
     record --seed -1
-    replay --rate 0
-    replay --rate 1e-300
+    replay --speed 0
+    replay --speed 1e-300
     replay --algo v9
     replay --algo bm:block_size=6
     score a.toml --algo v3:max_disparity=x
@@ -38,7 +38,7 @@ const COMMANDS: &str = "
     datasets fetch nosuch
     datasets fetch eth3d nosuch
     eval a.pfm b.pfm --protocol kitti
-    eval a.pfm b.pfm --protocol eth3d --scale 1e300
+    eval a.pfm b.pfm --protocol eth3d --disparity-scale 1e300
     calibrate board board --squares 2x2 -o a.xml
     calibrate board board --square-m 0 -o a.xml
     calibrate distance ten=a.mcap
@@ -108,8 +108,6 @@ const COMMANDS: &str = "
     match nosuch.png r.png -o a.pfm
     eval nosuch.pfm b.pfm --protocol eth3d
     bench --algo exec:command=/no/such
-    score arena --rerun-detail much
-    replay run.mcap --rerun-detail light
     view nosuch.rrd
     view text.txt
     info nosuch.mcap
@@ -148,7 +146,7 @@ const COMMANDS: &str = "
     replay text.mcap
     replay .
     replay a.mcap --algo v2x
-    replay a.mcap --rate 0
+    replay a.mcap --speed 0
     replay a.mcap --rows rows.txt
     replay a.mcap --rows no/rows.csv
     replay a.mcap -o a.mcap
@@ -194,8 +192,8 @@ const COMMANDS: &str = "
     eval d.pfm truth.pfm --protocol kitti13
     eval d.pfm truth.pfm --protocol kitti12 --object-map noc.pgm
     eval d.pfm truth.pfm --protocol eth3d --max-disparity 9
-    eval d.pfm truth.pfm --protocol eth3d --scale 0
-    eval d.pfm truth.pfm --protocol eth3d --scale 4
+    eval d.pfm truth.pfm --protocol eth3d --disparity-scale 0
+    eval d.pfm truth.pfm --protocol eth3d --disparity-scale 4
     eval d.pfm truth.pfm --protocol eth3d --error-map e.jpg
     eval d.pfm truth.pfm --protocol eth3d --mask noc.pgm --right-truth d.pfm
     # calibrate

@@ -138,7 +138,7 @@ fn verify_proves_equal_results() {
     let args = "replay a.mcap --algo v3 --algo bm -o result.mcap --rows rows.csv";
     fixture.run(args);
     let text = fixture.run("replay result.mcap --verify");
-    let end = "verified: 6 results equal those of result.mcap\n\n3 pairs replayed through v3 and bm, \
+    let end = "verified: 6 results equal those of result.mcap\n\n3 pairs replayed through v3, bm; \
                none lost.\nnext     svl score result.mcap  # a report with its frames\n";
     assert!(text.ends_with(end), "{text}");
     let json = fixture.json("replay a.mcap --algo bm --verify=rows.csv --json");

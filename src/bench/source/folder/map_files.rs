@@ -362,7 +362,7 @@ impl MapFiles {
         let number = frame.sequence.to_string();
         let pair = frame.name.as_deref().unwrap_or(&number);
         let skew = match self.role {
-            SensorRole::Truth => "--truth-skew-ms",
+            SensorRole::Truth => "truth_skew_ms",
             SensorRole::Map => "skew_ms=",
         };
         let file = self.files.keys().next();

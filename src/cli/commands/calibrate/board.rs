@@ -98,7 +98,6 @@ pub(crate) const NOT_TAKEN: &[&str] = &[
     "reference",
     "allow_loss",
     "truth",
-    "truth_skew_ms",
     "calib",
     "alpha",
     "crop",

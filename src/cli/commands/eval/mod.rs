@@ -19,7 +19,7 @@ use svl::stereo::{Plane, Visibility, cross_check};
 #[command(after_help = "\
 Examples:
   svl eval disparity.pfm disp0GT.pfm --protocol middeval3 --mask mask0nocc.png
-  svl eval cones.pfm disp2.png --scale 4 --protocol middlebury-v2 \\
+  svl eval cones.pfm disp2.png --disparity-scale 4 --protocol middlebury-v2 \\
       --right-truth disp6.png
   svl eval disparity.png truth.png --protocol kitti12 --error-map errors.png
   svl eval results/disp_0 training/disp_occ_0 --protocol kitti15 \\
@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// Factor by which images of truth multiply disparities; required for 8-bit images (an 8-bit
     /// DISPARITY has the same factor) [default: 256 for 16 bits]
     #[arg(long, value_name = "S", value_parser = usage::within(0.001..=65536.0))]
-    scale: Option<f64>,
+    disparity_scale: Option<f64>,
     /// Picture of the errors in KITTI's colours
     #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
     error_map: Option<PathBuf>,
@@ -80,9 +80,9 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let images = ImageFiles::find(args)?;
-    if args.scale.is_some() && !images.iter().any(ImageFiles::has_images) {
+    if args.disparity_scale.is_some() && !images.iter().any(ImageFiles::has_images) {
         return Err(usage::wrong(
-            "--scale is for images; .pfm and .npz hold disparities as they are",
+            "--disparity-scale is for images; .pfm and .npz hold disparities as they are",
         ));
     }
     let mut outputs = Outputs::claim(
@@ -142,7 +142,7 @@ struct Loaded {
 
 impl Loaded {
     fn read(files: &ImageFiles, args: &Args) -> anyhow::Result<Self> {
-        let scale = args.scale.map(|scale| scale as f32);
+        let scale = args.disparity_scale.map(|scale| scale as f32);
         let truth = on_disk::read_truth(&files.truth, scale)?;
         let mut masks = files
             .masks

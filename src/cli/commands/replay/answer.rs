@@ -140,7 +140,7 @@ impl Replayed {
                 let labels = summary.algorithms.iter().map(|a| a.algorithm.as_str());
                 let pairs = counted(self.outcome.frames, "pair");
                 let lost = match self.ending.state {
-                    RunState::Complete => ", none lost",
+                    RunState::Complete => "; none lost",
                     _ => "",
                 };
                 let next = next(args, &self.name, self.is_live)?;

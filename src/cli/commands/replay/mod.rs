@@ -15,7 +15,6 @@ use std::path::PathBuf;
 use svl::matcher::Algorithm;
 use svl::run::Pace;
 use svl::scenario::SourceOptions;
-use svl::sink::RerunDetail;
 
 /// Replay a recording through algorithms
 ///
@@ -32,7 +31,7 @@ Examples:
   svl replay BAG                                 the folder of a ROS 2 bag
   svl replay ros2: --publish ros2:/svl           live topics, until Ctrl-C
   svl replay run.mcap --rerun spawn              watch it in the Rerun viewer
-  svl replay run.mcap --rerun run.rrd --rate 1   at the speed it was recorded
+  svl replay run.mcap --rerun run.rrd --speed 1  at the speed it was recorded
   svl replay run.mcap --algo v3 -o result.mcap
   svl replay result.mcap --verify                the same results again?
   svl replay run.mcap --verify=rows.csv
@@ -59,7 +58,7 @@ pub(crate) struct Args {
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
         value_parser = pace
     )]
-    rate: Pace,
+    speed: Pace,
     /// Write pairs, disparities and cells to a recording
     #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
@@ -80,15 +79,6 @@ pub(crate) struct Args {
     /// A new viewer, a running one, a file, or none.
     #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
-    /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of the first 64
-    /// scenes (light); images, overlays and numbers are always those of all pairs
-    #[arg(
-        long,
-        value_name = "light|full",
-        default_value = "full",
-        requires = "rerun"
-    )]
-    rerun_detail: RerunDetail,
     /// Publish the results to ROS 2 topics below a prefix
     ///
     /// PREFIX/points, sensor_msgs/msg/PointCloud2 with a point and its probability per known cell;

@@ -22,8 +22,8 @@ use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Judged};
 use svl::sink::{
-    CollectSink, Outbox, PublishRequest, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks,
-    ViewerRequest,
+    CollectSink, Outbox, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest,
+    Sinks, ViewerRequest,
 };
 use svl::source::{Opened, PairRegister, RegisteredSource, Request, SourceKind};
 use svl::train::with_filters;
@@ -83,7 +83,7 @@ impl<'a> Plan<'a> {
             ..Manifest::new(opened.title(), &algorithms)?
         };
         manifest.set_rule(Judge::default().cells);
-        manifest.times = Some(args.rate.times());
+        manifest.times = Some(args.speed.times());
         manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
         Ok(Self {
             args,
@@ -113,7 +113,7 @@ impl<'a> Plan<'a> {
             &mut *self.opened.source,
             &mut self.matchers,
             &RunStart::new(&self.manifest, self.opened.header.seed, &judge),
-            self.args.rate,
+            self.args.speed,
             sinks.as_mut_slice(),
             Watch::new(terminal, &format!("match {title}"), pairs, None),
         );
@@ -185,7 +185,7 @@ impl<'a> Plan<'a> {
         Ok(Some(ViewerRequest {
             viewer: viewer()?,
             target: target.clone(),
-            detail: self.args.rerun_detail,
+            detail: RerunDetail::Full,
             info: RunInfo::new(&self.manifest, wireframe),
         }))
     }

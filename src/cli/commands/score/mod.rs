@@ -135,13 +135,9 @@ pub(crate) struct Args {
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, a file for
-    /// each session].
+    /// each session, with the maps of every 30th pair and of every 10th that shows a checkpoint].
     #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
-    /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
-    /// and of the first 64 scenes; images, overlays and numbers are always those of all pairs
-    #[arg(long, value_name = "light|full", default_value = "light")]
-    rerun_detail: RerunDetail,
     /// Score only the I-th of N parts of the run
     ///
     /// All into one folder, or each into its own, for `svl merge`.
@@ -392,7 +388,7 @@ fn check_kind(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
     }
 }
 
-/// The viewer that shows the run, and where.
+/// The viewer that shows the run, and where: one that was asked for gets the maps of all pairs.
 fn chosen_viewer(
     args: &Args,
     folder: &Path,
@@ -400,14 +396,16 @@ fn chosen_viewer(
     let chosen = match &args.rerun {
         None => {
             let file = RerunTarget::File(next_report_run(folder));
-            viewer().ok().map(|viewer| (viewer, file))
+            viewer()
+                .ok()
+                .map(|viewer| (viewer, file, RerunDetail::Light))
         }
         Some(choice) => match choice.target().cloned() {
-            Some(target) => Some((viewer()?, target)),
+            Some(target) => Some((viewer()?, target, RerunDetail::Full)),
             None => None,
         },
     };
-    Ok(chosen.map(|(viewer, target)| (viewer, target, args.rerun_detail)))
+    Ok(chosen)
 }
 
 /// Refuses a scenario whose checkpoints the truth itself fails.

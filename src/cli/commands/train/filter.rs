@@ -59,7 +59,7 @@ pub(crate) struct Args {
     no_mean: bool,
     /// Seed of the initial weights and of the order of the windows
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    fit_seed: u64,
     /// Largest number of passes over the training set
     #[arg(
         long, value_name = "N", default_value_t = TrainSettings::EPOCHS,
@@ -68,7 +68,7 @@ pub(crate) struct Args {
     epochs: usize,
     /// Range of disparities of too-close, pixels
     #[arg(
-        long, value_name = "PX", default_value_t = 80.0,
+        long, value_name = "PX", default_value_t = 80.0, help_heading = "Training",
         value_parser = usage::within(1.0..=10_000.0)
     )]
     max_disparity: f64,
@@ -137,9 +137,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (mut samples, fitted) =
         windows(args.kind, features, args.max_disparity, labelled, terminal)?;
     let (hidden, seeds) = match &args.hidden {
-        None => (vec![spec.hidden], vec![args.seed]),
-        Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
-        Some(Sizes(sizes)) => (sizes.clone(), (args.seed..args.seed + SEEDS).collect()),
+        None => (vec![spec.hidden], vec![args.fit_seed]),
+        Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.fit_seed]),
+        Some(Sizes(sizes)) => (
+            sizes.clone(),
+            (args.fit_seed..args.fit_seed + SEEDS).collect(),
+        ),
     };
     let settings = TrainSettings {
         hidden,

@@ -59,11 +59,11 @@ pub(crate) struct Args {
     )]
     algo: Algorithm,
     /// Keep the network of --algo and fit its tables to all runs: for a few recordings of your own
-    #[arg(long, conflicts_with_all = ["seed", "epochs"])]
+    #[arg(long, conflicts_with_all = ["fit_seed", "epochs"])]
     tables_only: bool,
     /// Seed of the network's initial weights and of the order of the pixels
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    fit_seed: u64,
     /// Number of passes of the network over its training set
     #[arg(
         long, value_name = "N", default_value_t = 25,
@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let files = [&args.output, &page].into_iter().chain(&args.samples);
     let mut outputs = Outputs::claim(args.force, inputs, files.map(PathBuf::as_path))?;
     let settings = (!args.tables_only).then_some(GapSettings {
-        seed: args.seed,
+        seed: args.fit_seed,
         epochs: args.epochs,
     });
     let with = |model: &V5Model| {

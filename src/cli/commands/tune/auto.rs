@@ -31,6 +31,9 @@ fn head(manifest: &Manifest, goal: &Goal) -> String {
     format!("# Found by `svl tune --auto`, svl {svl}, {began}: {words}.\n")
 }
 
+/// Seed of the search: the same search tries the same settings, as far as times allow.
+const SEARCH_SEED: u64 = 1;
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let terminal = &Terminal { quiet };
     let files = SearchFiles::claim(args)?;
@@ -49,7 +52,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let plan = SearchPlan {
         trials: args.search.trials,
         pairs: args.search.pairs.min(data.training_pairs()),
-        seed: args.search.search_seed,
+        seed: SEARCH_SEED,
     };
     let (resume, logs) = (args.search.resume, files.logs);
     let log = TrialLog::open(&files.log, &data.training, &filters, resume, logs)?;

@@ -147,14 +147,16 @@ struct SearchArgs {
         value_parser = usage::within(8..=1_000_000usize)
     )]
     pairs: usize,
-    /// Seed of the search: equal seeds try equal settings, as far as times allow
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "auto")]
-    search_seed: u64,
     /// Resume from the log of an earlier search
-    #[arg(long, requires = "auto", conflicts_with = "force")]
+    #[arg(
+        long,
+        requires = "auto",
+        conflicts_with = "force",
+        help_heading = "Run"
+    )]
     resume: bool,
     /// Print JSON
-    #[arg(long, requires = "auto")]
+    #[arg(long, requires = "auto", help_heading = "Output")]
     json: bool,
 }
 

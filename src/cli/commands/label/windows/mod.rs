@@ -40,7 +40,7 @@ pub(crate) struct Args {
     force: bool,
     /// Range of disparities of too-close by truth, pixels
     #[arg(
-        long, value_name = "PX", default_value_t = TrainSettings::RANGE_PX,
+        long, value_name = "PX", default_value_t = TrainSettings::RANGE_PX, help_heading = "Input",
         value_parser = usage::within(1.0..=10_000.0)
     )]
     max_disparity: f64,
