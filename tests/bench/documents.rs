@@ -272,7 +272,11 @@ fn blocks(text: &str) -> Vec<Block<'_>> {
 
 /// The loops of a page in several languages, each with the program that has it, and its indent.
 const LOOPS: [(&str, &str, &str); 4] = [
-    ("rust,ignore", "src/core/examples/stop_for_obstacles.rs", "    "),
+    (
+        "rust,ignore",
+        "src/core/examples/stop_for_obstacles.rs",
+        "    ",
+    ),
     ("c", "src/c/examples/stop.c", "    "),
     ("cpp", "src/c/examples/stop.cpp", "    "),
     ("python", "examples/python/stop.py", ""),
@@ -286,7 +290,10 @@ fn the_loops_of_the_library_are_those_of_programs() {
         let (_, block) = page.split_once(&format!("```{language}\n")).unwrap();
         let (block, _) = block.split_once("```").unwrap();
         let lines = block.lines().map(|line| format!("{indent}{line}\n"));
-        assert!(text(program).contains(&lines.collect::<String>()), "{program}");
+        assert!(
+            text(program).contains(&lines.collect::<String>()),
+            "{program}"
+        );
         assert!(block.lines().count() <= 20, "{program}");
     }
 }

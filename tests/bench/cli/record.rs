@@ -37,9 +37,15 @@ fn pairs_go_to_a_program_as_bytes() {
         let frame = source.next().unwrap().unwrap();
         let end = bytes.iter().position(|byte| *byte == b'\n').unwrap();
         let line: serde_json::Value = serde_json::from_slice(&bytes[..end]).unwrap();
-        assert_eq!((&line["width"], &line["height"]), (&320.into(), &240.into()));
+        assert_eq!(
+            (&line["width"], &line["height"]),
+            (&320.into(), &240.into())
+        );
         let stamp_ns = frame.stamp_ns;
-        assert_eq!((&line["sequence"], &line["stamp_ns"]), (&sequence.into(), &stamp_ns.into()));
+        assert_eq!(
+            (&line["sequence"], &line["stamp_ns"]),
+            (&sequence.into(), &stamp_ns.into())
+        );
         let rig = serde_json::to_value(frame.rig().unwrap()).unwrap();
         assert_eq!((&line["rig"], &line["truth"]), (&rig, &true.into()));
         let truth = frame.truth.unwrap().disparity;
