@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
 import tempfile
-from typing import IO, TYPE_CHECKING, Any, Iterator, NamedTuple
+from typing import TYPE_CHECKING, Any, Iterator, NamedTuple
 
 import numpy as np
 
@@ -61,17 +62,18 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
     with tempfile.TemporaryFile() as errors, subprocess.Popen(
         line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
     ) as svl:
-        assert svl.stdout is not None
+        pairs = svl.stdout
+        assert isinstance(pairs, io.BufferedReader)
         is_whole = False
         try:
-            while header := svl.stdout.readline():
-                pair = _pair(svl.stdout, header)
+            while header := pairs.readline():
+                pair = _pair(pairs, header)
                 if pair is None:
                     break
                 yield pair
             is_whole = True
         finally:
-            svl.stdout.close()
+            pairs.close()
             if not is_whole:
                 # The caller wants no more pairs.
                 svl.terminate()
@@ -80,14 +82,14 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
         check("record", svl.returncode, errors.read().decode(errors="replace"))
 
 
-def _pair(source: IO[bytes], header: bytes) -> Pair | None:
+def _pair(source: io.BufferedReader, header: bytes) -> Pair | None:
     """The pair behind its header; None if the program ended within it."""
     line = json.loads(header)
     size = (line["height"], line["width"])
-    images = np.empty((2, *size), np.uint8)
+    left, right = np.empty((2, *size), np.uint8)
     truth = np.empty(size, "<f4") if line["truth"] else None
-    for array in (images, truth):
-        if array is not None and source.readinto(memoryview(array).cast("B")) < array.nbytes:
+    for array in (left, right, truth):
+        if array is not None and source.readinto(array.data) < array.nbytes:
             return None
     rig = Rig(**line["rig"]) if "rig" in line else None
-    return Pair(line["sequence"], line["stamp_ns"], line.get("name"), *images, rig, truth)
+    return Pair(line["sequence"], line["stamp_ns"], line.get("name"), left, right, rig, truth)

@@ -85,7 +85,8 @@ def score(
     given = {"rerun": "none", **options, "algo": algo, "output": output, "gate": gate}
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
-    ran = _run("score", *map(os.fspath, sources), *words(given), "--json", ok=ok)
+    paths = [os.fspath(path) for path in sources]
+    ran = _run("score", *paths, *words(given), "--json", ok=ok)
     found = Report(output)
     found.gate_passed = ran.returncode == 0 if gate else None
     return found

@@ -130,10 +130,10 @@ def instruction_set() -> str:
     return extension.instruction_set()
 
 
-def _numbers(rig: Rig | dict[str, float] | None) -> tuple[float, ...] | None:
+def _numbers(rig: Rig | dict[str, float] | None) -> Rig | None:
     if rig is None:
         return None
-    return tuple(Rig(**rig) if isinstance(rig, dict) else Rig(*rig))
+    return Rig(**rig) if isinstance(rig, dict) else Rig(*rig)
 
 
 _MAX_IDLE = 4

@@ -36,7 +36,7 @@ class Report:
         installed. Raises ImportError if none is, or the named one is not.
         """
         read = _reader(frames)
-        return {path.stem: read(path) for path in sorted(self.folder.glob("*.csv"))}
+        return {path.stem: read(path.with_suffix("")) for path in sorted(self.folder.glob("*.csv"))}
 
     def __repr__(self) -> str:
         return f"svl_bench.report({os.fspath(self.folder)!r})"
@@ -67,22 +67,23 @@ class Report:
         return (self.folder / name).read_text(encoding="utf-8")
 
 
-def _polars(path: Path) -> Any:
+def _polars(stem: Path) -> Any:
     import polars
 
-    return polars.read_csv(path, infer_schema_length=None)
+    return polars.read_parquet(stem.with_suffix(".parquet"))
 
 
-def _pyarrow(path: Path) -> Any:
-    from pyarrow import csv
+def _pyarrow(stem: Path) -> Any:
+    from pyarrow import parquet
 
-    return csv.read_csv(path)
+    return parquet.read_table(stem.with_suffix(".parquet"))
 
 
-def _pandas(path: Path) -> Any:
+def _pandas(stem: Path) -> Any:
     import pandas
 
-    return pandas.read_csv(path)
+    # Parquet needs another library besides.
+    return pandas.read_csv(stem.with_suffix(".csv"))
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {

@@ -103,8 +103,9 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
 
 const ABOUT: &str = "A function of two numpy arrays is a matcher: svl algos exec --example \
     python > svl_bench/matcher.py says how. A network in ONNX: svl algos exec --example onnx > \
-    svl_onnx.py beside svl_bench/, then --algo \"net=exec:command='python3 svl_onnx.py model.onnx'\". For \
-    C++: svl algos exec --example cpp > svl_matcher.hpp.";
+    svl_onnx.py beside svl_bench/, then \
+    --algo \"net=exec:command='python3 svl_onnx.py model.onnx'\". For C++: svl algos exec \
+    --example cpp > svl_matcher.hpp.";
 
 struct Exec {
     command: String,
