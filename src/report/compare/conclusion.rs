@@ -5,8 +5,8 @@ use serde::Serialize;
 use svl_core::counted;
 use svl_score::judge::{Better, ColumnChoice, MetricUnit};
 
-/// Limit of the changes that the sentence has of each direction.
-const MAX_LISTED: usize = 2;
+/// Limit of the changes that the sentence has: of one direction, and of each of both.
+const MAX_LISTED: [usize; 2] = [2, 1];
 
 /// The verdict in a word, by the headline metrics that have a better direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -111,7 +111,8 @@ impl Comparison {
                 format!("none of {metrics} differs {tested}")
             }
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
-                let list = |judgement| listed(&ranked, judgement);
+                let limit = MAX_LISTED[usize::from(conclusion == Conclusion::Mixed)];
+                let list = |judgement| listed(&ranked, judgement, limit);
                 let word = |list: String, word: &str| match conclusion {
                     Conclusion::Mixed => format!("{word}: {list}"),
                     _ => list,
@@ -212,14 +213,14 @@ fn counted_are(metrics: usize) -> String {
 }
 
 /// The changes of that judgement, the first of them with their values.
-fn listed(changes: &[(String, &Change)], judgement: Judgement) -> Option<String> {
+fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
     let own = changes
         .iter()
         .filter(|(_, change)| change.judgement == judgement);
     let words = own.map(|(name, change)| format!("{name} {}", change.words()));
     let mut words: Vec<_> = words.collect();
-    let more = words.len().saturating_sub(MAX_LISTED);
-    words.truncate(MAX_LISTED);
+    let more = words.len().saturating_sub(limit);
+    words.truncate(limit);
     let listed = words.join(", ");
     match (words.is_empty(), more) {
         (true, _) => None,

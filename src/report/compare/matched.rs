@@ -87,7 +87,7 @@ impl<'a> MatchedLabels<'a> {
         let words = format!("no algorithm in common ({ours}; {theirs})");
         match map_options(&self.proposed_maps()) {
             options if options.is_empty() => words,
-            options => format!("{words}; add {options} to compare other parameters"),
+            options => format!("{words}; add `{options}` to compare other parameters"),
         }
     }
 }

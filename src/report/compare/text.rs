@@ -3,11 +3,13 @@
 use super::matched::map_options;
 use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
 use crate::summary::caution;
-use crate::table::{NONE, Table, TableCell, TableColumn, TerminalStyle, escape, wrapped};
+use crate::table::{
+    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
+};
 use std::fmt::{self, Display, Formatter};
 use svl_core::counted;
 use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
 
 /// Limit of the metrics that are listed as worse besides the headline.
 const MAX_BESIDES: usize = 3;
@@ -102,7 +104,7 @@ impl Comparison {
         let not_compared: Vec<_> = self.not_compared().collect();
         let mut lines = MAX_LINES;
         if !not_compared.is_empty() {
-            page.push_str(&format!("  \n{}", escape(&not_compared.join("; "))));
+            page.push_str(&format!("  \n{}", escape_prose(&not_compared.join("; "))));
             lines -= 1;
         }
         let changes = self.leading_changes(lines);
@@ -184,7 +186,7 @@ impl Comparison {
         let lines = lines.map(|words| format!("not compared: {words}"));
         let cure = (!self.proposed_maps.is_empty()).then(|| {
             let options = map_options(&self.proposed_maps);
-            format!("add {options} to compare other parameters")
+            format!("add `{options}` to compare other parameters")
         });
         let algorithms = self.algorithms.iter();
         lines
@@ -331,15 +333,14 @@ impl Change {
 
     /// The answer to whether the change is real.
     fn is_real_words(&self) -> &'static str {
-        match (self.judgement, self.interval, self.metric.origin) {
+        match (self.judgement, self.interval) {
             (Judgement::Equal, ..) => "equal",
-            (Judgement::Better, ..) => "yes, better",
-            (Judgement::Worse, ..) => "yes, WORSE",
-            (Judgement::Differs, ..) => "yes, differs",
-            (Judgement::Unjudged, ..) => "not tested",
-            (Judgement::Unclear, Some(_), _) => "no",
-            (Judgement::Unclear, None, MetricOrigin::Checkpoints) => "too few frames",
-            (Judgement::Unclear, None, _) => "too few pairs",
+            (Judgement::Better, ..) => "better",
+            (Judgement::Worse, ..) => "WORSE",
+            (Judgement::Differs, ..) => "differs",
+            (Judgement::Unjudged, ..) => "untested",
+            (Judgement::Unclear, Some(_)) => "no",
+            (Judgement::Unclear, None) => "too few",
         }
     }
 

@@ -42,6 +42,15 @@ impl Table {
     }
 }
 
+/// As [`escape`], for a text with code in backticks.
+pub fn escape_prose(text: &str) -> String {
+    let parts = text.split('`').enumerate().map(|(i, part)| match i % 2 {
+        0 => escape(part),
+        _ => format!("`{part}`"),
+    });
+    parts.collect()
+}
+
 /// Keeps text from being read as Markdown or HTML.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());

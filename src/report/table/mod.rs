@@ -8,7 +8,7 @@ mod latex;
 mod markdown;
 mod terminal;
 
-pub use markdown::escape;
+pub use markdown::{escape, escape_prose};
 pub use terminal::TerminalStyle;
 pub use terminal::wrapped;
 

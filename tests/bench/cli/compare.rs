@@ -75,7 +75,7 @@ fn runs_with_other_cell_rules_are_not_compared() {
     assert_says(
         &text,
         &[
-            "Scored differently (cells.tolerance_m: 0.1 and 0.2)",
+            "not comparable: scored differently (cells.tolerance_m: 0.1 and 0.2)",
             "not compared: 40 pairs of v1 in one report alone",
         ],
     );
@@ -83,9 +83,7 @@ fn runs_with_other_cell_rules_are_not_compared() {
     let text = fixture.run("compare 0 2");
     assert_says(&text, &["v1 → v3", "0 with equal results"]);
     assert!(
-        ["  better", "  WORSE", "  differs"]
-            .iter()
-            .all(|word| !text.contains(word)),
+        ["  better\n", "  WORSE\n", "  differs\n"].iter().all(|word| !text.contains(word)),
         "{text}"
     );
     // Checkpoints are summed over the runs that both have, so equal results are equal there too.
@@ -116,13 +114,13 @@ fn runs_without_common_data_are_not_compared() {
     let some = fixture.svl("compare 0 2 0#v3");
     assert!(
         some.stdout
-            .starts_with("not compared: 0 and 2: no pair in common"),
+            .starts_with("not comparable: 0 and 2: no pair in common"),
         "{}",
         some.stdout
     );
     assert!(
         some.stdout
-            .contains("\nnot compared: bm, only in 0\nbase   0\n"),
+            .contains("\nnot compared: bm, only in 0\nbefore 0\n"),
         "{}",
         some.stdout
     );
@@ -215,14 +213,35 @@ fn pairs_that_fail_anew_are_worse() {
 fn algorithms_of_a_report_and_mapped_ones_are_compared() {
     let fixture = scored(&["v3 --algo bm", "v3:smoothing_sigma=0 --algo bm"]);
     let text = fixture.run("compare 0#v3 0#bm");
-    assert_says(&text, &["v3 → bm: ", "base   0#v3", "thread"]);
+    assert_says(&text, &["v3 → bm: ", "before 0#v3", "thread"]);
     assert!(!text.contains("Different:"), "{text}");
-    let text = fixture.run("compare 0 1 --map v3=v3:smoothing_sigma=0");
-    assert_says(&text, &["v3 → v3:smoothing_sigma=0: "]);
+    // A map is proposed as it has to be written, and adds to the algorithms of equal names.
+    let map = "--map v3=v3:smoothing_sigma=0";
+    let text = fixture.run("compare 0 1");
+    let lines: Vec<_> = text.lines().take(4).collect();
+    assert!(lines[0].starts_with("no change: the results of 80 pairs are equal"), "{text}");
+    let expected = [
+        "not compared: v3, only in 0".to_owned(),
+        "not compared: v3:smoothing_sigma=0, only in 1".to_owned(),
+        format!("add `{map}` to compare other parameters"),
+    ];
+    assert_eq!(lines[1..], expected);
+    let text = fixture.run(&format!("compare 0 1 {map}"));
+    assert_says(&text, &["v3 → v3:smoothing_sigma=0 ", "\nbm  "]);
+    assert!(!text.contains("not compared"), "{text}");
+    // One that is mapped away from its namesake is not dropped in silence.
+    let text = fixture.run("compare 0 0 --map v3=bm");
+    let left_out = "not compared: v3, bm, whose namesake --map names";
+    assert_says(&text, &[left_out, "v3 → bm: "]);
     let page = fixture.run("compare 0#v3 0#bm --markdown");
-    assert_says(&page, &["### ", "| wrong cells |", "|---|---:|"]);
+    assert_says(&page, &["| wrong cells |", "|---|---:|"]);
+    assert!(page.starts_with("**") && page.lines().count() <= 10, "{page}");
+    let page = fixture.run("compare 0 1 --markdown");
+    assert_says(&page, &["**no change**", "  \nnot compared: v3, only in 0", map]);
+    assert!(page.lines().count() <= 10, "{page}");
     fixture.fails(
         "
+        compare 0#v3 1#bm 1#v3:smoothing_sigma=0 --map v3=v3 => 1: --map v3=v3: expected BASE=OTHER
         compare 0#v4 0 => 1: 0#v4: the report has no algorithm 'v4'; it has v3, bm
         compare 0 1 --map v3=v4 => 1: --map v3=v4: expected BASE=OTHER
         compare 0 1 --fail-on better => 2: expected worse
@@ -245,4 +264,106 @@ fn worse_metrics_fail_and_are_in_junits_xml() {
         .failed(3, &["right cells: became worse"]);
     assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
     fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
+}
+
+#[test]
+fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
+    let fixture = scored(&["v3", "v1"]);
+    let columns = "bias_m rmse_m median_error_m abs_rel noise_m flicker".split(' ');
+    let names = "bias rmse median_error abs_rel noise flicker".split(' ');
+    let json = fixture.json("compare 0 1 --json");
+    let changes = json[0]["algorithms"][0]["metrics"].as_array().unwrap();
+    let reports = ["0", "1"].map(|folder| fixture.text(&format!("{folder}/summary.csv")));
+    for (name, column) in names.zip(columns) {
+        let change = changes.iter().find(|c| c["metric"] == name).unwrap();
+        for (key, report) in ["base", "other"].iter().zip(&reports) {
+            let mut lines = report.lines().map(|line| line.split(','));
+            let place = lines.next().unwrap().position(|own| own == column).unwrap();
+            let expected: f64 = lines.next().unwrap().nth(place).unwrap().parse().unwrap();
+            let value = change[*key].as_f64().unwrap();
+            assert!((value - expected).abs() < 1e-6, "{name}: {value} {expected}");
+        }
+        let [low, high] = [0, 1].map(|i| change["interval"][i].as_f64());
+        let difference = change["difference"].as_f64().unwrap();
+        let is_within = low.zip(high).map(|(low, high)| low <= difference && difference <= high);
+        // Too few cells of v3 are known in two successive pairs for that of the noise.
+        assert!(is_within.unwrap_or(name == "noise"), "{change}");
+    }
+    // v1 reports wrong distances where v3 reports none, so all errors are larger.
+    let failing = fixture.svl("compare 0 1 --fail-on worse:rmse");
+    failing.failed(3, &["RMSE of distances: became worse"]);
+    fixture.run("compare 1 0 --fail-on worse:rmse --fail-on worse:flicker");
+    // Nearer to 0 is better, from either side.
+    let bias = changes.iter().find(|c| c["metric"] == "bias").unwrap();
+    let [before, after] = ["base", "other"].map(|key| bias[key].as_f64().unwrap().abs());
+    let difference = bias["difference"].as_f64().unwrap();
+    assert!((after - before - difference).abs() < 1e-9, "{bias}");
+    let expected = if difference > 0.0 { "worse" } else { "better" };
+    assert_eq!(bias["judgement"], expected);
+    // Without cells all else is compared, and what is not is said.
+    std::fs::remove_file(fixture.path("1/cells.csv")).unwrap();
+    let text = fixture.run("compare 0 1 -o x.html");
+    let expected = "not compared: errors of distances: 1 has no cells.csv; `svl report 1` makes it";
+    let text: Vec<_> = text.split_whitespace().collect();
+    assert_says(&text.join(" "), &[expected, "wrong cells"]);
+    assert_says(&fixture.text("x.html"), &["A folder has no cells.csv"]);
+    let failing = fixture.svl("compare 0 1 --fail-on worse:rmse");
+    failing.failed(3, &["no report measures these metrics"]);
+}
+
+#[test]
+fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
+    let fixture = scored(&["v3 --algo bm", "v3:max_disparity=4 --algo bm"]);
+    let map = "--map v3=v3:max_disparity=4";
+    let shown = fixture.run(&format!("compare 0 1 {map} -o page.html"));
+    assert_says(&shown, &["page   page.html\n"]);
+    let page = fixture.text("page.html");
+    let words = [
+        "<strong class=\"mixed\">mixed</strong>: worse: right cells ",
+        "<b>Merge?</b> Only if what is better is worth what is worse.",
+        "v3 → v3:max_disparity=4",
+        "real at 95\u{a0}% over 80 pairs",
+        "<td class=\"bad\">WORSE</td>",
+        "Frames that changed most",
+        "right minus wrong cells ",
+        "<figcaption>truth</figcaption>",
+        "right → unknown",
+        "80 pairs, 80 with equal results",
+        "The results of all frames are equal.",
+    ];
+    assert_says(&page, &words);
+    // Three frames became worse, and none better; each is shown before, after and in truth.
+    assert_eq!(page.matches("<article class=\"figure\">").count(), 3);
+    assert_eq!(page.matches("<svg class=\"grid\"").count(), 9);
+    let has_image = page.contains("<image id=\"i0\"");
+    let lacks = page.contains("The folders hold no image of ");
+    assert!(has_image || lacks, "neither an image nor why there is none");
+    assert!(!page.contains("<script") && !page.contains("http"));
+    // Algorithms that are not compared come before all else, with the cure.
+    fixture.run("compare 0 1 -o page.html --force");
+    let page = fixture.text("page.html");
+    let [verdict, not_compared, merge] = ["no change</strong>", "not compared: v3", "Merge?"]
+        .map(|text| page.find(text).unwrap_or_else(|| panic!("{text}")));
+    assert!(verdict < not_compared && not_compared < merge);
+    assert_says(&page, &[map, "The algorithms that were not compared may have changed"]);
+}
+
+#[test]
+fn the_page_replaces_nothing_unasked() {
+    let fixture = scored(&["v3", "v1"]);
+    fixture.write("own.html", "mine");
+    fixture.write("other.toml", fixture.text("short.toml").replace("seeds = [1, 2]", "seeds = [3]"));
+    fixture.run("score other.toml -q --algo v3 --rerun none -o 2");
+    let wrong = "
+        compare 0 1 -o own.html => 1: own.html: exists already | --force
+        compare 0 1 -o page.txt => 2: page.txt: must end in .html
+        compare 0 1 -o missing/page.html => 1: missing: no such folder; create it first
+        compare 0 1 -o 0/index.html --force => 2: 0/index.html: is in the folder of a report
+        compare 0 1 1 -o page.html => 2: -o: the page is of two reports
+        compare 0 2 -o own.html --force => 4: nothing was compared
+    ";
+    fixture.fails(wrong);
+    assert_eq!(fixture.text("own.html"), "mine");
+    fixture.run("compare 0 1 -o own.html --force");
+    assert!(fixture.text("own.html").starts_with("<!DOCTYPE html>"));
 }

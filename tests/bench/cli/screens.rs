@@ -169,9 +169,16 @@ fn two_reports() {
         fixture.run(&format!("report {folder}"));
     }
     let renamed = "--map bm=bm:block_size=21";
-    let kept = ["v3", "v5"].map(|name| format!("--map {name}={name}"));
-    let all = format!("compare before after {renamed} {}", kept.join(" "));
+    let all = format!("compare before after {renamed}");
     let text = [80, 120].map(|columns| screen(&fixture, &all, columns));
     let one = [80, 120].map(|columns| screen(&fixture, "compare before#v3 before#v5", columns));
-    insta::assert_snapshot!([text, one].concat().join("\n"));
+    // An algorithm with other parameters, whose map is proposed, and the form for a pull request.
+    let proposed = [80, 120].map(|columns| screen(&fixture, "compare before after", columns));
+    let request = ["compare before after", &all, "compare before#v3 before#v5"];
+    let request = request.map(|line| {
+        let line = format!("{line} --markdown");
+        format!("> svl {line}\n{}", fixture.run(&line))
+    });
+    let all = [&text[..], &one, &proposed, &request].concat();
+    insta::assert_snapshot!(all.join("\n"));
 }
