@@ -56,7 +56,6 @@ use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
 use svl_score::judge::{Checkpoint, Judged, METRICS, Metric};
-use svl_sim::arena::WireObject;
 use target::Destination;
 
 /// Rerun's application id: recordings of one application share their layout.
@@ -131,7 +130,6 @@ struct RerunSink {
     stream: RecordingStream,
     target: Destination,
     algorithms: Vec<AlgorithmPath>,
-    wireframe: Vec<WireObject>,
     /// `None` before the layout was sent; then true if it has views of the truth.
     begun: Option<bool>,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
@@ -180,7 +178,6 @@ impl RerunSink {
             stream,
             target,
             algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
-            wireframe: run.wireframe.clone(),
             begun: None,
             camera: None,
             last_pose: None,
@@ -275,7 +272,7 @@ impl RerunSink {
             }),
             rig: frame.rig().is_some(),
             size: frame.name.is_none().then(|| frame.pair.size()),
-            eye: world::eye(&self.wireframe, scale, frame, cloud),
+            eye: world::eye(scale, frame, cloud),
             plots: METRICS
                 .iter()
                 .filter(|m| m.plot.is_some())

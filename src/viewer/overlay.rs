@@ -62,7 +62,7 @@ impl Overlay {
         for (place, cell) in grid.iter() {
             let Some(depth) = cell.depth else {
                 if let Some(near) = cell.near {
-                    distances.push((below(place), format!("near\n{:.0} %", 100.0 * near)));
+                    distances.push((below(place), format!("near {:.0} %", 100.0 * near)));
                 }
                 continue;
             };
@@ -73,8 +73,9 @@ impl Overlay {
                 (None, false) => format!("{:.1} px", depth.median_px),
                 (None, true) => format!("> {:.1} px", depth.median_px),
             };
+            // Rerun shows the first line of a label.
             if let Some(probability) = cell.probability {
-                label.push_str(&format!("\n{:.0} %", 100.0 * probability));
+                label.push_str(&format!(" {:.0} %", 100.0 * probability));
             }
             distances.push((below(place), label));
         }
@@ -92,6 +93,8 @@ impl Overlay {
             distances: Points2D::new(distances.iter().map(|(at, _)| *at))
                 .with_labels(distances.into_iter().map(|(_, label)| label))
                 .with_show_labels(views <= MAX_LABELLED)
+                // The colour of the labels.
+                .with_colors([Rgba32::WHITE])
                 .with_radii([Radius::new_ui_points(0.0)])
                 .with_draw_order(33.0),
         }

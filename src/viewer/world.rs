@@ -69,37 +69,16 @@ pub(crate) fn wireframe(things: &[WireObject]) -> LineStrips3D {
         .with_radii([Radius::new_ui_points(0.8)])
 }
 
-/// Position and target of the 3D view: over the whole arena, else from behind the camera towards
-/// the cloud of the first frame.
-pub(crate) fn eye(
-    things: &[WireObject],
-    scale: &Scale,
-    frame: &Frame,
-    cloud: Option<&Plane<f32>>,
-) -> [[f32; 3]; 2] {
-    let mut corners = things
-        .iter()
-        .flat_map(|thing| thing.strips.iter().flatten());
-    let Some(&first) = corners.next() else {
-        let pose = frame.pose.unwrap_or_else(resting);
-        let place = |point: Point3<f64>| (pose * point).coords.map(|v| v as f32).into();
-        let behind = Point3::new(-0.3, -0.25, -0.25) * scale.far_m;
-        let middle = cloud.zip(frame.rig());
-        let middle = middle.and_then(|(map, rig)| cloud_middle(map, rig, scale));
-        let middle = middle.unwrap_or(Point3::new(0.0, 0.0, 0.4 * scale.far_m));
-        return [place(behind), place(middle)];
-    };
-    let (low, high) = corners.fold((first, first), |(low, high), p| {
-        let pick =
-            |a: [f32; 3], f: fn(f32, f32) -> f32| [f(a[0], p[0]), f(a[1], p[1]), f(a[2], p[2])];
-        (pick(low, f32::min), pick(high, f32::max))
-    });
-    let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, 0.0];
-    let side = (high[0] - low[0]).max(high[1] - low[1]);
-    [
-        [middle[0] - 0.7 * side, middle[1] - 0.7 * side, 0.7 * side],
-        middle,
-    ]
+/// Position and target of the 3D view: from behind and above the camera towards the cloud of the
+/// first frame.
+pub(crate) fn eye(scale: &Scale, frame: &Frame, cloud: Option<&Plane<f32>>) -> [[f32; 3]; 2] {
+    let pose = frame.pose.unwrap_or_else(resting);
+    let place = |point: Point3<f64>| (pose * point).coords.map(|v| v as f32).into();
+    let middle = cloud.zip(frame.rig());
+    let middle = middle.and_then(|(map, rig)| cloud_middle(map, rig, scale));
+    let middle = middle.unwrap_or(Point3::new(0.0, 0.0, 0.4 * scale.far_m));
+    let behind = Point3::new(-0.3, -0.4, -0.5) * scale.far_m;
+    [place(behind), place(middle)]
 }
 
 /// Mean of the points of a cloud in the camera's frame; none without a point.
@@ -140,7 +119,7 @@ mod tests {
         let scale = Scale::new(&frame);
         // A wall at 1 m.
         let wall = Plane::filled(320, 240, 16.0).unwrap();
-        let at = |frame: &Frame| eye(&[], &scale, frame, Some(&wall))[1];
+        let at = |frame: &Frame| eye(&scale, frame, Some(&wall))[1];
         let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
         assert!(near(at(&frame), [1.0, 0.0, 0.0]), "{:?}", at(&frame));
         let mut moved = resting();

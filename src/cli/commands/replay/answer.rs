@@ -3,8 +3,10 @@
 use super::Args;
 use super::verify::{Earlier, Verification};
 use crate::cli::shared::terminal::{print, print_json, shell_word, style};
+use crate::cli::shared::viewer::RerunChoice;
 use anyhow::bail;
 use std::collections::BTreeMap;
+use std::path::Path;
 use svl::losses::{RunEnding, RunState};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
@@ -12,6 +14,7 @@ use svl::outputs::Outputs;
 use svl::recording::AlgorithmCells;
 use svl::report::{Row, Summary};
 use svl::run::{Outcome, complete, ending};
+use svl::sink::RerunTarget;
 use svl::{Error, Result};
 use svl::{counted, joined};
 
@@ -183,12 +186,15 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
     let algorithms: String = algorithms
         .map(|written| format!(" --algo {}", shell_word(&written)))
         .collect();
-    Ok(match &args.output {
+    let viewed = args.rerun.as_ref().and_then(RerunChoice::target);
+    let file = |path: &Path| shell_word(&path.display().to_string());
+    Ok(match (&args.output, viewed.and_then(RerunTarget::file)) {
         _ if is_live => format!("svl record {name} -o run.mcap  # keeps the pairs"),
-        Some(output) if args.verify.is_none() => {
-            let output = shell_word(&output.display().to_string());
+        (Some(output), _) if args.verify.is_none() => {
+            let output = file(output);
             format!("svl replay {output} --verify  # the same results again?")
         }
+        (_, Some(viewed)) => format!("svl view {}  # the run in Rerun", file(viewed)),
         _ if args.options.keys()?.is_empty() => {
             format!("svl score {name}{algorithms}  # a report with its frames")
         }
