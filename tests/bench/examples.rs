@@ -14,6 +14,8 @@ mod read_recording;
 mod scale;
 #[path = "../../examples/simulated_cameras.rs"]
 mod simulated_cameras;
+#[path = "../../src/core/examples/stop_for_obstacles.rs"]
+mod stop_for_obstacles;
 
 use super::cli::fixture::Fixture;
 
@@ -68,6 +70,12 @@ fn a_recording_is_read() {
     fixture.run("record arena --frames 3 -o a.mcap");
     assert_eq!(read_recording::read(&fixture.path("a.mcap")).unwrap(), 3);
     assert!(read_recording::main().is_err());
+}
+
+/// tests/c has what it prints.
+#[test]
+fn a_robot_stops() {
+    stop_for_obstacles::main().unwrap();
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn camera() -> impl Iterator<Item = svl_core::Result<(Gray, Gray, u64)>> {
     })
 }
 
-fn main() -> svl_core::Result<()> {
+pub fn main() -> svl_core::Result<()> {
     let rig = Rig::new(328.0, (160.0, 120.0), 0.044, 0.0)?;
     let mut ranger = Ranger::open("v5:max_disparity=64", rig, &RangerOptions::default())?;
     for pair in camera() {

@@ -75,8 +75,12 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
         finally:
             pairs.close()
             if not is_whole:
-                # The caller wants no more pairs.
+                # The caller wants no more pairs: svl ends with the one that it reads.
                 svl.terminate()
+                try:
+                    svl.wait(timeout=10)
+                except subprocess.TimeoutExpired:
+                    svl.kill()
         svl.wait()
         errors.seek(0)
         check("record", svl.returncode, errors.read().decode(errors="replace"))
