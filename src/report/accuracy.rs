@@ -255,24 +255,29 @@ impl RangeErrors {
 
     /// The values of a metric in pairs, as [`RangeErrors::into_row`] has it over all of them.
     pub(super) fn sample(number: CellNumber, pairs: &[Self]) -> Sample {
-        let errors = |own: &Self| own.errors_m.iter().copied().map(f64::from).collect::<Vec<_>>();
+        let errors = |own: &Self| {
+            own.errors_m
+                .iter()
+                .copied()
+                .map(f64::from)
+                .collect::<Vec<_>>()
+        };
         let parts = |part: &dyn Fn(&Self) -> [f64; 2]| pairs.iter().map(part).collect::<Vec<_>>();
         let cells = |own: &Self| own.errors_m.len() as f64;
         match number {
-            CellNumber::Bias => {
-                Sample::Ratio(parts(&|own| [errors(own).iter().sum(), cells(own)]))
-            }
+            CellNumber::Bias => Sample::Ratio(parts(&|own| [errors(own).iter().sum(), cells(own)])),
             CellNumber::Rmse => Sample::Root(parts(&|own| {
-                [errors(own).iter().map(|error| error * error).sum(), cells(own)]
+                [
+                    errors(own).iter().map(|error| error * error).sum(),
+                    cells(own),
+                ]
             })),
             CellNumber::MedianError => {
                 let sizes = |own| errors(own).iter().map(|error| error.abs()).collect();
                 Sample::Median(pairs.iter().map(sizes).collect())
             }
             CellNumber::AbsRel => Sample::Ratio(parts(&|own| [own.relative, cells(own)])),
-            CellNumber::Noise => {
-                Sample::Root(parts(&|own| [own.squares, 2.0 * own.known as f64]))
-            }
+            CellNumber::Noise => Sample::Root(parts(&|own| [own.squares, 2.0 * own.known as f64])),
             CellNumber::Flicker if pairs.iter().all(|own| own.errors_m.is_empty()) => {
                 Sample::Ratio(Vec::new())
             }

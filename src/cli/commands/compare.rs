@@ -108,9 +108,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         gate_cases(&comparisons, &args.fail_on)?
     };
     let page = match (&comparisons[..], &others[..], &args.output) {
-        ([comparison], [other], Some(path)) => {
-            Some((path, ComparisonPage::new(comparison, base, other)?.render()?))
-        }
+        ([comparison], [other], Some(path)) => Some((
+            path,
+            ComparisonPage::new(comparison, base, other)?.render()?,
+        )),
         _ => None,
     };
     // Nothing replaces an earlier page if nothing was compared.
@@ -160,7 +161,10 @@ fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<
 /// Claims the page and the file of the cases.
 fn claim(args: &Args) -> anyhow::Result<Outputs> {
     for (path, ending) in [(&args.output, "html"), (&args.junit, "xml")] {
-        if let Some(path) = path.as_ref().filter(|path| !files::has_ending(path, ending)) {
+        if let Some(path) = path
+            .as_ref()
+            .filter(|path| !files::has_ending(path, ending))
+        {
             let words = format!("{}: must end in .{ending}", path.display());
             return Err(usage::wrong(words));
         }
@@ -174,7 +178,11 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
         let words = "is in the folder of a report, whose files svl replaces; name another place";
         return Err(usage::wrong(format!("{}: {words}", path.display())));
     }
-    Ok(Outputs::claim(args.force, [], outputs.map(PathBuf::as_path))?)
+    Ok(Outputs::claim(
+        args.force,
+        [],
+        outputs.map(PathBuf::as_path),
+    )?)
 }
 
 /// True for a file in the folder of a report.

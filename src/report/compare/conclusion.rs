@@ -43,9 +43,8 @@ impl Comparison {
             let mut changes = ranked.iter();
             changes.any(|(_, change)| change.judgement == judgement)
         };
-        let is_open = |change: &Change| {
-            change.judgement == Judgement::Unclear && change.interval.is_none()
-        };
+        let is_open =
+            |change: &Change| change.judgement == Judgement::Unclear && change.interval.is_none();
         let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
         let is_worse = has(Judgement::Worse) || has_failed;
         let mut unequal = ranked

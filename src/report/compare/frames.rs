@@ -89,7 +89,9 @@ impl ChangedFrames {
         let scored = differing.filter_map(|(a, b)| Some((*a, *b, [score(a)?, score(b)?])));
         let mut scored: Vec<_> = scored.collect();
         if scored.is_empty() {
-            return Ok(none("Without a truth of cells no frame is better or worse."));
+            return Ok(none(
+                "Without a truth of cells no frame is better or worse.",
+            ));
         }
         // Of equal changes those with an image, then the first: the sort is stable.
         let place = |pair: &ScoredPair<'_>| (-change(pair).abs(), !images.hold(pair.0));
@@ -139,9 +141,7 @@ fn score(row: &Row) -> Option<f64> {
 }
 
 /// The first ones that are no neighbours of each other.
-fn spread<'a, 'b: 'a>(
-    pairs: impl Iterator<Item = &'a ScoredPair<'b>>,
-) -> Vec<&'a ScoredPair<'b>> {
+fn spread<'a, 'b: 'a>(pairs: impl Iterator<Item = &'a ScoredPair<'b>>) -> Vec<&'a ScoredPair<'b>> {
     let mut chosen: Vec<&ScoredPair<'_>> = Vec::new();
     for pair in pairs {
         let is_neighbour = |own: &&&ScoredPair<'_>| {

@@ -32,7 +32,10 @@ impl<'a> MatchedLabels<'a> {
             _ => {
                 let is_free = |label: &&&str| both.iter().all(|(a, b)| a != *label && b != *label);
                 let equal = ours.iter().filter(|label| theirs.contains(label));
-                let equal: Vec<_> = equal.filter(is_free).map(|label| (*label, *label)).collect();
+                let equal: Vec<_> = equal
+                    .filter(is_free)
+                    .map(|label| (*label, *label))
+                    .collect();
                 both.extend(equal);
             }
         }
@@ -41,9 +44,15 @@ impl<'a> MatchedLabels<'a> {
             let is_left = |label: &&&str| {
                 !others.contains(*label) && both.iter().all(|pair| side(pair) != **label)
             };
-            labels.iter().filter(is_left).map(|label| (*label).to_owned()).collect()
+            labels
+                .iter()
+                .filter(is_left)
+                .map(|label| (*label).to_owned())
+                .collect()
         };
-        let left_out = ours.iter().filter(|label| theirs.contains(label) && !is_taken(label));
+        let left_out = ours
+            .iter()
+            .filter(|label| theirs.contains(label) && !is_taken(label));
         Ok(Self {
             manifests: [base, other],
             only_in_base: only(&ours, &theirs, |pair| pair.0),
@@ -61,7 +70,8 @@ impl<'a> MatchedLabels<'a> {
             named(self.manifests[1], &self.only_in_other),
         ];
         let proposed = ours.iter().filter_map(|(name, label)| {
-            let is_one = |all: &[(&str, &str)]| all.iter().filter(|own| own.0 == *name).count() == 1;
+            let is_one =
+                |all: &[(&str, &str)]| all.iter().filter(|own| own.0 == *name).count() == 1;
             let (_, other) = theirs.iter().find(|own| own.0 == *name)?;
             (is_one(&ours) && is_one(&theirs)).then(|| format!("{label}={other}"))
         });
@@ -86,7 +96,8 @@ impl<'a> MatchedLabels<'a> {
 fn named<'a>(manifest: &'a Manifest, labels: &[String]) -> Vec<(&'a str, &'a str)> {
     let own = manifest.algorithms.iter();
     let own = own.filter(|record| labels.contains(&record.label));
-    own.map(|record| (record.name.as_str(), record.label.as_str())).collect()
+    own.map(|record| (record.name.as_str(), record.label.as_str()))
+        .collect()
 }
 
 /// The options that map these, for a shell.

@@ -9,10 +9,10 @@ mod text;
 
 use super::accuracy::RangeErrors;
 use super::rows::Row;
-pub use conclusion::Conclusion;
-use matched::MatchedLabels;
 pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
+pub use conclusion::Conclusion;
+use matched::MatchedLabels;
 pub use page::ComparisonPage;
 pub use scored_run::ScoredRun;
 use serde::Serialize;
@@ -333,7 +333,10 @@ impl AlgorithmChange {
             .count();
         let has_cells = base.has_cells() && other.has_cells();
         let errors = match has_cells {
-            true => Some([base.pair_errors(label, &a)?, other.pair_errors(other_label, &b)?]),
+            true => Some([
+                base.pair_errors(label, &a)?,
+                other.pair_errors(other_label, &b)?,
+            ]),
             false => None,
         };
         let mut metrics = changes_over([&a, &b], errors.as_ref(), &resamples);
@@ -459,7 +462,9 @@ impl Change {
             Some((low, high)) if low > 0.0 || high < 0.0 => {
                 match (metric.better, difference > 0.0) {
                     (Better::Neither, _) => Judgement::Differs,
-                    (Better::More, true) | (Better::Less | Better::Zero, false) => Judgement::Better,
+                    (Better::More, true) | (Better::Less | Better::Zero, false) => {
+                        Judgement::Better
+                    }
                     _ => Judgement::Worse,
                 }
             }

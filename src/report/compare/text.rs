@@ -136,7 +136,7 @@ impl Comparison {
     pub(super) fn name(&self, algorithm: &AlgorithmChange, name: &str) -> String {
         match self.algorithms.len() {
             1 => name.to_owned(),
-            _ => format!("{}: {name}", algorithm.title()),
+            _ => format!("{} {name}", algorithm.title()),
         }
     }
 
@@ -145,16 +145,21 @@ impl Comparison {
         let (base, other) = (self.base.display(), self.other.display());
         let count = |judgement| {
             let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
-            changes.filter(|(_, change)| change.judgement == judgement).count()
+            changes
+                .filter(|(_, change)| change.judgement == judgement)
+                .count()
         };
         let (better, worse) = (count(Judgement::Better), count(Judgement::Worse));
         let scenario = escape(&self.scenario);
-        let counts = format!("{better} better and {worse} worse of {} metrics", self.tested);
-        let cautions: String = self.cautions().map(|line| format!(". {}", escape(&line))).collect();
-        format!(
-            "{scenario}, `{base}` → `{other}`: {counts}; `svl compare {base} {other} -o \
-             compare.html` shows frames{cautions}"
-        )
+        let counts = format!(
+            "{better} better and {worse} worse of {} metrics",
+            self.tested
+        );
+        let cautions: String = self
+            .cautions()
+            .map(|line| format!(". {}", escape(&line)))
+            .collect();
+        format!("{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows frames{cautions}")
     }
 
     /// Algorithms and pairs that are not compared, each with the reason.
@@ -164,14 +169,15 @@ impl Comparison {
             (&self.only_in_other, &self.other),
         ];
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
-        let alone = sides.map(|(labels, folder)| {
-            format!("{}, only in {}", labels.join(", "), folder.display())
-        });
+        let alone = sides
+            .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
         let left_out = (!self.left_out.is_empty())
             .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
         let cells = self.without_cells.iter().map(|folder| {
             let folder = folder.display();
-            format!("errors of distances: {folder} has no cells.csv; `svl report {folder}` makes it")
+            format!(
+                "errors of distances: {folder} has no cells.csv; `svl report {folder}` makes it"
+            )
         });
         let lines = alone.chain(left_out).chain(cells);
         let lines = lines.map(|words| format!("not compared: {words}"));
@@ -180,7 +186,9 @@ impl Comparison {
             format!("add `{options}` to compare other parameters")
         });
         let algorithms = self.algorithms.iter();
-        lines.chain(cure).chain(algorithms.filter_map(AlgorithmChange::missing))
+        lines
+            .chain(cure)
+            .chain(algorithms.filter_map(AlgorithmChange::missing))
     }
 
     /// The origins of the two reports.
@@ -306,12 +314,17 @@ impl Change {
     /// The values and the difference.
     pub(super) fn words(&self) -> String {
         let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
-        format!("{base} → {other} ({})", signed(self.metric, self.difference))
+        format!(
+            "{base} → {other} ({})",
+            signed(self.metric, self.difference)
+        )
     }
 
     /// The difference in widths of its interval.
     fn certainty(&self) -> f64 {
-        let width = self.interval.map_or(f64::INFINITY, |(low, high)| high - low);
+        let width = self
+            .interval
+            .map_or(f64::INFINITY, |(low, high)| high - low);
         self.difference.abs() / width
     }
 
@@ -380,7 +393,10 @@ fn unitless(metric: &Metric, difference: f64) -> String {
 pub fn signed(metric: &Metric, v: f64) -> String {
     // Rounded first, as a small negative value would be shown as -0.0.
     let shown = metric.show(v.abs());
-    let number = shown.split(' ').next().and_then(|number| number.parse().ok());
+    let number = shown
+        .split(' ')
+        .next()
+        .and_then(|number| number.parse().ok());
     let is_negative = v < 0.0 && number != Some(0.0);
     match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),

@@ -51,7 +51,10 @@ impl<'a> HeatMap<'a> {
         let merit = |(_, _, merit): &(&str, [Option<f64>; 2], f64)| *merit;
         let best = merits.iter().map(merit).reduce(f64::max)?;
         let worst = merits.iter().map(merit).reduce(f64::min)?;
-        let (rows, columns) = (parameter_values(&records, down), parameter_values(&records, across));
+        let (rows, columns) = (
+            parameter_values(&records, down),
+            parameter_values(&records, across),
+        );
         let (unit, better) = (summary.first_metric()?.unit, summary.first_metric()?.better);
         // The merit of a cost is negative.
         let is_cost = summary.kind() != RunKind::Distances && better != Better::More;
@@ -61,7 +64,11 @@ impl<'a> HeatMap<'a> {
             Some(HeatCell {
                 label,
                 text: number(unit, if is_cost { -merit } else { merit }),
-                place: if best > worst { (merit - worst) / (best - worst) } else { 1.0 },
+                place: if best > worst {
+                    (merit - worst) / (best - worst)
+                } else {
+                    1.0
+                },
                 is_best: merit == best,
             })
         };
@@ -69,12 +76,19 @@ impl<'a> HeatMap<'a> {
         let words = summary.merit_words()?;
         Some(Self {
             title: format!("{name}: {words}{percent}"),
-            about: format!("Over {down} and {across}. The best is framed; the table has all metrics."),
+            about: format!(
+                "Over {down} and {across}. The best is framed; the table has all metrics."
+            ),
             down,
             across,
             rows: rows
                 .iter()
-                .map(|y| (y.to_string(), columns.iter().map(|x| cell(*y, *x)).collect()))
+                .map(|y| {
+                    (
+                        y.to_string(),
+                        columns.iter().map(|x| cell(*y, *x)).collect(),
+                    )
+                })
                 .collect(),
             columns: columns.iter().map(f64::to_string).collect(),
         })

@@ -293,13 +293,20 @@ impl BlockPictures {
     /// [`Error::Invalid`] if a picture is not what svl writes.
     pub fn left(self, row: &Row) -> Result<Option<(Vec<u8>, (usize, usize))>> {
         let is_own = |own: &Row| own.pair_hash == row.pair_hash;
-        for shot in self.checkpoints.iter().filter(|shot| shot.sequence == row.sequence) {
+        for shot in self
+            .checkpoints
+            .iter()
+            .filter(|shot| shot.sequence == row.sequence)
+        {
             let shot = shot.shot()?;
             if is_own(&shot.row) {
                 return Ok(Some((shot.left, shot.size)));
             }
         }
-        let samples = self.samples.into_iter().flat_map(|(_, figure)| figure.shots);
+        let samples = self
+            .samples
+            .into_iter()
+            .flat_map(|(_, figure)| figure.shots);
         let mut samples = samples.filter(|(_, shot)| is_own(&shot.row));
         if let Some((_, shot)) = samples.next() {
             return Ok(Some((shot.left, shot.size)));

@@ -12,9 +12,9 @@ use crate::table_writer::TableWriter;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::sync_channel;
+use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
-use svl_core::Result;
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, agreed_cells};
 use svl_score::manifest::{RunRecord, hash};
 

@@ -56,7 +56,9 @@ impl<'a> FrameView<'a> {
         });
         let [before, after] = frame.scores;
         let pairs = frame.cells[0].iter().filter_map(|cell| {
-            let other = frame.cells[1].iter().find(|other| place(other) == place(cell))?;
+            let other = frame.cells[1]
+                .iter()
+                .find(|other| place(other) == place(cell))?;
             Some((cell, other))
         });
         let changed: Vec<_> = pairs.filter(|(a, b)| a.verdict != b.verdict).collect();
@@ -69,7 +71,8 @@ impl<'a> FrameView<'a> {
         let mut panel = |label: &str, cells: &[CellRow], is_truth: bool| {
             let shape = shape(cells);
             let size = (a.width as usize, a.height as usize);
-            let view = |cell: &CellRow| CellView::new(cell, (shape, size), is_truth, is_changed(cell));
+            let view =
+                |cell: &CellRow| CellView::new(cell, (shape, size), is_truth, is_changed(cell));
             let left = frame.left.as_ref();
             CellsView {
                 label: label.to_owned(),
@@ -135,7 +138,12 @@ impl CellView {
             center: bounds.center(),
             size: (bounds.width / 3.6).min(bounds.height / 2.5),
             class,
-            words: format!("({}, {}): {text} {}", cell.column, cell.row, cell.verdict.name()),
+            words: format!(
+                "({}, {}): {text} {}",
+                cell.column,
+                cell.row,
+                cell.verdict.name()
+            ),
             text,
             is_changed,
         }
@@ -168,7 +176,10 @@ fn report(cell: &CellRow) -> String {
 
 /// A cell with another verdict.
 fn change_words((before, after): &(&CellRow, &CellRow)) -> String {
-    let obstacle = match (after.missed && !before.missed, after.r#false && !before.r#false) {
+    let obstacle = match (
+        after.missed && !before.missed,
+        after.r#false && !before.r#false,
+    ) {
         (true, _) => ", an obstacle is missed",
         (_, true) => ", a false obstacle",
         _ => "",

@@ -30,11 +30,7 @@ impl<'a> ComparisonPage<'a> {
     ///
     /// # Errors
     /// Those of reading the tables of cells and the pictures.
-    pub fn new(
-        comparison: &'a Comparison,
-        base: &ScoredRun,
-        other: &ScoredRun,
-    ) -> Result<Self> {
+    pub fn new(comparison: &'a Comparison, base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
         let images = BothImages::find([base, other])?;
         let frames = comparison.algorithms.iter();
         let frames = frames.map(|algorithm| ChangedFrames::find(algorithm, &images));
@@ -57,7 +53,11 @@ impl<'a> ComparisonPage<'a> {
         let algorithms: Vec<_> = algorithms.collect();
         let conclusion = comparison.conclusion();
         let view = ComparisonView {
-            title: format!("{} → {}", comparison.base.display(), comparison.other.display()),
+            title: format!(
+                "{} → {}",
+                comparison.base.display(),
+                comparison.other.display()
+            ),
             scenario: &comparison.scenario,
             conclusion,
             word: conclusion.word(),
@@ -65,8 +65,7 @@ impl<'a> ComparisonPage<'a> {
             advice: comparison.advice(),
             not_compared: comparison.not_compared().collect(),
             cautions: comparison.cautions().collect(),
-            overview: (algorithms.len() > 1)
-                .then(|| comparison.overview(&ColumnChoice::Headline)),
+            overview: (algorithms.len() > 1).then(|| comparison.overview(&ColumnChoice::Headline)),
             algorithms,
             level: comparison.method.level,
             tested: comparison.tested,
@@ -94,8 +93,14 @@ fn identity(comparison: &Comparison) -> Vec<(String, String)> {
         entry("after", other.display().to_string()),
         entry("made by", origins[1].to_string()),
         entry("intervals", format!("{} of {}", method.level, method.name)),
-        entry("resamples", format!("{}, seed {}", method.resamples, method.seed)),
-        entry("block length", format!("{} pairs of a run of n", method.block_length)),
+        entry(
+            "resamples",
+            format!("{}, seed {}", method.resamples, method.seed),
+        ),
+        entry(
+            "block length",
+            format!("{} pairs of a run of n", method.block_length),
+        ),
         entry("fewest blocks", method.fewest_blocks.to_string()),
     ]
 }
@@ -151,8 +156,7 @@ impl<'a> AlgorithmView<'a> {
         };
         let views = frames.frames.iter();
         let views = views.map(|frame| (frame, FrameView::new(frame, &labels, images)));
-        let (worse, better): (Vec<_>, Vec<_>) =
-            views.partition(|(frame, _)| frame.change() < 0.0);
+        let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.change() < 0.0);
         let views = |frames: Vec<(&ChangedFrame, FrameView<'a>)>| {
             frames.into_iter().map(|(_, view)| view).collect()
         };
@@ -176,10 +180,18 @@ fn note(frames: &ChangedFrames) -> Option<String> {
         return Some(why.to_owned());
     }
     let all = frames.frames.len();
-    if frames.frames.iter().any(|frame| frame.cells.iter().any(Vec::is_empty)) {
+    if frames
+        .frames
+        .iter()
+        .any(|frame| frame.cells.iter().any(Vec::is_empty))
+    {
         return Some("A folder has no cells.csv, so the cells are not shown.".to_owned());
     }
-    let lacking = frames.frames.iter().filter(|frame| frame.left.is_none()).count();
+    let lacking = frames
+        .frames
+        .iter()
+        .filter(|frame| frame.left.is_none())
+        .count();
     let keeps = "`svl score` keeps the images of some frames: the best and the worst of each \
                  checkpoint, or a few that are spread over a recording";
     match lacking {
