@@ -134,7 +134,7 @@ fn a_base_without_the_scenario_is_no_error() {
         &job.ends("score the base branch", 0),
         &["::notice::", "new.toml"],
     );
-    assert_says(&job.ends("score", 2), &["new.toml"]);
+    assert_says(&job.ends("score", 1), &["new.toml"]);
     job.ends("summary", 0);
     assert_eq!(job.fixture.text("OUTPUT"), "markdown=\n");
     // A base that cannot be scored does not hide the result of the pull request.

@@ -136,7 +136,7 @@ impl Comparison {
     pub(super) fn name(&self, algorithm: &AlgorithmChange, name: &str) -> String {
         match self.algorithms.len() {
             1 => name.to_owned(),
-            _ => format!("{}: {name}", algorithm.title()),
+            _ => format!("{} {name}", algorithm.title()),
         }
     }
 
@@ -159,10 +159,14 @@ impl Comparison {
             .cautions()
             .map(|line| format!(". {}", escape(&line)))
             .collect();
+<<<<<<< HEAD
         format!(
             "{scenario}, `{base}` → `{other}`: {counts}; `svl compare {base} {other} -o \
              compare.html` shows frames{cautions}"
         )
+=======
+        format!("{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows frames{cautions}")
+>>>>>>> h1
     }
 
     /// Algorithms and pairs that are not compared, each with the reason.

@@ -83,7 +83,9 @@ fn runs_with_other_cell_rules_are_not_compared() {
     let text = fixture.run("compare 0 2");
     assert_says(&text, &["v1 → v3", "0 with equal results"]);
     assert!(
-        ["  better\n", "  WORSE\n", "  differs\n"].iter().all(|word| !text.contains(word)),
+        ["  better\n", "  WORSE\n", "  differs\n"]
+            .iter()
+            .all(|word| !text.contains(word)),
         "{text}"
     );
     // Checkpoints are summed over the runs that both have, so equal results are equal there too.
@@ -219,7 +221,10 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
     let map = "--map v3=v3:smoothing_sigma=0";
     let text = fixture.run("compare 0 1");
     let lines: Vec<_> = text.lines().take(4).collect();
-    assert!(lines[0].starts_with("no change: the results of 80 pairs are equal"), "{text}");
+    assert!(
+        lines[0].starts_with("no change: the results of 80 pairs are equal"),
+        "{text}"
+    );
     let expected = [
         "not compared: v3, only in 0".to_owned(),
         "not compared: v3:smoothing_sigma=0, only in 1".to_owned(),
@@ -235,9 +240,15 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
     assert_says(&text, &[left_out, "v3 → bm: "]);
     let page = fixture.run("compare 0#v3 0#bm --markdown");
     assert_says(&page, &["| wrong cells |", "|---|---:|"]);
-    assert!(page.starts_with("**") && page.lines().count() <= 10, "{page}");
+    assert!(
+        page.starts_with("**") && page.lines().count() <= 10,
+        "{page}"
+    );
     let page = fixture.run("compare 0 1 --markdown");
-    assert_says(&page, &["**no change**", "  \nnot compared: v3, only in 0", map]);
+    assert_says(
+        &page,
+        &["**no change**", "  \nnot compared: v3, only in 0", map],
+    );
     assert!(page.lines().count() <= 10, "{page}");
     fixture.fails(
         "
@@ -281,11 +292,16 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
             let place = lines.next().unwrap().position(|own| own == column).unwrap();
             let expected: f64 = lines.next().unwrap().nth(place).unwrap().parse().unwrap();
             let value = change[*key].as_f64().unwrap();
-            assert!((value - expected).abs() < 1e-6, "{name}: {value} {expected}");
+            assert!(
+                (value - expected).abs() < 1e-6,
+                "{name}: {value} {expected}"
+            );
         }
         let [low, high] = [0, 1].map(|i| change["interval"][i].as_f64());
         let difference = change["difference"].as_f64().unwrap();
-        let is_within = low.zip(high).map(|(low, high)| low <= difference && difference <= high);
+        let is_within = low
+            .zip(high)
+            .map(|(low, high)| low <= difference && difference <= high);
         // Too few cells of v3 are known in two successive pairs for that of the noise.
         assert!(is_within.unwrap_or(name == "noise"), "{change}");
     }
@@ -319,7 +335,7 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
     assert_says(&shown, &["page   page.html\n"]);
     let page = fixture.text("page.html");
     let words = [
-        "<strong class=\"mixed\">mixed</strong>: worse: right cells ",
+        "<strong class=\"mixed\">mixed</strong>: worse: v3 → v3:max_disparity=4 right cells ",
         "<b>Merge?</b> Only if what is better is worth what is worse.",
         "v3 → v3:max_disparity=4",
         "real at 95\u{a0}% over 80 pairs",
@@ -345,14 +361,25 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
     let [verdict, not_compared, merge] = ["no change</strong>", "not compared: v3", "Merge?"]
         .map(|text| page.find(text).unwrap_or_else(|| panic!("{text}")));
     assert!(verdict < not_compared && not_compared < merge);
-    assert_says(&page, &[map, "The algorithms that were not compared may have changed"]);
+    assert_says(
+        &page,
+        &[
+            map,
+            "The algorithms that were not compared may have changed",
+        ],
+    );
 }
 
 #[test]
 fn the_page_replaces_nothing_unasked() {
     let fixture = scored(&["v3", "v1"]);
     fixture.write("own.html", "mine");
-    fixture.write("other.toml", fixture.text("short.toml").replace("seeds = [1, 2]", "seeds = [3]"));
+    fixture.write(
+        "other.toml",
+        fixture
+            .text("short.toml")
+            .replace("seeds = [1, 2]", "seeds = [3]"),
+    );
     fixture.run("score other.toml -q --algo v3 --rerun none -o 2");
     let wrong = "
         compare 0 1 -o own.html => 1: own.html: exists already | --force
