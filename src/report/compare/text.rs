@@ -159,14 +159,7 @@ impl Comparison {
             .cautions()
             .map(|line| format!(". {}", escape(&line)))
             .collect();
-<<<<<<< HEAD
-        format!(
-            "{scenario}, `{base}` → `{other}`: {counts}; `svl compare {base} {other} -o \
-             compare.html` shows frames{cautions}"
-        )
-=======
         format!("{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows frames{cautions}")
->>>>>>> h1
     }
 
     /// Algorithms and pairs that are not compared, each with the reason.

@@ -6,11 +6,7 @@ use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
 use super::heat::HeatMap;
-<<<<<<< HEAD
 use super::plots::{StressView, accuracy, maps, reliability, speed, stress, trade_offs};
-=======
-use super::plots::{StressView, accuracy, maps, speed, stress, trade_offs};
->>>>>>> h1
 use super::scenes::{ErrorKey, SceneView};
 use super::shades::{ParameterShade, ShadeView, parameter_shades};
 use super::{CheckpointFigure, ReportPage};
