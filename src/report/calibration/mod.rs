@@ -152,7 +152,7 @@ mod tests {
             "numbered from another end",
             "5 of 6",
             "T, m",
-            "Calibration is good",
+            "Calibration is ",
             "<title>left01.png</title>",
         ] {
             assert!(page.contains(text), "{text}");
