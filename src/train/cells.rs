@@ -1,8 +1,7 @@
 //! Results of a training, for people.
 
-use super::kinds::{KindCells, ReportedCells, ScoredCell};
+use super::kinds::{KindCells, ReportedCells, ScoredCell, reliability};
 use super::learned_cells::{LearnedCells, LearnedScenario};
-use super::reliability::reliability;
 use crate::fit::CellFit;
 use serde::Serialize;
 use std::collections::HashSet;

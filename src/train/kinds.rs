@@ -1,15 +1,15 @@
 //! Cells of each kind of scenes by a table that was fitted without that kind.
 
 use super::learned_cells::{LearnedCells, LearnedScenario};
-use super::reliability::reliability;
 use crate::fit::filter::RocCurve;
 use crate::fit::{CellFit, CellSample};
 use serde::Serialize;
 use svl_core::Result;
-use svl_core::depth::decision::{self, VerdictTable};
+use svl_core::depth::decision::{self, VerdictTable, probability};
 use svl_report::page::PlotView;
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_report::table::{Table, TableColumn};
+use svl_report::{ReliabilityBin, ReliabilityTally};
 
 /// A sample with its scores: log odds, in thousandths.
 #[derive(Clone, Copy, Debug)]
@@ -80,6 +80,18 @@ const POINTS: usize = 50;
 
 /// Probabilities from which cells may be known.
 const CONFIDENCES: [f64; 5] = [0.75, 0.8, 0.85, 0.9, 0.95];
+
+/// Ends of the ranges of probability.
+const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
+
+/// Cells, each with its score and true if it is right, by ranges of probability.
+pub(super) fn reliability(cells: &[(i64, bool)]) -> Vec<ReliabilityBin> {
+    let mut tally = ReliabilityTally::new(&ENDS);
+    for &(score, is_right) in cells {
+        tally.add(probability(score), is_right);
+    }
+    tally.bins()
+}
 
 impl<'a> ScoredCell<'a> {
     /// The cells of all scenarios, one scenario after the other. `table`: the algorithm's.

@@ -7,7 +7,6 @@ pub mod fit;
 mod gaps;
 mod kinds;
 mod learned_cells;
-mod reliability;
 mod report;
 mod scenario_filters;
 mod v5;

@@ -51,7 +51,7 @@ impl Overlay {
             }
         }
         let mut distances = Vec::new();
-        // Below the middle of the squares: Rerun writes below a point, and a view ends at the image.
+        // Below the middle of the squares: Rerun writes below a point, and the view ends soon.
         let below = |place| {
             let (x, y) = grid.shape().pixels(place, size);
             [

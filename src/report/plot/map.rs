@@ -49,7 +49,7 @@ const ARC_POINTS: u32 = 12;
 
 impl CourseMap {
     /// The map as an SVG element: obstacles in grey, ways in the colours of their algorithms, a
-    /// cross for each collision with the camera's field of view at the first, a ring where the robot
+    /// cross for each collision, the camera's field of view at the first, a ring where the robot
     /// was stuck.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 
 /// The source of a run, with its options.
 ///
-/// Each is a key of `[source]` and, except a few, an option of the command line; the option overrides
+/// Each is a key of `[source]` and, except a few, an option of the command line, which overrides
 /// the key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(deny_unknown_fields)]

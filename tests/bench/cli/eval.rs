@@ -176,7 +176,7 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
     let wrong = "
         eval d truth/000000_10.pgm --protocol kitti12 => 1: d: is a folder
         eval d truth --protocol kitti12 --error-map e.png => 2: --error-map draws one image
-        eval d truth --disparity-scale 1 --protocol kitti12 --mask d => 1: d/000000_10.pfm | not a readable
+        eval d truth --disparity-scale 1 --protocol kitti12 --mask d => 1: 10.pfm | not a readable
     ";
     fixture.fails(wrong);
     // More estimates than truths: reported, and scored without the surplus.

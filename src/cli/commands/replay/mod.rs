@@ -53,7 +53,7 @@ pub(crate) struct Args {
     filters: FilterArgs,
     #[command(flatten)]
     options: SourceOptions,
-    /// As fast as possible (asap), or X times the recorded speed
+    /// asap, or X times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
         value_parser = pace
