@@ -3,7 +3,8 @@
 use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use super::rows::Row;
 use super::units::{
-    BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredSeal, Units,
+    BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage, StoredSeal,
+    Units,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -85,9 +86,6 @@ pub fn for_drives(
 fn read(stored: &StoredSeal) -> Result<Option<BlockPictures>> {
     stored.pictures().map(|path| read_json(&path)).transpose()
 }
-
-/// An image file, and the size of the image that it is of.
-pub(super) type StoredImage = (Vec<u8>, (usize, usize));
 
 /// The left images that the units of a report hold: not of all pairs.
 #[derive(Default)]

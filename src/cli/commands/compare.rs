@@ -41,8 +41,8 @@ pub(crate) struct Args {
         value_parser = NonEmptyStringValueParser::new()
     )]
     reports: Vec<String>,
-    /// Compare the algorithm BASE of the first report with OTHER of the others; those of equal names
-    /// are compared, too
+    /// Compare the algorithm BASE of the first report with OTHER of the others; those of equal
+    /// names are compared, too
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
     /// Write the page of two reports: changes, and the frames that changed most

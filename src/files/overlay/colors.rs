@@ -1,4 +1,5 @@
-//! The colours of a run's algorithms: the same on every plot of a page and, but for sweeps, in Rerun.
+//! The colours of a run's algorithms: the same on every plot of a page and, but for sweeps, in
+//! Rerun.
 
 /// Algorithms after which the colours repeat.
 pub const COLOR_COUNT: usize = 8;

@@ -4,7 +4,8 @@ use super::scored_run::ScoredRun;
 use super::{AlgorithmChange, common_pairs};
 use crate::rows::{CellRow, Row};
 use crate::samples::{is_scene, run_key};
-use crate::shots::{LeftImages, StoredImage};
+use crate::shots::LeftImages;
+use crate::units::StoredImage;
 use std::collections::HashMap;
 use svl_core::Result;
 

@@ -381,8 +381,8 @@ impl AlgorithmChange {
     }
 }
 
-/// The rows of the pairs that both have: equal numbers are not enough, as another seed or version of
-/// the arena renders other pixels.
+/// The rows of the pairs that both have: equal numbers are not enough, as another seed or version
+/// of the arena renders other pixels.
 fn common_pairs<'a, K: Ord>(
     ours: &BTreeMap<K, &'a Row>,
     theirs: &BTreeMap<K, &'a Row>,

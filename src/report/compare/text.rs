@@ -17,8 +17,8 @@ const MAX_BESIDES: usize = 3;
 const MAX_LINES: usize = 4;
 
 impl Comparison {
-    /// The verdict, parts that are not compared, the origins of the two, a row for each algorithm or
-    /// the table of a single one; tables of all if `columns` is all.
+    /// The verdict, parts that are not compared, the origins of the two, a row for each algorithm
+    /// or the table of a single one; tables of all if `columns` is all.
     pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
         let fit = |line: String| wrapped(&line, 7, style.width);
         let lines = [self.verdict()].into_iter();

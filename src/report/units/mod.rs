@@ -269,6 +269,9 @@ pub struct FileStamp {
     pub modified_ns: u64,
 }
 
+/// An image file, and the size of the image that it is of.
+pub type StoredImage = (Vec<u8>, (usize, usize));
+
 /// Pictures of the pairs of a block.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub struct BlockPictures {
@@ -295,7 +298,7 @@ impl BlockPictures {
     ///
     /// # Errors
     /// [`Error::Invalid`] if a picture is not what svl writes.
-    pub fn left(self, row: &Row) -> Result<Option<(Vec<u8>, (usize, usize))>> {
+    pub fn left(self, row: &Row) -> Result<Option<StoredImage>> {
         let is_own = |own: &Row| own.pair_hash == row.pair_hash;
         for shot in self
             .checkpoints

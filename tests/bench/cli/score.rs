@@ -72,6 +72,56 @@ fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
     );
     let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
+    // Its colours follow its values. A heat map needs two parameters.
+    let colors = ["rgb(0 114 178)", "rgb(213 94 0)"];
+    let swatch = |(value, color): (&str, &str)| {
+        format!("<span><i style=\"background: {color}\"></i>{value}</span>")
+    };
+    assert_says(
+        &html,
+        &[
+            "bm: uniqueness:",
+            &swatch(("0", colors[0])),
+            &swatch(("20", colors[1])),
+        ],
+    );
+    assert!(!html.contains("id=\"heat\""));
+    // The page is as wide as its table, whose columns are those of the parameters, too.
+    assert_says(&html, &["body { max-width: 85rem; }"]);
+    let grid = "bm:uniqueness=0/20,block_size=5/9/13";
+    fixture.run(&format!(
+        "score short.toml -q --algo {grid} --algo v3 -o grid"
+    ));
+    let html = fixture.text("grid/index.html");
+    let words = [
+        "bm: right minus wrong, %",
+        "body { max-width: 94rem; }",
+        "class=\"best\"",
+    ];
+    assert_says(&html, &words);
+    let (_, heat) = html.split_once("id=\"heat\"").unwrap();
+    let (heat, _) = heat.split_once("</table>").unwrap();
+    assert_eq!(
+        (
+            heat.matches("<td title=\"bm:").count(),
+            heat.matches("<td></td>").count()
+        ),
+        (6, 1)
+    );
+    // A part of the grid leaves cells empty.
+    fixture.run(&format!(
+        "score short.toml -q --algo {grid} --sample 5 -o part"
+    ));
+    let html = fixture.text("part/index.html");
+    let (_, heat) = html.split_once("id=\"heat\"").unwrap();
+    let (heat, _) = heat.split_once("</table>").unwrap();
+    assert_eq!(
+        (
+            heat.matches("<td title=\"bm:").count(),
+            heat.matches("<td></td>").count()
+        ),
+        (5, 2)
+    );
     let many = "score short.toml --algo bm:uniqueness=0..100/1,max_disparity=16..64/1";
     fixture
         .svl(many)

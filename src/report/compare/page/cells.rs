@@ -12,7 +12,7 @@ use svl_score::judge::Verdict;
 const MAX_LISTED: usize = 3;
 
 #[derive(Serialize)]
-pub(super) struct FrameView<'a> {
+pub(super) struct ChangedFrameView<'a> {
     origin: String,
     /// Right minus wrong cells.
     score: String,
@@ -45,7 +45,7 @@ struct CellView {
     is_changed: bool,
 }
 
-impl<'a> FrameView<'a> {
+impl<'a> ChangedFrameView<'a> {
     /// `labels`: those of the two algorithms.
     pub fn new(frame: &'a ChangedFrame, labels: &[String; 2], images: &mut PageImages<'a>) -> Self {
         let [a, b] = &frame.rows;

@@ -1,5 +1,5 @@
-//! The page of a comparison: one file that answers what changed, whether it is real, on which frame,
-//! and whether to merge.
+//! The page of a comparison: one file that answers what changed, whether it is real, on which
+//! frame, and whether to merge.
 
 mod cells;
 
@@ -9,7 +9,7 @@ use super::text::change_table;
 use super::{AlgorithmChange, Comparison, Conclusion};
 use crate::page::{ImageView, PageImages, fill};
 use crate::table::Table;
-use cells::FrameView;
+use cells::ChangedFrameView;
 use serde::Serialize;
 use svl_core::{Result, counted};
 use svl_score::judge::ColumnChoice;
@@ -49,7 +49,7 @@ impl<'a> ComparisonPage<'a> {
         let mut images = PageImages::default();
         let algorithms = comparison.algorithms.iter().zip(&self.frames);
         let algorithms =
-            algorithms.map(|(own, frames)| AlgorithmView::new(own, frames, &mut images));
+            algorithms.map(|(own, frames)| ComparedAlgorithmView::new(own, frames, &mut images));
         let algorithms: Vec<_> = algorithms.collect();
         let conclusion = comparison.conclusion();
         let view = ComparisonView {
@@ -117,7 +117,7 @@ struct ComparisonView<'a> {
     cautions: Vec<String>,
     /// A row for each of several algorithms.
     overview: Option<Table>,
-    algorithms: Vec<AlgorithmView<'a>>,
+    algorithms: Vec<ComparedAlgorithmView<'a>>,
     level: &'static str,
     tested: usize,
     images: Vec<ImageView>,
@@ -127,7 +127,7 @@ struct ComparisonView<'a> {
 }
 
 #[derive(Serialize)]
-struct AlgorithmView<'a> {
+struct ComparedAlgorithmView<'a> {
     title: String,
     extent: String,
     headline: Table,
@@ -135,13 +135,13 @@ struct AlgorithmView<'a> {
     /// Number of those that are worse besides and have no row.
     more_besides: usize,
     all: Table,
-    worse: Vec<FrameView<'a>>,
-    better: Vec<FrameView<'a>>,
+    worse: Vec<ChangedFrameView<'a>>,
+    better: Vec<ChangedFrameView<'a>>,
     /// What the frames lack, or why there are none.
     note: Option<String>,
 }
 
-impl<'a> AlgorithmView<'a> {
+impl<'a> ComparedAlgorithmView<'a> {
     fn new(
         algorithm: &AlgorithmChange,
         frames: &'a ChangedFrames,
@@ -155,9 +155,9 @@ impl<'a> AlgorithmView<'a> {
             false => [&algorithm.algorithm, &algorithm.other_algorithm].map(Clone::clone),
         };
         let views = frames.frames.iter();
-        let views = views.map(|frame| (frame, FrameView::new(frame, &labels, images)));
+        let views = views.map(|frame| (frame, ChangedFrameView::new(frame, &labels, images)));
         let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.change() < 0.0);
-        let views = |frames: Vec<(&ChangedFrame, FrameView<'a>)>| {
+        let views = |frames: Vec<(&ChangedFrame, ChangedFrameView<'a>)>| {
             frames.into_iter().map(|(_, view)| view).collect()
         };
         Self {
