@@ -3,6 +3,7 @@
 mod drives;
 mod evaluate;
 mod merge;
+mod pairs;
 mod plan;
 mod run_opener;
 mod scored_runs;
@@ -12,6 +13,7 @@ mod sweep;
 
 pub use evaluate::Evaluation;
 pub use merge::Parts;
+pub use pairs::find_left;
 pub use plan::{Again, EvaluationPlan};
 pub use shard::Shard;
 pub use sweep::{Algorithms, MAX_ALGORITHMS};

@@ -14,7 +14,7 @@ mod viewer;
 pub use collect::{CollectSink, WatchSink};
 pub use live::LiveTable;
 pub use pair_stream::PairStreamSink;
-pub(crate) use pictures::frame_shot;
+pub(crate) use pictures::{frame_shot, left_image};
 pub use recording::RecordingSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;

@@ -185,7 +185,7 @@ impl BlockShots {
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
             let left = match &self.left {
                 Some((own, left)) if *own == place => left.clone(),
-                _ => left(&judged.frame, MAX_WIDTH)?,
+                _ => left_image(&judged.frame)?,
             };
             self.left = Some((place, left.clone()));
             let mut raw = raw_shot(identity, judged, scored, left);
@@ -263,7 +263,7 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
-    raw_shot(identity, judged, scored, left(&judged.frame, MAX_WIDTH)?).encoded()
+    raw_shot(identity, judged, scored, left_image(&judged.frame)?).encoded()
 }
 
 /// As [`frame_shot`], with the left image, encoded.
@@ -305,6 +305,11 @@ fn raw_shot(
 
 fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     encoded(&picture.at_most(width))
+}
+
+/// The left image as a page shows it.
+pub(crate) fn left_image(frame: &Frame) -> Result<Vec<u8>> {
+    left(frame, MAX_WIDTH)
 }
 
 /// The left image, in colour where the source has it.

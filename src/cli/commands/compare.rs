@@ -5,6 +5,7 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
+use svl::evaluation::find_left;
 use svl::files;
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{Change, Comparison, ComparisonPage, Judgement, ScoredRun};
@@ -110,7 +111,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let page = match (&comparisons[..], &others[..], &args.output) {
         ([comparison], [other], Some(path)) => Some((
             path,
-            ComparisonPage::new(comparison, base, other)?.render()?,
+            ComparisonPage::new(comparison, base, other, &find_left)?.render()?,
         )),
         _ => None,
     };

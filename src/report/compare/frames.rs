@@ -8,6 +8,7 @@ use crate::shots::LeftImages;
 use crate::units::StoredImage;
 use std::collections::HashMap;
 use svl_core::Result;
+use svl_score::manifest::Manifest;
 
 /// Limit of the frames of either direction.
 const MAX_FRAMES: usize = 3;
@@ -41,17 +42,22 @@ impl ChangedFrame {
     }
 }
 
+/// The left image of a row's pair, found again where the report with that manifest has it from,
+/// under that name of its recording.
+pub type FindLeft<'a> = dyn Fn(&Manifest, Option<&str>, &Row) -> Option<StoredImage> + 'a;
+
 /// The left images of both reports.
 pub(super) struct BothImages<'a> {
     runs: [&'a ScoredRun; 2],
     images: [LeftImages; 2],
+    find: &'a FindLeft<'a>,
 }
 
 impl<'a> BothImages<'a> {
-    pub fn find(runs: [&'a ScoredRun; 2]) -> Result<Self> {
+    pub fn new(runs: [&'a ScoredRun; 2], find: &'a FindLeft<'a>) -> Result<Self> {
         let [base, other] = runs;
         let images = [base.left_images()?, other.left_images()?];
-        Ok(Self { runs, images })
+        Ok(Self { runs, images, find })
     }
 
     /// True if a folder holds the image of the row's pair.
@@ -67,7 +73,11 @@ impl<'a> BothImages<'a> {
                 return Ok(Some(found));
             }
         }
-        Ok(None)
+        let mut runs = self.runs.iter();
+        Ok(runs.find_map(|run| {
+            let ((_, name), _) = run.own_key(row);
+            (self.find)(&run.manifest, name, row)
+        }))
     }
 }
 

@@ -12,6 +12,7 @@ use super::rows::Row;
 pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
 pub use conclusion::Conclusion;
+pub use frames::FindLeft;
 use matched::MatchedLabels;
 pub use page::ComparisonPage;
 pub use scored_run::ScoredRun;

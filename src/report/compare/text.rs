@@ -389,18 +389,13 @@ fn unitless(metric: &Metric, difference: f64) -> String {
     text.split(' ').next().unwrap_or_default().to_owned()
 }
 
-/// A difference with its sign; of times a ratio.
+/// A difference with its sign, also where it rounds to 0: a bound of `-0.0` excludes 0. Of times a
+/// ratio.
 pub fn signed(metric: &Metric, v: f64) -> String {
-    // Rounded first, as a small negative value would be shown as -0.0.
     let shown = metric.show(v.abs());
-    let number = shown
-        .split(' ')
-        .next()
-        .and_then(|number| number.parse().ok());
-    let is_negative = v < 0.0 && number != Some(0.0);
     match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),
-        _ if is_negative => format!("-{shown}"),
+        _ if v < 0.0 => format!("-{shown}"),
         _ => format!("+{shown}"),
     }
 }

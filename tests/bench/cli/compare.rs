@@ -351,9 +351,8 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
     // Three frames became worse, and none better; each is shown before, after and in truth.
     assert_eq!(page.matches("<article class=\"figure\">").count(), 3);
     assert_eq!(page.matches("<svg class=\"grid\"").count(), 9);
-    let has_image = page.contains("<image id=\"i0\"");
-    let lacks = page.contains("The folders hold no image of ");
-    assert!(has_image || lacks, "neither an image nor why there is none");
+    // The images that the folders lack are rendered again.
+    assert!(!page.contains("stand alone"));
     assert!(!page.contains("<script") && !page.contains("http"));
     // Algorithms that are not compared come before all else, with the cure.
     fixture.run("compare 0 1 -o page.html --force");
@@ -367,6 +366,29 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
             map,
             "The algorithms that were not compared may have changed",
         ],
+    );
+}
+
+#[test]
+fn frames_of_an_own_recording_are_shown_as_long_as_it_is_there() {
+    let fixture = Fixture::new();
+    fixture.run("record arena --frames 60 --seed 7 -o run.mcap -q");
+    for (out, algorithm) in [("0", "v3"), ("1", "v3:max_disparity=8")] {
+        fixture.run(&format!(
+            "score run.mcap -q --algo {algorithm} --rerun none -o {out}"
+        ));
+    }
+    let page = |name: &str| {
+        fixture.run(&format!("compare 0 1 -q -o {name}"));
+        fixture.text(name)
+    };
+    let whole = page("whole.html");
+    assert!(whole.contains("<image id=") && !whole.contains("stand alone"));
+    // Another recording under its name has other pixels.
+    fixture.run("record arena --frames 60 --seed 8 -o run.mcap -q --force");
+    assert_says(
+        &page("without.html"),
+        &["stand alone: their images are neither"],
     );
 }
 

@@ -29,8 +29,8 @@ fn numbers_against_a_reference_say_so_everywhere() {
     assert_says(
         &compared,
         &[
-            &format!("other  other: {CAUTION}"),
-            "Scored differently (truth or calibration of 8 pairs)",
+            &format!("after  other: {CAUTION}"),
+            "not comparable: scored differently (truth or calibration of 8 pairs)",
         ],
     );
     assert!(

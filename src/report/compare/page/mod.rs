@@ -3,7 +3,7 @@
 
 mod cells;
 
-use super::frames::{BothImages, ChangedFrame, ChangedFrames};
+use super::frames::{BothImages, ChangedFrame, ChangedFrames, FindLeft};
 use super::scored_run::ScoredRun;
 use super::text::change_table;
 use super::{AlgorithmChange, Comparison, Conclusion};
@@ -30,8 +30,13 @@ impl<'a> ComparisonPage<'a> {
     ///
     /// # Errors
     /// Those of reading the tables of cells and the pictures.
-    pub fn new(comparison: &'a Comparison, base: &ScoredRun, other: &ScoredRun) -> Result<Self> {
-        let images = BothImages::find([base, other])?;
+    pub fn new(
+        comparison: &'a Comparison,
+        base: &ScoredRun,
+        other: &ScoredRun,
+        find: &FindLeft<'_>,
+    ) -> Result<Self> {
+        let images = BothImages::new([base, other], find)?;
         let frames = comparison.algorithms.iter();
         let frames = frames.map(|algorithm| ChangedFrames::find(algorithm, &images));
         Ok(Self {
@@ -192,16 +197,13 @@ fn note(frames: &ChangedFrames) -> Option<String> {
         .iter()
         .filter(|frame| frame.left.is_none())
         .count();
-    let keeps = "`svl score` keeps the images of some frames: the best and the worst of each \
-                 checkpoint, or a few that are spread over a recording";
-    match lacking {
-        0 => None,
-        n if n == all => Some(format!(
-            "The folders hold no image of these frames, so their cells stand alone; {keeps}."
-        )),
-        n => Some(format!(
-            "The folders hold no image of {}, whose cells stand alone; {keeps}.",
-            counted(n as u64, "frame")
-        )),
-    }
+    let frames = match lacking {
+        0 => return None,
+        n if n == all => "these frames".to_owned(),
+        n => counted(n as u64, "frame"),
+    };
+    Some(format!(
+        "The cells of {frames} stand alone: their images are neither in the folders, nor rendered \
+         by svl, nor in its own recordings."
+    ))
 }
