@@ -40,7 +40,7 @@ tar="$tools/svl-$version-$machine-linux"
 rm -rf "$tar" && mkdir -p "$tar/bin"
 cp "$program" "$tar/bin/"
 cp -r "$share" "$tar/"
-tar -C "$tools" -czf "$out/$(basename "$tar").tar.gz" "$(basename "$tar")"
+tar -C "$tools" --owner=0 --group=0 --mode=u=rwX,go=rX -czf "$out/$(basename "$tar").tar.gz" "$(basename "$tar")"
 
 ls -l "$program" "$out"
 size="$(stat -c %s "$program")"

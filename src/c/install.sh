@@ -2,12 +2,12 @@
 # Builds the C library and installs it: the header, the static and the shared library, and the files with which pkg-config
 # (`svl`) and CMake (`find_package(svl)`, targets svl::svl and svl::static) find them. The folder can be moved.
 #
-#   src/c/install.sh /usr/local                                               # as root
+#   src/c/install.sh /usr/local && ldconfig                                   # as root
 #   src/c/install.sh robot/svl --release --target aarch64-unknown-linux-gnu   # more arguments are cargo's
 set -euo pipefail
 [ $# -gt 0 ] || { echo "usage: src/c/install.sh PREFIX [arguments of cargo, default --release]" >&2; exit 2; }
 mkdir -p "$1"
-prefix="$(cd "$1" && pwd)" && shift
+prefix="$(CDPATH= cd -- "$1" && pwd)" && shift
 [ $# -gt 0 ] || set -- --release
 cd "$(dirname "$0")"
 

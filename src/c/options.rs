@@ -2,6 +2,7 @@
 
 use crate::errors::Failure;
 use std::ffi::{CStr, c_char};
+use std::mem::offset_of;
 use std::path::Path;
 use std::sync::Arc;
 use svl_calibrate::files::{self, Hints};
@@ -96,6 +97,25 @@ unsafe fn list<'a>(
         .collect()
 }
 
+/// Where the fields of the options end.
+const FIELD_ENDS: [usize; 15] = [
+    offset_of!(Options, algorithm),
+    offset_of!(Options, calibration),
+    offset_of!(Options, calibration_texts),
+    offset_of!(Options, calibration_text_count),
+    offset_of!(Options, filters),
+    offset_of!(Options, filter_count),
+    offset_of!(Options, focal_px),
+    offset_of!(Options, baseline_m),
+    offset_of!(Options, cx_px),
+    offset_of!(Options, cy_px),
+    offset_of!(Options, doffs_px),
+    offset_of!(Options, columns),
+    offset_of!(Options, rows),
+    offset_of!(Options, threads),
+    size_of::<Options>(),
+];
+
 /// The options at `options`; those of an older header are completed by zeroes.
 ///
 /// # Safety
@@ -117,6 +137,12 @@ pub unsafe fn read(options: *const Options) -> Result<Options, Error> {
     if size > known {
         let cure = "the header is of a newer svl than the library; take both of one";
         return Err(Error::Invalid(format!("{what}: {cure}")));
+    }
+    if !FIELD_ENDS.contains(&size) {
+        let cure = "use sizeof(svl_options)";
+        return Err(Error::Invalid(format!(
+            "{what} and ends within a field: {cure}"
+        )));
     }
     let mut read = Options::default();
     // SAFETY: the caller has `size` bytes, which are not more than an `Options` has. All fields

@@ -65,13 +65,18 @@ impl Summary {
         // The best of all is the first of equal ones.
         let mut ranked = self.ranked_algorithms();
         ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
+        let all = ranked.len();
         if metric.name == "missed" {
             ranked.retain(|a| self.sees_near_obstacles(a));
         }
+        let is_of_seeing = ranked.len() < all;
         ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
         let place = ranked.iter().position(|a| self.is_usable(a))?;
         let best = ranked[place];
-        let second = ranked.get(place + 1).and_then(|second| {
+        // Beside the best of the usable stands the next usable one.
+        let mut others = ranked[place + 1..].iter();
+        let second = others.find(|a| place == 0 || self.is_usable(a));
+        let second = second.and_then(|second| {
             let labels = [best, second].map(|a| a.algorithm.as_str());
             let certainty = match self.kind() {
                 RunKind::Courses => course_certainty(metric, labels, drives),
@@ -88,6 +93,7 @@ impl Summary {
             algorithm: best.algorithm.clone(),
             value: value(best)?,
             is_outdone: place > 0,
+            is_of_seeing,
             second,
         })
     }
@@ -134,13 +140,14 @@ impl Summary {
             algorithm: lead.1.algorithm.clone(),
             value: lead.0,
             is_outdone: candidates().any(|a| median_ms(a).is_some_and(|ms| ms < value)),
+            is_of_seeing: false,
             second,
         })
     }
 
     /// True for few wrong cells and some right ones, or some pixels with a disparity; else an
     /// algorithm is not called best.
-    fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
+    pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
         let share = |name| algorithm.value(Metric::find(name)?);
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
         let is_within = |name, max| share(name).is_none_or(|share| share <= max);
@@ -317,7 +324,14 @@ impl Summary {
         } else {
             ""
         };
-        format!("{most} {}{usable} ({value}{second})", lead.metric.words)
+        let seeing = match lead.is_of_seeing {
+            true => format!(" of those that find {:.0} %", 100.0 * MIN_FOUND),
+            false => String::new(),
+        };
+        format!(
+            "{most} {}{usable}{seeing} ({value}{second})",
+            lead.metric.words
+        )
     }
 
     /// A value in a sentence. An algorithm that reports little misses little, so a number of missed

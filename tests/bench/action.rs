@@ -120,6 +120,17 @@ fn a_pull_request_is_gated_and_compared_with_its_base() {
         &["markdown=svl-reports/compare.md"],
     );
     assert!(job.fixture.path("svl-reports/gate.xml").is_file());
+    // Other recordings have no pair in common: the summary of the pull request is left.
+    let record = "record --frames 6 --seed 9 -q -o .svl-base/run.mcap --force";
+    job.fixture.run(record);
+    job.fixture
+        .run("score -q --rerun none -o svl-reports/base --force .svl-base/two.toml");
+    assert_says(&job.ends("summary", 0), &["::notice::no comparison"]);
+    assert!(
+        job.fixture
+            .text("OUTPUT")
+            .ends_with("markdown=svl-reports/head/summary.md\n")
+    );
     // A broken limit fails the step; the summary is written all the same.
     job.fixture.write("two.toml", scenario("1.0"));
     job.ends("score", 3);
@@ -137,6 +148,12 @@ fn a_base_without_the_scenario_is_no_error() {
     assert_says(&job.ends("score", 1), &["new.toml"]);
     job.ends("summary", 0);
     assert_eq!(job.fixture.text("OUTPUT"), "markdown=\n");
+    // What the pull request adds is not in its base, either.
+    let mut job = job;
+    job.inputs.insert("prepare", "bash fetch.sh");
+    job.fixture.write(".svl-base/new.toml", SCENARIO);
+    assert_says(&job.ends("score the base branch", 0), &["::warning::"]);
+    job.inputs.remove("prepare");
     // A base that cannot be scored does not hide the result of the pull request.
     job.fixture.write(".svl-base/new.toml", "name = 3\n");
     assert_says(&job.ends("score the base branch", 0), &["::warning::"]);

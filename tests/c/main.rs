@@ -386,7 +386,11 @@ fn options_of_another_header_are_known_by_their_size() {
     assert_eq!(status, Status::Ok, "{}", last_error());
     // SAFETY: the handle is open and not used again.
     unsafe { svl_close(handle) };
-    for (size, word) in [(0, "SVL_OPTIONS"), (4096, "newer svl")] {
+    for (size, word) in [
+        (0, "SVL_OPTIONS"),
+        (12, "within a field"),
+        (4096, "newer svl"),
+    ] {
         let wrong = Options {
             size,
             ..Options::default()
@@ -573,6 +577,9 @@ fn the_examples_run() {
     install(prefix);
     if compiled("cc", "-std=c99", "stop.c", prefix, "static") {
         stops(&mut Command::new(prefix.join("stop.static")));
+    }
+    if compiled("cc", "-std=c99", "stop.c", prefix, "shared") {
+        stops(Command::new(prefix.join("stop.shared")).env("LD_LIBRARY_PATH", prefix.join("lib")));
     }
     if compiled("c++", "-std=c++11", "stop.cpp", prefix, "shared") {
         stops(Command::new(prefix.join("stop.shared")).env("LD_LIBRARY_PATH", prefix.join("lib")));

@@ -7,6 +7,7 @@ if(NOT TARGET svl::svl)
   set_target_properties(svl::svl PROPERTIES
     IMPORTED_LOCATION "${_svl_prefix}/lib/libsvl.so.@VERSION@"
     IMPORTED_SONAME "libsvl.so.@ABI@"
+    INTERFACE_LINK_LIBRARIES m
     INTERFACE_INCLUDE_DIRECTORIES "${_svl_prefix}/include")
   add_library(svl::static STATIC IMPORTED)
   set_target_properties(svl::static PROPERTIES

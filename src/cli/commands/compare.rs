@@ -319,9 +319,12 @@ fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
              algorithm tests them"
                 .to_owned(),
         ),
-        (Judgement::Unclear, None) => TestResult::Skipped(format!(
+        (Judgement::Unclear, None) if blocks < min_blocks => TestResult::Skipped(format!(
             "{base} to {other}, but too few independent pairs for an interval ({blocks} blocks, \
              at least {min_blocks}): score more pairs"
+        )),
+        (Judgement::Unclear, None) if change.is_for_the_worse() => TestResult::Skipped(format!(
+            "{base} to {other}, but too few of the pairs have a value: score more pairs"
         )),
         _ => TestResult::Passed,
     }

@@ -58,7 +58,7 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
     Raises ValueError for wrong usage, RuntimeError if the source cannot be read to its end or pairs are
     missing, both with svl's message; the pairs before are good.
     """
-    line = command("--quiet", "record", os.fspath(source), *words({**options, "output": "-"}))
+    line = command("--quiet", "record", *words({**options, "output": "-"}), "--", os.fspath(source))
     with tempfile.TemporaryFile() as errors, subprocess.Popen(
         line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
     ) as svl:

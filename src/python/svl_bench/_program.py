@@ -37,7 +37,9 @@ def check(name: str, status: int, errors: str, ok: Sequence[int] = (0,)) -> None
         # docs/exit-status.md: 2 is wrong usage.
         lines = errors.strip() or f"svl {name} ended with the status {status}"
         raise (ValueError if status == 2 else RuntimeError)(lines)
-    sys.stderr.write(errors)
+    # A service may have none.
+    if sys.stderr is not None:
+        sys.stderr.write(errors)
 
 
 def _run(*words: str, ok: Sequence[int] = (0,)) -> subprocess.CompletedProcess[str]:
@@ -51,6 +53,8 @@ def _run(*words: str, ok: Sequence[int] = (0,)) -> subprocess.CompletedProcess[s
 def words(options: Mapping[str, Any]) -> Iterator[str]:
     """Options of the command line: max_skew_ms=5, compress=True, stress=["noise", "blur"]."""
     for name, value in options.items():
+        if name in ("help", "print_scenario"):
+            raise ValueError(f"{name}: would do nothing else; call the program svl for it")
         name = "--" + name.replace("_", "-")
         if value is True:
             yield name
@@ -86,7 +90,7 @@ def score(
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
     paths = [os.fspath(path) for path in sources]
-    ran = _run("score", *paths, *words(given), "--json", ok=ok)
+    ran = _run("score", *words(given), "--json", "--", *paths, ok=ok)
     found = Report(output)
     found.gate_passed = ran.returncode == 0 if gate else None
     return found
@@ -99,7 +103,7 @@ def compare(
     `svl compare`. A report, its folder, or FOLDER#ALGORITHM. options: map=["v3=v5"]."""
     reports = (base, other, *others)
     names = [os.fspath(r.folder if isinstance(r, Report) else r) for r in reports]
-    return json.loads(_run("compare", *names, *words(options), "--json").stdout)
+    return json.loads(_run("compare", *words(options), "--json", "--", *names).stdout)
 
 
 def record(source: PathLike, output: PathLike, **options: Any) -> Path:
@@ -110,5 +114,5 @@ def record(source: PathLike, output: PathLike, **options: Any) -> Path:
     """
     if os.fspath(output) == "-":
         raise ValueError("record() writes to a file; read() returns the pairs themselves")
-    _run("record", os.fspath(source), *words({**options, "output": output}))
+    _run("record", *words({**options, "output": output}), "--", os.fspath(source))
     return Path(output)

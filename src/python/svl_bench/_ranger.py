@@ -173,10 +173,13 @@ def match(
     """
     files = [os.fspath(file) for file in filters]
     path = None if calibration is None else os.fspath(calibration)
-    read = [_version(file) for file in (path or "").split(",") + files if file]
-    key = (algorithm, _numbers(rig), path, *files, *read, columns, rows, threads)
+    read = [path, *files] if path else files
+    # Of a folder or a list of files it is not known which were read: no matcher is kept.
+    is_kept = all(map(os.path.isfile, read))
+    versions = [_version(file) for file in read] if is_kept else []
+    key = (algorithm, _numbers(rig), path, *files, *versions, columns, rows, threads)
     with _lock:
-        ranger = _idle.pop(key, None)
+        ranger = _idle.pop(key, None) if is_kept else None
     if ranger is None:
         ranger = Ranger(
             algorithm,
@@ -191,16 +194,14 @@ def match(
         ranger.reset()
     found = ranger.match(left, right, bits=bits, bgr=bgr)
     with _lock:
-        _idle[key] = ranger
+        if is_kept:
+            _idle[key] = ranger
         oldest = _idle.popitem(last=False)[1] if len(_idle) > _MAX_IDLE else None
     if oldest is not None:
         oldest.close()
     return found
 
 
-def _version(file: str) -> tuple[int, int] | None:
-    try:
-        status = os.stat(file)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
+def _version(file: str) -> tuple[str, int, int]:
+    status = os.stat(file)
+    return os.path.realpath(file), status.st_mtime_ns, status.st_size

@@ -189,7 +189,11 @@ def _write(target, reply, pixels=b""):
 
 
 def _pixels(disparity, size):
+    if isinstance(disparity, np.ma.MaskedArray):
+        disparity = disparity.astype(np.float32).filled(np.inf)
     disparity = np.asarray(disparity)
+    if disparity.dtype.kind not in "biuf":
+        raise TypeError(f"disparities of type {disparity.dtype}, expected numbers")
     if disparity.shape != size:
         raise ValueError(f"disparities of shape {disparity.shape}, expected {size}")
     # As little-endian floats; a copy only where something has to change.

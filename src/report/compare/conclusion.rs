@@ -104,7 +104,11 @@ impl Comparison {
                 self.method.fewest_blocks
             ),
             Conclusion::NoChange if self.are_equal() => {
-                format!("the results of {} are equal to the bit", self.pairs_words())
+                let equal = format!("the results of {} are equal to the bit", self.pairs_words());
+                match self.is_partial() {
+                    true => equal + " where algorithms were compared, and others were not",
+                    false => equal,
+                }
             }
             Conclusion::NoChange => {
                 let metrics = counted(ranked.len() as u64, "headline metric");
@@ -135,6 +139,9 @@ impl Comparison {
         let conclusion = self.conclusion();
         let besides = self.besides();
         let words = match conclusion {
+            Conclusion::NoChange if self.are_equal() && self.is_partial() => {
+                "Cannot be told: what was compared is equal.".to_owned()
+            }
             Conclusion::NoChange if self.are_equal() => "Yes: no result changed.".to_owned(),
             Conclusion::Better | Conclusion::NoChange if besides > 0 => {
                 let metrics = counted_are(besides);
@@ -153,8 +160,7 @@ impl Comparison {
                 "Cannot be told: score both by the same scenario.".to_owned()
             }
         };
-        let is_partial = !self.only_in_base.is_empty() || !self.left_out.is_empty();
-        let partial = match is_partial {
+        let partial = match self.is_partial() {
             true => " The algorithms that were not compared may have changed, too.",
             false => "",
         };
@@ -181,6 +187,11 @@ impl Comparison {
             shown.map(|(name, change)| (self.name(algorithm, &name), change))
         });
         changes.collect()
+    }
+
+    /// True if an algorithm was not compared.
+    fn is_partial(&self) -> bool {
+        !self.only_in_base.is_empty() || !self.left_out.is_empty()
     }
 
     /// True if all pairs have equal results.
@@ -212,12 +223,20 @@ fn counted_are(metrics: usize) -> String {
     }
 }
 
-/// The changes of that judgement, the first of them with their values.
+/// The changes of that judgement, the first of them with their values: missed obstacles before all
+/// others, then the surest change.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
     let own = changes
         .iter()
         .filter(|(_, change)| change.judgement == judgement);
-    let words = own.map(|(name, change)| format!("{name} {}", change.words()));
+    let mut own: Vec<_> = own.collect();
+    let is_other = |change: &Change| change.metric.name != "missed";
+    own.sort_by(|(_, a), (_, b)| {
+        let surest = b.sureness().total_cmp(&a.sureness());
+        is_other(a).cmp(&is_other(b)).then(surest)
+    });
+    let words = own.iter();
+    let words = words.map(|(name, change)| format!("{name} {}", change.words()));
     let mut words: Vec<_> = words.collect();
     let more = words.len().saturating_sub(limit);
     words.truncate(limit);

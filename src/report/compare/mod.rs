@@ -108,6 +108,24 @@ pub struct Change {
     pub judgement: Judgement,
 }
 
+impl Change {
+    /// The difference as a multiple of its interval's width; 0 without one.
+    fn sureness(&self) -> f64 {
+        self.interval.map_or(0.0, |(low, high)| {
+            self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
+        })
+    }
+
+    /// True if the second value is the worse one, whether that is real or not.
+    pub fn is_for_the_worse(&self) -> bool {
+        match self.metric.better {
+            Better::More => self.difference < 0.0,
+            Better::Less | Better::Zero => self.difference > 0.0,
+            Better::Neither => false,
+        }
+    }
+}
+
 /// A checkpoint in both runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckpointChange {

@@ -361,7 +361,14 @@ pub fn change_table<'a>(
     let mut table = table.with_texts(["95 % interval", "real?"]);
     for (name, change) in changes {
         let metric = change.metric;
-        let [base, other] = [change.base, change.other].map(|value| metric.show(value));
+        let is_magnitude = metric.better == Better::Zero;
+        let value = |value: f64| metric.show(if is_magnitude { value.abs() } else { value });
+        let [base, other] = [change.base, change.other].map(value);
+        let name = if is_magnitude {
+            format!("{name}, magnitude")
+        } else {
+            name
+        };
         let interval = change.interval.map(|interval| between(metric, interval));
         let interval = interval.unwrap_or_else(|| NONE.to_owned());
         let difference = signed(metric, change.difference);

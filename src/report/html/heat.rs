@@ -49,7 +49,12 @@ impl<'a> HeatMap<'a> {
         });
         let merits: Vec<_> = merits.collect();
         let merit = |(_, _, merit): &(&str, [Option<f64>; 2], f64)| *merit;
-        let best = merits.iter().map(merit).reduce(f64::max)?;
+        let most = merits.iter().map(merit).reduce(f64::max)?;
+        let is_usable = |own: &&(&str, [Option<f64>; 2], f64)| {
+            let mut algorithms = summary.algorithms.iter();
+            algorithms.any(|a| a.algorithm == own.0 && summary.is_usable(a))
+        };
+        let best = merits.iter().filter(is_usable).map(merit).reduce(f64::max);
         let worst = merits.iter().map(merit).reduce(f64::min)?;
         let (rows, columns) = (
             parameter_values(&records, down),
@@ -64,12 +69,12 @@ impl<'a> HeatMap<'a> {
             Some(HeatCell {
                 label,
                 text: number(unit, if is_cost { -merit } else { merit }),
-                place: if best > worst {
-                    (merit - worst) / (best - worst)
+                place: if most > worst {
+                    (merit - worst) / (most - worst)
                 } else {
                     1.0
                 },
-                is_best: merit == best,
+                is_best: best == Some(merit),
             })
         };
         let percent = if unit == MetricUnit::Share { ", %" } else { "" };
@@ -77,7 +82,7 @@ impl<'a> HeatMap<'a> {
         Some(Self {
             title: format!("{name}: {words}{percent}"),
             about: format!(
-                "Over {down} and {across}. The best is framed; the table has all metrics."
+                "Over {down} and {across}. The best usable one is framed; the table has all metrics."
             ),
             down,
             across,
