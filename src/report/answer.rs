@@ -65,11 +65,9 @@ impl Summary {
         // The best of all is the first of equal ones.
         let mut ranked = self.ranked_algorithms();
         ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
-        let all = ranked.len();
-        if metric.name == "missed" {
-            ranked.retain(|a| self.sees_near_obstacles(a));
-        }
-        let is_of_seeing = ranked.len() < all;
+        let is_blind =
+            |a: &AlgorithmSummary| metric.name == "missed" && !self.sees_near_obstacles(a);
+        let blind: Vec<_> = ranked.extract_if(.., |a| is_blind(a)).collect();
         ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
         let place = ranked.iter().position(|a| self.is_usable(a))?;
         let best = ranked[place];
@@ -88,12 +86,15 @@ impl Summary {
                 certainty,
             })
         });
+        let second_value = second.as_ref().map(|second| second.value);
         Some(Lead {
             metric,
             algorithm: best.algorithm.clone(),
             value: value(best)?,
             is_outdone: place > 0,
-            is_of_seeing,
+            is_of_seeing: blind
+                .iter()
+                .any(|a| second_value.is_some() && value(a) <= second_value),
             second,
         })
     }

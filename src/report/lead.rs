@@ -11,8 +11,8 @@ pub struct Lead {
     pub value: f64,
     /// True if an algorithm that may not be called best is better by this metric.
     pub is_outdone: bool,
-    /// True if an algorithm is left out that finds few of the near obstacles: unknown ones are not
-    /// missed, either.
+    /// True if an algorithm that misses as few as the second is left out, as it finds few near
+    /// obstacles: unknown ones are not missed, either.
     pub is_of_seeing: bool,
     /// The second best; absent if no other algorithm has a value.
     pub second: Option<RunnerUp>,

@@ -106,7 +106,7 @@ impl Comparison {
             Conclusion::NoChange if self.are_equal() => {
                 let equal = format!("the results of {} are equal to the bit", self.pairs_words());
                 match self.is_partial() {
-                    true => equal + " where algorithms were compared, and others were not",
+                    true => equal + "; other algorithms were not compared",
                     false => equal,
                 }
             }
@@ -223,14 +223,15 @@ fn counted_are(metrics: usize) -> String {
     }
 }
 
-/// The changes of that judgement, the first of them with their values: missed obstacles before all
-/// others, then the surest change.
+/// The changes of that judgement, the first of them with their values: the surest change, but more
+/// missed obstacles before all others.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
     let own = changes
         .iter()
         .filter(|(_, change)| change.judgement == judgement);
     let mut own: Vec<_> = own.collect();
-    let is_other = |change: &Change| change.metric.name != "missed";
+    let is_worse = judgement == Judgement::Worse;
+    let is_other = |change: &Change| !is_worse || change.metric.name != "missed";
     own.sort_by(|(_, a), (_, b)| {
         let surest = b.sureness().total_cmp(&a.sureness());
         is_other(a).cmp(&is_other(b)).then(surest)
