@@ -3,7 +3,6 @@
 mod drives;
 mod evaluate;
 mod merge;
-mod pairs;
 mod plan;
 mod run_opener;
 mod scored_runs;
@@ -13,7 +12,6 @@ mod sweep;
 
 pub use evaluate::Evaluation;
 pub use merge::Parts;
-pub use pairs::find_left;
 pub use plan::{Again, EvaluationPlan};
 pub use shard::Shard;
 pub use sweep::{Algorithms, MAX_ALGORITHMS};

@@ -8,10 +8,14 @@ use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_files as files;
 use svl_files::overlay::{self, Nearness, Picture};
+use svl_recording::Reader;
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
-use svl_report::units::{BlockPictures, CheckpointShot};
+use svl_report::units::{BlockPictures, CheckpointShot, StoredImage};
+use svl_report::{Row, hash_words};
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
+use svl_score::manifest::Manifest;
+use svl_sim::arena::Arena;
 
 /// Largest width of a frame's picture, pixels: that of the arena's.
 const MAX_WIDTH: usize = 320;
@@ -307,8 +311,29 @@ fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     encoded(&picture.at_most(width))
 }
 
+/// The left image of a row of a report, which has its recording under the name `run`: rendered
+/// again, or read from svl's recording at its original path. None if it is not there, or if the
+/// pair has other pixels.
+pub fn find_left(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<StoredImage> {
+    let frame = find_pair(manifest, run, row)?;
+    let is_same = hash_words(frame.pair.hash()) == row.pair_hash;
+    let file = is_same.then(|| left_image(&frame))?.ok()?;
+    Some((file, frame.pair.size()))
+}
+
+fn find_pair(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<Frame> {
+    if let (Some(config), Some(seed)) = (manifest.part("arena").ok()?, row.seed) {
+        return Arena::new(&config, seed).ok()?.frame(row.sequence).ok();
+    }
+    let mut runs = manifest.runs.iter();
+    let record = runs.find(|record| Some(&*record.name) == run)?;
+    let mut reader = Reader::open(&record.path).ok()?;
+    reader.seek(row.sequence).ok()?;
+    reader.next_pair().ok()?
+}
+
 /// The left image as a page shows it.
-pub(crate) fn left_image(frame: &Frame) -> Result<Vec<u8>> {
+fn left_image(frame: &Frame) -> Result<Vec<u8>> {
     left(frame, MAX_WIDTH)
 }
 

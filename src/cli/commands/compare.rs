@@ -5,12 +5,12 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
-use svl::evaluation::find_left;
 use svl::files;
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{Change, Comparison, ComparisonPage, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{ColumnChoice, Metric, MetricUnit};
+use svl::sink::find_left;
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///

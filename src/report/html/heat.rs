@@ -82,7 +82,8 @@ impl<'a> HeatMap<'a> {
         Some(Self {
             title: format!("{name}: {words}{percent}"),
             about: format!(
-                "Over {down} and {across}. The best usable one is framed; the table has all metrics."
+                "Over {down} and {across}. The best usable one is framed; the table has all \
+                 metrics."
             ),
             down,
             across,
