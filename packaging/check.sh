@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Installs each package of the folder $1 into a clean Debian 11 (glibc 2.31) and runs the main job there. As root, or by
-# sudo, with debootstrap and binutils. Packages for another processor are unpacked into a Debian 11 for that one, whose
-# installers do not run here, and svl runs in it under qemu: that needs qemu-user-static and python3-pip, too.
+# sudo, with debootstrap, binutils and the network. Packages for another processor are unpacked into a Debian 11 for that
+# one, whose installers do not run here, and svl runs in it under qemu: that needs qemu-user-static and python3-pip, too.
 set -euo pipefail
 [ "$(id -u)" = 0 ] || exec sudo "$0" "$@"
-packages="$(realpath "$1")"
+packages="$(realpath "$1")" notebook="$(realpath "$(dirname "$0")")/../examples/python/report.ipynb"
 deb="$(echo "$packages"/svl_*.deb)" tar="$(echo "$packages"/svl-*.tar.gz)" wheel="$(echo "$packages"/svl_bench-*.whl)"
 root="$(mktemp -d)"
 trap 'rm -rf "$root"' EXIT
@@ -42,6 +42,22 @@ install_wheel() {
   inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl'
   inside python3 -c "import svl_bench; svl_bench.program()"
   python_matches inside python3
+  # The notebook of the documents, from top to bottom.
+  # pip takes conditions on the version for those of the Python here: what 3.9 needs besides is named.
+  python3 -m pip -q download --only-binary :all: --python-version 3.9 --platform "manylinux2014_$machine" \
+    --dest "$place/tmp/wheels" matplotlib importlib-resources zipp
+  inside pip3 -q install --no-index --find-links /tmp/wheels matplotlib
+  cp "$notebook" "$place/tmp/"
+  inside env MPLBACKEND=Agg python3 -c '
+import json, os
+os.makedirs("/root/notebook")
+os.chdir("/root/notebook")
+names = {}
+for cell in json.load(open("/tmp/report.ipynb"))["cells"]:
+    if cell["cell_type"] == "code":
+        exec("".join(cell["source"]), names)
+'
+  test -s "$place/root/notebook/reports/run/index.html" -a -s "$place/root/notebook/distances.svg"
 }
 install_deb() { inside bash -euc 'dpkg -i /tmp/svl_*.deb'; }
 install_tar() { inside bash -euc 'tar -C /usr/local --strip-components 1 -xzf /tmp/svl-*.tar.gz'; }
