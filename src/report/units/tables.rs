@@ -31,7 +31,7 @@ impl RunUnits {
     /// Reads the units of a run. `damaged` gets the file of each unit that is not what was sealed.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`].
+    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
     pub fn read(
         units: &Units,
         plan: &ReportPlan,
@@ -136,7 +136,7 @@ pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
 /// Reads the tables that are in a folder.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Format`].
+/// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
 pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
     let file = |name: &str| folder.join(format!("{name}.csv"));
     let mut tables = ReportTables {
