@@ -36,6 +36,10 @@ class Stage:
         release = re.fullmatch(r"debian:(\w+)-slim", image)[1]
         subprocess.run(["debootstrap", "--variant=minbase", release, folder], check=True, stdout=subprocess.DEVNULL)
         shutil.copy("/etc/resolv.conf", folder / "etc/resolv.conf")
+        # A proxy here may have a certificate that only this machine knows.
+        shutil.copy("/etc/ssl/certs/ca-certificates.crt", folder / "etc/here.crt")
+        for name in "SSL_CERT_FILE", "CURL_CA_BUNDLE", "CARGO_HTTP_CAINFO", "PIP_CERT":
+            self.env[name] = "/etc/here.crt"
 
     def run(self, *command):
         user = ["--userspec", self.user] if self.user else []
