@@ -43,8 +43,10 @@ class Stage:
 
     def run(self, *command):
         user = ["--userspec", self.user] if self.user else []
-        command = ["chroot", *user, self.root, "env", "-i", *(f"{k}={v}" for k, v in self.env.items()), *command]
-        subprocess.run(command, check=True)
+        command = [*user, self.root, "env", "-i", *(f"{k}={v}" for k, v in self.env.items()), *command]
+        # /proc is gone with the command.
+        mounted = 'mount -t proc proc "$0/proc" && exec chroot "$@"'
+        subprocess.run(["unshare", "--mount", "sh", "-c", mounted, self.root, *command], check=True)
 
     def shell(self, command):
         self.run("sh", "-c", f"cd {shlex.quote(self.workdir)} && {command}")

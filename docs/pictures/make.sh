@@ -31,7 +31,7 @@ svl record arena --frames 60 --seed 7 --ros2 --quiet -o bag.mcap
 # The sentences below the table name times, which are those of the machine.
 terminal terminal.svg '^v5 has' \
   "svl score bag.mcap --truth /truth/depth --algo v5 --algo sgm --algo v3 --columns right,wrong,unknown,missed"
-echo 'resize:100x34 down down down down right right right wait screen q' >keys
+echo 'resize:100x27 down down down down right right right wait screen q' >keys
 terminal tune.svg '^v3:texture_delta' 'svl tune bag.mcap --truth /truth/depth --algo v3 --rerun none --script keys'
 
 svl score "$root/scenarios/drive.toml" --seeds 3 --algo v5 --algo v3 --algo bm --algo truth --drives none --quiet \
