@@ -97,7 +97,7 @@ unsafe fn list<'a>(
         .collect()
 }
 
-/// Where the fields of the options end.
+/// The ends of the fields of the options.
 const FIELD_ENDS: [usize; 15] = [
     offset_of!(Options, algorithm),
     offset_of!(Options, calibration),

@@ -325,9 +325,10 @@ impl Summary {
         } else {
             ""
         };
-        let seeing = match lead.is_of_seeing {
-            true => format!(" of those that find {:.0} %", 100.0 * MIN_FOUND),
-            false => String::new(),
+        let seeing = if lead.is_of_seeing {
+            format!(" of those that find {:.0} %", 100.0 * MIN_FOUND)
+        } else {
+            String::new()
         };
         format!(
             "{most} {}{usable}{seeing} ({value}{second})",

@@ -311,12 +311,11 @@ impl Report<'_> {
         }
         for label in plan.labels() {
             let failed = failures.iter().filter(|row| row.algorithm == label).count() as u64;
-            let pairs = match plan.is_driven() {
-                true => {
-                    let own = drives.iter().filter(|drive| drive.algorithm == label);
-                    own.map(|drive| drive.frames).sum()
-                }
-                false => rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed,
+            let pairs = if plan.is_driven() {
+                let own = drives.iter().filter(|drive| drive.algorithm == label);
+                own.map(|drive| drive.frames).sum()
+            } else {
+                rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed
             };
             missing.add_failures(label.to_owned(), FailedPairs { pairs, failed });
         }

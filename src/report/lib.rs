@@ -67,3 +67,4 @@ pub use sources::Sources;
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary, TopicDelay};
 pub use table_writer::TableWriter;
+pub use words::shell_word;

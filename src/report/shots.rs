@@ -64,9 +64,12 @@ pub fn for_drives(
             row.algorithm == *label && row.stress.is_none() && is_hit
         });
         // Of equal speeds the first.
-        let fastest = hits.reduce(|best, row| match row.speed_m_per_s > best.speed_m_per_s {
-            true => row,
-            false => best,
+        let fastest = hits.reduce(|best, row| {
+            if row.speed_m_per_s > best.speed_m_per_s {
+                row
+            } else {
+                best
+            }
         });
         let Some(seed) = fastest.map(|row| row.seed) else {
             continue;

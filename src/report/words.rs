@@ -64,3 +64,24 @@ pub(super) fn digits(number: Option<f64>) -> String {
 pub(super) fn mark(passed: bool) -> char {
     if passed { '✓' } else { '✗' }
 }
+
+/// A word of a command line, in quotes where a shell would split it.
+pub fn shell_word(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
+    if word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shell_splits_no_word() {
+        let words = ["a/b-1.mcap", "my run.mcap", "it's"].map(shell_word);
+        assert_eq!(words, ["a/b-1.mcap", "'my run.mcap'", r"'it'\''s'"]);
+    }
+}

@@ -148,7 +148,7 @@ fn a_base_without_the_scenario_is_no_error() {
     assert_says(&job.ends("score", 1), &["new.toml"]);
     job.ends("summary", 0);
     assert_eq!(job.fixture.text("OUTPUT"), "markdown=\n");
-    // What the pull request adds is not in its base, either.
+    // A script that the pull request adds is not in its base.
     let mut job = job;
     job.inputs.insert("prepare", "bash fetch.sh");
     job.fixture.write(".svl-base/new.toml", SCENARIO);

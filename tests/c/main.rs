@@ -560,7 +560,7 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples")
 }
 
-/// What the robot of docs/library.md prints, in every language.
+/// The output of the robot of docs/library.md, in every language.
 const STOPS: [&str; 6] = [
     "nearest 1.43 m: go on",
     "nearest 1.30 m: go on",

@@ -1,4 +1,4 @@
-"""What src/python/svl_bench/matcher.py does between images and networks. Run by tests/bench/cli/exec."""
+"""Tests of src/python/svl_bench/matcher.py, between images and networks. Run by tests/bench/cli/exec."""
 
 import argparse
 import importlib.util
@@ -106,4 +106,12 @@ try:
     sys.exit("a batch of 4 was taken for a network of single pairs")
 except SystemExit as error:
     assert "its batch is fixed: 1, not 4; leave --batch out" in str(error), error
+# Masked pixels have no disparity; numbers alone are disparities.
+masked = np.ma.masked_array([[1.0, 2.0]], mask=[[False, True]])
+assert np.frombuffer(matcher._pixels(masked, (1, 2)), "<f4").tolist() == [1.0, np.inf]
+try:
+    matcher._pixels(np.array([[1j, 2]]), (1, 2))
+    sys.exit("complex numbers were taken for disparities")
+except TypeError as error:
+    assert "complex128, expected numbers" in str(error), error
 print("well")

@@ -46,7 +46,7 @@ def has(*modules):
 
 
 def python(code, folder=None):
-    """What a Python of its own prints."""
+    """The output of a Python of its own."""
     line = [sys.executable, "-c", code]
     ran = subprocess.run(line, capture_output=True, text=True, cwd=folder)
     if ran.returncode:
@@ -191,6 +191,27 @@ class Matching(InFolder):
             svl.Ranger(calibration=path, rig=RIG)
         with self.fails(FileNotFoundError, "nothing.yaml"):
             svl.match(*pair(), calibration="nothing.yaml")
+
+    def test_files_of_a_calibration_are_read_again_where_they_change(self):
+        def write(path, baseline_m):
+            projection = f"[170.0, 0.0, 80.0, {-170 * baseline_m}, 0.0, 170.0, 48.0, 0.0, 0.0, 0.0, 1.0, 0.0]"
+            path.write_text(
+                f"image_width: {WIDTH}\nimage_height: {HEIGHT}\ncamera_name: c\n"
+                "camera_matrix: {rows: 3, cols: 3, data: [170.0, 0.0, 80.0, 0.0, 170.0, 48.0, 0.0, 0.0, 1.0]}\n"
+                "distortion_model: plumb_bob\n"
+                "distortion_coefficients: {rows: 1, cols: 5, data: [0.0, 0.0, 0.0, 0.0, 0.0]}\n"
+                "rectification_matrix: {rows: 3, cols: 3, data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]}\n"
+                f"projection_matrix: {{rows: 3, cols: 4, data: {projection}}}\n"
+            )
+
+        folder = self.folder / "calibration"
+        folder.mkdir()
+        write(folder / "left.yaml", 0)
+        depths = []
+        for baseline_m in (0.06, 0.12):
+            write(folder / "right.yaml", baseline_m)
+            depths.append(np.nanmedian(svl.match(*pair(), "bm", calibration=folder).distance_m))
+        self.assertAlmostEqual(depths[1] / depths[0], 2, places=3)
 
     def test_other_threads_run_meanwhile(self):
         left, right = pair(size=(1280, 960))
@@ -367,6 +388,10 @@ class Program(InFolder):
             svl.record("arena", recording, frames=4)
         with self.fails(ValueError, "--no-such"):
             svl.record("arena", self.folder / "b.mcap", no_such=1)
+        with self.fails(RuntimeError, "-v"):
+            svl.record("-v", self.folder / "b.mcap")
+        with self.fails(ValueError, "help"):
+            svl.record("arena", self.folder / "b.mcap", help=True)
         report = svl.score(recording, ["v5", "bm"], output=self.folder / "r")
         names = [row["algorithm"] for row in report.data["algorithms"]]
         self.assertEqual(sorted(names), ["bm", "v5"])

@@ -281,9 +281,10 @@ impl Sink for MatchedSink {
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        match judged.estimates.is_empty() {
-            true => Ok(()),
-            false => self.0.take(judged),
+        if judged.estimates.is_empty() {
+            Ok(())
+        } else {
+            self.0.take(judged)
         }
     }
 

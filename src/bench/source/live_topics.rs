@@ -42,7 +42,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     }
 }
 
-/// What adds live topics to an svl that was built without them.
+/// The cure of an svl that was built without live topics.
 pub(super) const CURE: Option<&str> = if cfg!(feature = "ros2") {
     None
 } else {

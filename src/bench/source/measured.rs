@@ -108,9 +108,10 @@ pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<B
     let maps: Vec<_> = algorithms.iter().filter_map(Algorithm::recorded).collect();
     refuse_topics(&maps, &source.name())?;
     let maps = files_of(&maps)?;
-    Ok(match maps.is_empty() {
-        true => source,
-        false => Box::new(MeasuredSource::new(source, None, maps)),
+    Ok(if maps.is_empty() {
+        source
+    } else {
+        Box::new(MeasuredSource::new(source, None, maps))
     })
 }
 

@@ -74,7 +74,7 @@ impl SourceKind {
         Self::topics(name).is_some()
     }
 
-    /// What adds it to a build that lacks it.
+    /// The cure of a build that lacks it; none of one that has it.
     pub fn cure(&self) -> Option<&'static str> {
         match self.origin {
             SourceOrigin::Topics(_) => live_topics::CURE,

@@ -303,7 +303,7 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
     let gone = comparison.only_in_base.iter();
     cases.extend(gone.map(|label| TestCase {
         name: label.clone(),
-        result: TestResult::Skipped(format!("is not in {}", comparison.other.display())),
+        result: TestResult::Failed(format!("is not in {}", comparison.other.display())),
     }));
     cases
 }
@@ -327,5 +327,36 @@ fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
             "{base} to {other}, but too few of the pairs have a value: score more pairs"
         )),
         _ => TestResult::Passed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A change without an interval.
+    fn change(name: &str, base: f64, other: f64) -> Change {
+        Change {
+            metric: Metric::find(name).unwrap(),
+            base,
+            other,
+            difference: other - base,
+            interval: None,
+            judgement: Judgement::Unclear,
+        }
+    }
+
+    #[test]
+    fn too_few_values_leave_only_a_change_for_the_worse_open() {
+        let is_open = |name, base, other, blocks| {
+            matches!(
+                test(&change(name, base, other), blocks, 8),
+                TestResult::Skipped(_)
+            )
+        };
+        assert!(is_open("wrong", 0.1, 0.2, 20) && is_open("right", 0.2, 0.1, 20));
+        assert!(!is_open("wrong", 0.2, 0.1, 20) && !is_open("right", 0.1, 0.2, 20));
+        // Of too few blocks nothing is known.
+        assert!(is_open("wrong", 0.2, 0.1, 7) && is_open("right", 0.1, 0.2, 7));
     }
 }

@@ -92,7 +92,7 @@ impl Console for Terminal {
 
 struct TerminalBar {
     bar: ProgressBar,
-    /// Where standard error is no terminal, and the user wants to see progress.
+    /// Progress for a standard error that is no terminal.
     log: Option<ProgressLog>,
 }
 

@@ -235,15 +235,6 @@ pub(crate) fn style() -> TerminalStyle {
     }
 }
 
-/// A word of a command line, in quotes where a shell would split it.
-pub(crate) fn shell_word(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
-    match word.chars().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    }
-}
-
 /// The place of a report, and the commands that show more of it.
 pub(crate) fn report_lines(named: &Path) -> String {
     let (page, folder) = (named.join("index.html"), named.display());
@@ -290,12 +281,6 @@ mod tests {
         WarningLog.write_all(b" a warning\n").unwrap();
         let lines = WarningLog::lines();
         assert_eq!(lines.iter().filter(|line| *line == "a warning").count(), 1);
-    }
-
-    #[test]
-    fn a_shell_splits_no_word() {
-        let words = ["a/b-1.mcap", "my run.mcap", "it's"].map(shell_word);
-        assert_eq!(words, ["a/b-1.mcap", "'my run.mcap'", r"'it'\''s'"]);
     }
 
     #[test]

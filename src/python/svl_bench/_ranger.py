@@ -174,7 +174,7 @@ def match(
     files = [os.fspath(file) for file in filters]
     path = None if calibration is None else os.fspath(calibration)
     read = [path, *files] if path else files
-    # Of a folder or a list of files it is not known which were read: no matcher is kept.
+    # No matcher is kept for a folder or a list of files: it is not known which were read.
     is_kept = all(map(os.path.isfile, read))
     versions = [_version(file) for file in read] if is_kept else []
     key = (algorithm, _numbers(rig), path, *files, *versions, columns, rows, threads)

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use svl_calibrate::Solution;
 
-/// What to do with a calibration.
+/// The advice for a calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum CalibrationGrade {
@@ -18,7 +18,7 @@ pub(super) struct CalibrationVerdict {
     pub grade: CalibrationGrade,
     /// The numbers with their limits: all of a good calibration, else those that are not better.
     reasons: Vec<String>,
-    /// What improves them.
+    /// The advice that improves them.
     cures: Vec<&'static str>,
 }
 
@@ -69,9 +69,12 @@ const RULES: [GradeRule; 3] = [
 impl GradeRule {
     fn grade(&self, solution: &Solution) -> CalibrationGrade {
         let value = (self.value)(solution);
-        let is_within = |limit: f64| match self.is_more_better {
-            true => value >= limit,
-            false => value <= limit,
+        let is_within = |limit: f64| {
+            if self.is_more_better {
+                value >= limit
+            } else {
+                value <= limit
+            }
         };
         match self.limits.map(is_within) {
             [true, _] => CalibrationGrade::Good,
@@ -86,9 +89,10 @@ impl GradeRule {
             name, unit, digits, ..
         } = self;
         let value = (self.value)(solution);
-        let side = match self.is_more_better {
-            true => "at least",
-            false => "at most",
+        let side = if self.is_more_better {
+            "at least"
+        } else {
+            "at most"
         };
         let (wanted, limit) = match grade {
             CalibrationGrade::Good => ("", self.limits[0]),

@@ -105,9 +105,10 @@ impl Comparison {
             ),
             Conclusion::NoChange if self.are_equal() => {
                 let equal = format!("the results of {} are equal to the bit", self.pairs_words());
-                match self.is_partial() {
-                    true => equal + "; other algorithms were not compared",
-                    false => equal,
+                if self.is_partial() {
+                    equal + "; other algorithms were not compared"
+                } else {
+                    equal
                 }
             }
             Conclusion::NoChange => {
@@ -134,7 +135,7 @@ impl Comparison {
         }
     }
 
-    /// What follows for a change that is to be merged.
+    /// The advice for a change that is to be merged.
     pub(super) fn advice(&self) -> String {
         let conclusion = self.conclusion();
         let besides = self.besides();
@@ -160,13 +161,15 @@ impl Comparison {
                 "Cannot be told: score both by the same scenario.".to_owned()
             }
         };
-        let partial = match self.is_partial() {
-            true => " The algorithms that were not compared may have changed, too.",
-            false => "",
+        let partial = if self.is_partial() {
+            " The algorithms that were not compared may have changed, too."
+        } else {
+            ""
         };
-        let incomplete = match self.incomplete.is_empty() {
-            true => "",
-            false => " A report is incomplete.",
+        let incomplete = if self.incomplete.is_empty() {
+            ""
+        } else {
+            " A report is incomplete."
         };
         words + partial + incomplete
     }
@@ -204,9 +207,10 @@ impl Comparison {
     fn pairs_words(&self) -> String {
         let pairs = || self.algorithms.iter().map(|own| own.pairs);
         let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
-        match fewest == most {
-            true => counted(most as u64, "pair"),
-            false => format!("{fewest} to {most} pairs"),
+        if fewest == most {
+            counted(most as u64, "pair")
+        } else {
+            format!("{fewest} to {most} pairs")
         }
     }
 

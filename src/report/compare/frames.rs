@@ -104,7 +104,7 @@ impl ChangedFrames {
                 "Without a truth of cells no frame is better or worse.",
             ));
         }
-        // Of equal changes those with an image, then the first: the sort is stable.
+        // Equal changes: those with an image come first. The sort is stable.
         let place = |pair: &ScoredPair<'_>| (-change(pair).abs(), !images.hold(pair.0));
         let order = |a: &(f64, bool), b: &(f64, bool)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         scored.sort_by(|a, b| order(&place(a), &place(b)));

@@ -1,5 +1,6 @@
 //! Which algorithms of two reports are compared with each other.
 
+use crate::words::shell_word;
 use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 
@@ -102,11 +103,7 @@ fn named<'a>(manifest: &'a Manifest, labels: &[String]) -> Vec<(&'a str, &'a str
 
 /// The options that map these, for a shell.
 pub(super) fn map_options(maps: &[String]) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-.,:=/+%@".contains(c);
-    let option = |map: &String| match map.chars().all(is_plain) {
-        true => format!("--map {map}"),
-        false => format!("--map '{}'", map.replace('\'', r"'\''")),
-    };
+    let option = |map: &String| format!("--map {}", shell_word(map));
     maps.iter().map(option).collect::<Vec<_>>().join(" ")
 }
 

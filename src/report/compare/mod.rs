@@ -351,12 +351,13 @@ impl AlgorithmChange {
             .filter(|(a, b)| a.result_hash == b.result_hash)
             .count();
         let has_cells = base.has_cells() && other.has_cells();
-        let errors = match has_cells {
-            true => Some([
+        let errors = if has_cells {
+            Some([
                 base.pair_errors(label, &a)?,
                 other.pair_errors(other_label, &b)?,
-            ]),
-            false => None,
+            ])
+        } else {
+            None
         };
         let mut metrics = changes_over([&a, &b], errors.as_ref(), &resamples);
         if !are_times_comparable(base, other, &pairs) {

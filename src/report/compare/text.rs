@@ -140,7 +140,7 @@ impl Comparison {
         }
     }
 
-    /// Where the numbers of the Markdown are of, in a line.
+    /// The origin of the numbers of the Markdown, in a line.
     fn footer(&self) -> String {
         let (base, other) = (self.base.display(), self.other.display());
         let count = |judgement| {
@@ -211,7 +211,7 @@ impl Comparison {
         lines
     }
 
-    /// What else bears on the verdict: other machines, incomplete reports.
+    /// Cautions about the verdict: other machines, incomplete reports.
     pub(super) fn cautions(&self) -> impl Iterator<Item = String> {
         let [base, other] = &self.origins;
         let differs = [
@@ -257,7 +257,7 @@ impl AlgorithmChange {
         self.changes().filter(is_shown).collect()
     }
 
-    /// What became worse and is not in the headline, the surest change first.
+    /// The changes for the worse that are not in the headline, the surest first.
     pub(super) fn worse_besides(&self) -> Vec<(String, &Change)> {
         let metrics = ColumnChoice::Headline.metrics(self.kind());
         let mut worse: Vec<_> = self
@@ -415,5 +415,17 @@ fn verdict(judgement: Judgement) -> &'static str {
         Judgement::Better => "better",
         Judgement::Worse => "WORSE",
         Judgement::Differs => "differs",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_that_rounds_to_0_keeps_its_side() {
+        let wrong = Metric::find("wrong").unwrap();
+        assert_eq!(between(wrong, (-0.003, -0.0001)), "-0.3 .. -0.0");
+        assert_eq!(between(wrong, (0.0, 0.0001)), "+0.0 .. +0.0");
     }
 }

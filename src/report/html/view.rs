@@ -33,7 +33,7 @@ pub(super) struct ReportPageView<'a> {
     incomplete: (),
     headline: Table,
     overview: HeadlineView<'a>,
-    /// Of a sweep over two parameters.
+    /// That of a sweep over two parameters.
     heat: Option<HeatMap<'a>>,
     metrics: Table,
     checkpoints: Option<Table>,

@@ -140,9 +140,10 @@ impl ReportRun {
         let seed = self.seed.map(|seed| format!("seed {seed}"));
         let words = [self.run.clone(), seed, self.stress.clone()];
         let words: Vec<_> = words.into_iter().flatten().collect();
-        match words.is_empty() {
-            true => "the scenes".to_owned(),
-            false => words.join(", "),
+        if words.is_empty() {
+            "the scenes".to_owned()
+        } else {
+            words.join(", ")
         }
     }
 }
@@ -221,12 +222,13 @@ impl RunWarning {
             return None;
         }
         let named: Vec<_> = head.split(", ").collect();
-        Some(match named.iter().all(|name| labels.contains(name)) {
-            true => Self {
+        Some(if named.iter().all(|name| labels.contains(name)) {
+            Self {
                 text: text.to_owned(),
                 algorithms: named.into_iter().map(str::to_owned).collect(),
-            },
-            false => for_run(warning),
+            }
+        } else {
+            for_run(warning)
         })
     }
 

@@ -47,9 +47,12 @@ fn floats(plane: &Plane<f32>) -> Vec<u8> {
 
 /// Depths of disparities, 0 for none.
 fn depths(map: &Plane<f32>, rig: &Rig) -> Plane<f32> {
-    map.map(|d| match d.is_finite() {
-        true => rig.depth_m(d.into()).unwrap_or(0.0) as f32,
-        false => 0.0,
+    map.map(|d| {
+        if d.is_finite() {
+            rig.depth_m(d.into()).unwrap_or(0.0) as f32
+        } else {
+            0.0
+        }
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::Args;
 use super::verify::{Earlier, Verification};
-use crate::cli::shared::terminal::{print, print_json, shell_word, style};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::viewer::RerunChoice;
 use anyhow::bail;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
 use svl::recording::AlgorithmCells;
-use svl::report::{Row, Summary};
+use svl::report::{Row, Summary, shell_word};
 use svl::run::{Outcome, complete, ending};
 use svl::sink::RerunTarget;
 use svl::{Error, Result};
@@ -161,9 +161,10 @@ impl Replayed {
         let grabber = self.outcome.losses.grabber.as_ref();
         let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
         let received = received.unwrap_or_default();
-        match self.is_live && self.rows.len() >= LIVE_ROWS {
-            true => format!("\nsummary  of the last {LIVE_ROWS} results\n{received}"),
-            false => received,
+        if self.is_live && self.rows.len() >= LIVE_ROWS {
+            format!("\nsummary  of the last {LIVE_ROWS} results\n{received}")
+        } else {
+            received
         }
     }
 }
@@ -179,7 +180,7 @@ fn written(args: &Args) -> String {
     }
 }
 
-/// What to do next: a command, unless that would have to repeat options of the source.
+/// The next command, unless it would have to repeat options of the source.
 fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
     let name = shell_word(name);
     let algorithms = args.algo.iter().map(Algorithm::written);

@@ -82,7 +82,7 @@ impl<'a> ComparisonPage<'a> {
     }
 }
 
-/// Where the reports are from, and how they were compared.
+/// The origin of the reports, and the method of the comparison.
 fn identity(comparison: &Comparison) -> Vec<(String, String)> {
     let Comparison {
         base,
@@ -142,7 +142,7 @@ struct ComparedAlgorithmView<'a> {
     all: Table,
     worse: Vec<ChangedFrameView<'a>>,
     better: Vec<ChangedFrameView<'a>>,
-    /// What the frames lack, or why there are none.
+    /// A remark on what the frames lack, or why there are none.
     note: Option<String>,
 }
 
@@ -155,9 +155,10 @@ impl<'a> ComparedAlgorithmView<'a> {
         let besides = algorithm.worse_besides();
         let more_besides = besides.len().saturating_sub(MAX_BESIDES);
         let shown = algorithm.shown(&ColumnChoice::Headline);
-        let labels = match algorithm.algorithm == algorithm.other_algorithm {
-            true => HEADS.map(str::to_owned),
-            false => [&algorithm.algorithm, &algorithm.other_algorithm].map(Clone::clone),
+        let labels = if algorithm.algorithm == algorithm.other_algorithm {
+            HEADS.map(str::to_owned)
+        } else {
+            [&algorithm.algorithm, &algorithm.other_algorithm].map(Clone::clone)
         };
         let views = frames.frames.iter();
         let views = views.map(|frame| (frame, ChangedFrameView::new(frame, &labels, images)));
@@ -179,7 +180,7 @@ impl<'a> ComparedAlgorithmView<'a> {
     }
 }
 
-/// What the folders do not hold of the frames, or why there are none.
+/// A remark on what is missing of the frames, or why there are none.
 fn note(frames: &ChangedFrames) -> Option<String> {
     if let Some(why) = frames.none {
         return Some(why.to_owned());
