@@ -6,7 +6,7 @@ use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
     self, Limited, Opened, PlausibleSource, RecordingSource, ReferenceSource, Request, RunSource,
-    Source, SourceKind, SourceOrigin, run_request, with_files,
+    Source, SourceKind, SourceOrigin, refuse_topics, run_request, with_files,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -136,6 +136,11 @@ pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSour
             "{}: files are those of one run, and there are {count}: name one",
             algorithm.label()
         )));
+    }
+    // Before the arena is recorded, which takes a while.
+    if let ScenarioSource::Arena { .. } = scenario.source {
+        let maps = scenario.algorithms.iter().filter_map(Algorithm::recorded);
+        refuse_topics(&maps.collect::<Vec<_>>(), "the arena")?;
     }
     (0..count)
         .map(|place| run_at(scenario, place, console))

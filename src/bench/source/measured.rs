@@ -87,7 +87,7 @@ pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, MeasuredMaps)
 ///
 /// # Errors
 /// [`Error::Usage`] with the first.
-pub(super) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
+pub(crate) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
     let topic = maps.iter().find_map(|map| match &map.place {
         MapPlace::Topic(topic) => Some(topic),
         MapPlace::Files { .. } => None,
