@@ -348,7 +348,7 @@ fn a_map_that_is_none_is_one_line() {
         score bag/bag.mcap --algo z=topic:/left/image_rect => 1: 'mono8' | depths are 16UC1
         score bag/bag.mcap --truth /depth --algo z=topic:/depth => 2: is the truth, too
         score bag/bag.mcap --algo z=topic:/depth,skew=3 => 2: skew_ms
-        score arena --algo z=topic:/depth => 2: topic:/depth: the arena has not
+        score arena --algo z=topic:/depth => 2: topic:/depth | the arena has not
         score bag/bag.mcap --reference topic:/depth => 2: name it with --truth
         score bag/bag.mcap --algo z=files:'out.pfm' => 2: one * for the pair's name
         score bag/bag.mcap --algo z=files:'no/*.pfm' => 1: files:'no/*.pfm' | no such file
