@@ -2,6 +2,8 @@
 
 use super::cli::fixture::{Fixture, assert_says};
 use std::collections::BTreeMap;
+use std::fs::{Permissions, set_permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 use svl_calibrate::yaml::{self, YamlNode};
@@ -18,6 +20,15 @@ fn value<'a>(node: &'a YamlNode, key: &str) -> Option<&'a str> {
         Some(YamlNode::Value(text)) => Some(text),
         _ => None,
     }
+}
+
+/// A step of an action or of a workflow's job.
+fn step_named<'a>(job: &'a YamlNode, name: &str) -> &'a YamlNode {
+    let Some(YamlNode::List(steps)) = table(job, "steps") else {
+        panic!("no steps");
+    };
+    let step = steps.iter().find(|step| value(step, "name") == Some(name));
+    step.unwrap_or_else(|| panic!("no step {name}"))
 }
 
 /// A checkout of a pull request, in which steps run.
@@ -47,12 +58,7 @@ impl Job {
     }
 
     fn step(&self, name: &str) -> Output {
-        let Some(YamlNode::List(steps)) = table(table(&self.action, "runs").unwrap(), "steps")
-        else {
-            panic!("no steps");
-        };
-        let step = steps.iter().find(|step| value(step, "name") == Some(name));
-        let step = step.unwrap_or_else(|| panic!("no step {name}"));
+        let step = step_named(table(&self.action, "runs").unwrap(), name);
         assert_eq!(value(step, "shell"), Some("bash"));
         let mut command = Command::new("bash");
         let folder = self.fixture.path("");
@@ -157,6 +163,35 @@ fn a_base_without_the_scenario_is_no_error() {
     // A base that cannot be scored does not hide the result of the pull request.
     job.fixture.write(".svl-base/new.toml", "name = 3\n");
     assert_says(&job.ends("score the base branch", 0), &["::warning::"]);
+}
+
+#[test]
+fn the_example_workflow_edits_its_own_comment() {
+    let workflow = yaml::parse(include_str!("../../examples/ci/stereo.yml")).unwrap();
+    let job = table(table(&workflow, "jobs").unwrap(), "score").unwrap();
+    let comment = value(step_named(job, "comment"), "run").unwrap();
+    let fixture = Fixture::new();
+    fixture.write("summary.md", "| v3 |\n");
+    // A `gh` that logs its arguments, and lists the comment that the file `found` names.
+    fixture.write("gh", "#!/bin/sh\necho \"$@\" >> calls\ncase $* in *paginate*) cat found;; esac\n");
+    set_permissions(fixture.path("gh"), Permissions::from_mode(0o755)).unwrap();
+    for (found, call) in [("", "pr comment 3 "), ("7\n", "api -X PATCH repos/a/b/issues/comments/7 ")] {
+        fixture.write("found", found);
+        fixture.write("calls", "");
+        let path = format!("{}:{}", fixture.path("").display(), std::env::var("PATH").unwrap());
+        let status = Command::new("bash")
+            .args(["-eo", "pipefail", "-c", comment])
+            .current_dir(fixture.path(""))
+            .envs([("PATH", path.as_str()), ("NUMBER", "3"), ("REPOSITORY", "a/b")])
+            .envs([("MARKDOWN", "summary.md"), ("RUNNER_TEMP", ".")])
+            .status();
+        assert!(status.unwrap().success());
+        let calls = fixture.text("calls");
+        let own = "startswith(\"<!-- svl stereo -->\")";
+        assert_says(&calls, &["api --paginate repos/a/b/issues/3/comments", own, call]);
+        assert_eq!(calls.lines().count(), 2, "{calls}");
+        assert_eq!(fixture.text("comment.md"), "<!-- svl stereo -->\n| v3 |\n");
+    }
 }
 
 #[test]
