@@ -37,6 +37,11 @@ terminal tune.svg '^v3:texture_delta' 'svl tune bag.mcap --truth /truth/depth --
 svl score "$root/scenarios/drive.toml" --seeds 3 --algo v5 --algo v3 --algo bm --algo truth --drives none --quiet \
   --figures drive >/dev/null
 cp drive/course-3.svg "$root/docs/pictures/drive.svg"
+# The frame 1.2 s before v3 collides.
+svl score "$root/scenarios/drive.toml" --seeds 4 --algo v5 --algo v3 --algo bm --quiet -o four --figures course >/dev/null
+svl score four/course-4-v3.mcap --from 15.1 --to 15.2 --algo v5 --algo v3 --algo bm --quiet -o frame >/dev/null
+python3 "$root/docs/pictures/story.py" frame/index.html course/course-4.svg >story.html
+page story.png 1200,745 story.html
 
 svl score arena --quiet >/dev/null
 page report.png 1200,980 reports/arena/index.html
