@@ -162,7 +162,7 @@ impl<'a> ComparedAlgorithmView<'a> {
         };
         let views = frames.frames.iter();
         let views = views.map(|frame| (frame, ChangedFrameView::new(frame, &labels, images)));
-        let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.change() < 0.0);
+        let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.harm.is_worse());
         let views = |frames: Vec<(&ChangedFrame, ChangedFrameView<'a>)>| {
             frames.into_iter().map(|(_, view)| view).collect()
         };
