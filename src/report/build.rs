@@ -434,6 +434,7 @@ fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
     let Some(own) = own.find(|own| own.label == record.label) else {
         return;
     };
+    record.has_run_memory |= own.has_run_memory;
     record.memory_bytes = record.memory_bytes.max(own.memory_bytes);
     record.program = match (own.program.clone(), record.program.take()) {
         (Some(own), Some(earlier)) => Some(ProgramRecord::after(own, &earlier)),

@@ -43,8 +43,7 @@ impl Comparison {
             let mut changes = ranked.iter();
             changes.any(|(_, change)| change.judgement == judgement)
         };
-        let is_open =
-            |change: &Change| change.judgement == Judgement::Unclear && change.interval.is_none();
+        let is_open = |change: &Change| change.judgement == Judgement::TooFew;
         let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
         let is_worse = has(Judgement::Worse) || has_failed;
         let mut unequal = ranked
@@ -74,12 +73,14 @@ impl Comparison {
     /// The verdict without its word.
     pub(super) fn verdict_reason(&self, conclusion: Conclusion) -> String {
         let reason = self.headline_reason(conclusion);
-        match (conclusion, self.besides()) {
+        let besides = match (conclusion, self.besides()) {
             (Conclusion::Better | Conclusion::NoChange, besides @ 1..) => {
-                format!("{reason}; besides, {} worse", counted_are(besides))
+                Some(format!("besides, {} worse", counted_are(besides)))
             }
-            _ => reason,
-        }
+            _ => None,
+        };
+        let parts = self.past_words().into_iter().chain([reason]).chain(besides);
+        parts.collect::<Vec<_>>().join("; ")
     }
 
     /// Number of metrics that are worse and not in the headline.
@@ -166,12 +167,16 @@ impl Comparison {
         } else {
             ""
         };
+        let past = match self.past_words() {
+            Some(_) => " Score both with equal options to see the change alone.",
+            None => "",
+        };
         let incomplete = if self.incomplete.is_empty() {
             ""
         } else {
             " A report is incomplete."
         };
-        words + partial + incomplete
+        words + partial + past + incomplete
     }
 
     /// The headline metrics with a better direction, but times, with their names.

@@ -4,6 +4,7 @@ mod conclusion;
 mod frames;
 mod matched;
 mod page;
+mod past;
 mod scored_run;
 mod text;
 
@@ -55,6 +56,8 @@ pub struct Comparison {
     pub left_out: Vec<String>,
     /// Algorithms that only one run has, but the other with other parameters: `BASE=OTHER`.
     pub proposed_maps: Vec<String>,
+    /// Differences of the pairs that the runs selected, as options: `--every 1 and 5`.
+    pub selections: Vec<String>,
     /// Folders without a table of cells, whose errors of distances are not compared.
     pub without_cells: Vec<PathBuf>,
 }
@@ -83,6 +86,9 @@ pub struct AlgorithmChange {
     pub unmatched: usize,
     /// Pairs that the second run failed on and of which the first has a result.
     pub newly_failed: usize,
+    /// Pairs before which the two runs have different pairs, of an algorithm whose results depend
+    /// on them.
+    pub other_past: usize,
     /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
     pub blocks: usize,
     /// Pairs with equal pixels but another truth or calibration, by which they were scored.
@@ -103,7 +109,7 @@ pub struct Change {
     /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
     /// magnitude.
     pub difference: f64,
-    /// 95 % bootstrap interval of the difference.
+    /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
     pub interval: Option<Interval>,
     pub judgement: Judgement,
 }
@@ -137,12 +143,14 @@ pub struct CheckpointChange {
 
 /// Significance of a difference, and its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Judgement {
     /// The results are equal.
     Equal,
     /// The interval contains 0.
     Unclear,
+    /// There is no interval: too few independent pairs, or frames of a checkpoint, have a value.
+    TooFew,
     Better,
     Worse,
     /// The interval excludes 0, but neither direction is better.
@@ -227,6 +235,7 @@ impl Comparison {
             only_in_base: matched.only_in_base,
             only_in_other: matched.only_in_other,
             left_out: matched.left_out,
+            selections: past::selections(&base.selection()?, &other.selection()?),
             without_cells: [base, other]
                 .into_iter()
                 .filter(|run| !run.has_cells())
@@ -312,14 +321,22 @@ fn differences(
 }
 
 impl AlgorithmChange {
-    /// The subject of the comparison: one algorithm, or two.
-    pub fn title(&self) -> String {
-        if self.other_algorithm != self.algorithm {
-            format!("{} → {}", self.algorithm, self.other_algorithm)
-        } else if self.same_parameters {
+    /// The label of the algorithm, or those of two.
+    pub fn labels(&self) -> String {
+        if self.other_algorithm == self.algorithm {
             self.algorithm.clone()
         } else {
-            format!("{} (other parameters)", self.algorithm)
+            format!("{} → {}", self.algorithm, self.other_algorithm)
+        }
+    }
+
+    /// The subject of the comparison: one algorithm, or two.
+    pub fn title(&self) -> String {
+        let labels = self.labels();
+        if self.other_algorithm != self.algorithm || self.same_parameters {
+            labels
+        } else {
+            format!("{labels} (other parameters)")
         }
     }
 
@@ -346,6 +363,7 @@ impl AlgorithmChange {
         let runs = complete_runs([&a, &b], [&all[0], &all[1]]);
         let visits = other.checkpoints(other_label, &runs);
         let resamples = resamples(&a);
+        let has_run_memory = base.has_run_memory(label) || other.has_run_memory(other_label);
         let equal_results = pairs
             .iter()
             .filter(|(a, b)| a.result_hash == b.result_hash)
@@ -394,6 +412,11 @@ impl AlgorithmChange {
                 .filter(|(a, b)| a.input_hash != b.input_hash)
                 .count(),
             equal_results,
+            other_past: if has_run_memory {
+                past::other_past(&ours, &theirs)
+            } else {
+                0
+            },
             blocks: resamples.blocks(),
             metrics,
             checkpoints,
@@ -463,7 +486,18 @@ impl Change {
 
     fn withdraw_equal(&mut self) {
         if self.judgement == Judgement::Equal {
-            self.judgement = Judgement::Unclear;
+            self.judgement = match self.interval {
+                Some(_) => Judgement::Unclear,
+                None => Judgement::TooFew,
+            };
+        }
+    }
+
+    /// What there is too little of for an interval.
+    pub fn too_few_words(&self) -> &'static str {
+        match self.metric.origin {
+            MetricOrigin::Checkpoints => "too few frames",
+            _ => "too few pairs",
         }
     }
 
@@ -488,7 +522,8 @@ impl Change {
                     _ => Judgement::Worse,
                 }
             }
-            _ => Judgement::Unclear,
+            Some(_) => Judgement::Unclear,
+            None => Judgement::TooFew,
         };
         Self {
             metric,

@@ -11,7 +11,8 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_score::manifest::{Manifest, read_json};
+use svl_score::manifest::{AlgorithmRecord, Manifest, read_json};
+use svl_score::scenario::PairRange;
 
 /// A report of `svl score`, read from its folder.
 pub struct ScoredRun {
@@ -262,12 +263,23 @@ impl ScoredRun {
         own.filter(|row| pairs.contains(&key(row))).count()
     }
 
+    fn record(&self, label: &str) -> Option<&AlgorithmRecord> {
+        let mut records = self.manifest.algorithms.iter();
+        records.find(|record| record.label == label)
+    }
+
     pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {
-        self.manifest
-            .algorithms
-            .iter()
-            .find(|a| a.label == label)
-            .map(|a| a.parameters_hash.as_str())
+        self.record(label).map(|record| record.parameters_hash.as_str())
+    }
+
+    /// True if results of an algorithm depend on the earlier pairs of their run.
+    pub(super) fn has_run_memory(&self, label: &str) -> bool {
+        self.record(label).is_some_and(|record| record.has_run_memory)
+    }
+
+    /// The pairs that were selected of its source.
+    pub(super) fn selection(&self) -> Result<PairRange> {
+        Ok(self.manifest.part("source")?.unwrap_or_default())
     }
 
     /// The rows of an algorithm by run, sequence and name of their pairs.

@@ -292,7 +292,7 @@ impl AlgorithmChange {
     }
 
     /// The pairs that are compared.
-    pub(super) fn extent(&self) -> String {
+    pub fn extent(&self) -> String {
         let pairs = counted(self.pairs, "pair");
         format!("{pairs}, {} with equal results", self.equal_results)
     }
@@ -330,14 +330,14 @@ impl Change {
 
     /// The answer to whether the change is real.
     fn is_real_words(&self) -> &'static str {
-        match (self.judgement, self.interval) {
-            (Judgement::Equal, ..) => "equal",
-            (Judgement::Better, ..) => "better",
-            (Judgement::Worse, ..) => "WORSE",
-            (Judgement::Differs, ..) => "differs",
-            (Judgement::Unjudged, ..) => "untested",
-            (Judgement::Unclear, Some(_)) => "no",
-            (Judgement::Unclear, None) => "too few",
+        match self.judgement {
+            Judgement::Equal => "equal",
+            Judgement::Better => "better",
+            Judgement::Worse => "WORSE",
+            Judgement::Differs => "differs",
+            Judgement::Unjudged => "untested",
+            Judgement::Unclear => "no",
+            Judgement::TooFew => self.too_few_words(),
         }
     }
 
@@ -410,7 +410,7 @@ pub fn signed(metric: &Metric, v: f64) -> String {
 /// A word for the result; none without a difference.
 fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
-        Judgement::Unclear | Judgement::Unjudged => "",
+        Judgement::Unclear | Judgement::TooFew | Judgement::Unjudged => "",
         Judgement::Equal => "equal",
         Judgement::Better => "better",
         Judgement::Worse => "WORSE",

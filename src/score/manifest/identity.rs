@@ -142,6 +142,7 @@ impl Manifest {
         let mut manifest = self.clone();
         for algorithm in &mut manifest.algorithms {
             algorithm.results_hash = None;
+            algorithm.has_run_memory = false;
             algorithm.memory_bytes = None;
             (algorithm.failed_pairs, algorithm.failure) = (0, None);
             algorithm.program = None;

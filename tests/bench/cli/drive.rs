@@ -143,7 +143,7 @@ fn collisions_have_limits() {
     fixture.fails(
         "
         score broken.toml --gate -q --drives none --seeds 1 => 3: blind: collisions | at most 1.0
-        score broken.toml --sort collisions => 2: there is no metric 'collisions'
+        score broken.toml --sort collisions => 2: 'collisions' is not measured per pair
         ",
     );
 }
