@@ -489,7 +489,7 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 pub const MANIFEST: &str = "manifest.json";
 
 /// Outlines and routes of the courses.
-const COURSES: &str = "courses.json";
+pub(super) const COURSES: &str = "courses.json";
 
 /// True if a file of that name is the recording of a drive, or a run for Rerun.
 fn is_recording(name: &str) -> bool {

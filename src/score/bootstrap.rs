@@ -15,26 +15,26 @@ const SEED: u64 = 2007;
 /// Fewest blocks for an interval.
 const MIN_BLOCKS: usize = 8;
 
-/// The method of the intervals, for reports.
+/// The method that tells a change from chance, for reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct IntervalMethod {
+pub struct TestMethod {
     pub name: &'static str,
-    pub resamples: usize,
-    pub seed: u64,
+    pub resamples: Option<usize>,
+    pub seed: Option<u64>,
     pub level: &'static str,
     /// Block length for a run of n pairs of one drive; 1 for scenes, which are independent.
-    pub block_length: &'static str,
-    /// Below this number of blocks there is no interval.
+    pub block_length: Option<&'static str>,
+    /// Below this number of blocks, or courses, nothing is tested.
     pub fewest_blocks: usize,
 }
 
 /// The method of all intervals.
-pub const METHOD: IntervalMethod = IntervalMethod {
+pub const METHOD: TestMethod = TestMethod {
     name: "circular block bootstrap, percentile intervals",
-    resamples: DRAWS,
-    seed: SEED,
+    resamples: Some(DRAWS),
+    seed: Some(SEED),
     level: "95 %",
-    block_length: "ceil(2 n^(1/3))",
+    block_length: Some("ceil(2 n^(1/3))"),
     fewest_blocks: MIN_BLOCKS,
 };
 

@@ -118,5 +118,7 @@ fn table(name: &str) -> Result<&'static TableDescription, String> {
         let names = names.join(", ");
         format!("no table is called '{name}'; expected one of {names}")
     };
-    listed().find(|table| table.name == name).ok_or_else(unknown)
+    listed()
+        .find(|table| table.name == name)
+        .ok_or_else(unknown)
 }

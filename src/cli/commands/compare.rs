@@ -235,7 +235,12 @@ fn show(args: &Args, comparisons: &[Comparison], not_compared: &[String]) -> any
         parts.join("\n")
     };
     if args.json {
-        print_json(&comparisons)
+        print_json(
+            &comparisons
+                .iter()
+                .map(Comparison::judged)
+                .collect::<Vec<_>>(),
+        )
     } else if comparisons.is_empty() {
         // The error names the reasons.
         Ok(())
@@ -301,11 +306,12 @@ fn tested_changes<'a>(
     changes.filter(move |(_, change)| is_tested(change))
 }
 
-/// A case for the pairs of each algorithm, as more failures leave fewer of them for every metric,
+/// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for every metric,
 /// and one for each metric of `fail_on`.
 fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
+    let things = (comparison.algorithms.first()).map_or("pair", AlgorithmChange::things);
     let of_pairs = |subject: &str, result| TestCase {
-        name: format!("{subject}: pairs"),
+        name: format!("{subject}: {things}s"),
         result,
     };
     let mut cases = Vec::new();
@@ -313,7 +319,7 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
         let subject = algorithm.labels();
         let compared = match (algorithm.failures(), algorithm.pairs) {
             (Some(words), _) => TestResult::Failed(words),
-            (None, 0) => TestResult::Skipped("no pair in common".to_owned()),
+            (None, 0) => TestResult::Skipped(format!("no {things} in common")),
             _ => TestResult::Passed(algorithm.extent()),
         };
         cases.push(of_pairs(&subject, compared));
@@ -335,6 +341,7 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
 fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
     let show = |value| change.metric.show(value);
     let (base, other) = (show(change.base), show(change.other));
+    let is_of_pairs = change.metric.is_of_frames();
     match change.judgement {
         Judgement::Worse => TestResult::Failed(format!("became worse, {base} to {other}")),
         _ if change.metric.unit == MetricUnit::Ms => TestResult::Skipped(
@@ -342,12 +349,12 @@ fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
              algorithm tests them"
                 .to_owned(),
         ),
-        Judgement::TooFew if blocks < min_blocks => TestResult::Skipped(format!(
+        Judgement::TooFew if blocks < min_blocks && is_of_pairs => TestResult::Skipped(format!(
             "{base} to {other}, but too few independent pairs for an interval ({blocks} blocks, \
              at least {min_blocks}): score more pairs"
         )),
         Judgement::TooFew if change.is_for_the_worse() => TestResult::Skipped(format!(
-            "{base} to {other}, but {} have a value: score more pairs",
+            "{base} to {other}, but {} to tell: score more",
             change.too_few_words()
         )),
         Judgement::TooFew => {

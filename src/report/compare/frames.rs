@@ -64,7 +64,10 @@ impl FrameHarm {
     /// The number that decides.
     fn leading(&self) -> f64 {
         let mut changes = self.changes.iter();
-        changes.find(|change| **change != 0.0).copied().unwrap_or(0.0)
+        changes
+            .find(|change| **change != 0.0)
+            .copied()
+            .unwrap_or(0.0)
     }
 
     pub fn is_worse(&self) -> bool {
@@ -159,7 +162,10 @@ impl ChangedFrames {
         scored.sort_by_key(|pair| !images.hold(pair.0));
         scored.sort_by(|a, b| b.2.total_cmp(&a.2));
         let mut chosen = spread(scored.iter().filter(|pair| pair.2.leading() > 0.0));
-        let mut better: Vec<_> = scored.iter().filter(|pair| pair.2.leading() < 0.0).collect();
+        let mut better: Vec<_> = scored
+            .iter()
+            .filter(|pair| pair.2.leading() < 0.0)
+            .collect();
         better.sort_by(|a, b| a.2.total_cmp(&b.2));
         chosen.extend(spread(better.into_iter()));
         if chosen.is_empty() {
@@ -244,10 +250,7 @@ mod tests {
         let words = "2 more near obstacles missed, 1 fewer false near obstacle, right minus wrong \
                      cells -4";
         assert_eq!(harm(2.0, -1.0, 4.0).words(), words);
-        assert_eq!(
-            harm(0.0, 0.0, -3.0).words(),
-            "right minus wrong cells +3"
-        );
+        assert_eq!(harm(0.0, 0.0, -3.0).words(), "right minus wrong cells +3");
         assert_eq!(harm(-1.0, 0.0, 0.0).words(), "1 fewer near obstacle missed");
     }
 

@@ -1,6 +1,7 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod conclusion;
+mod courses;
 mod frames;
 mod matched;
 mod page;
@@ -12,7 +13,8 @@ use super::accuracy::RangeErrors;
 use super::rows::Row;
 pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
-pub use conclusion::Conclusion;
+pub use conclusion::{Conclusion, JudgedComparison};
+use courses::{CourseChanges, are_driven};
 pub use frames::FindLeft;
 use matched::MatchedLabels;
 pub use page::ComparisonPage;
@@ -21,9 +23,10 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
-use svl_score::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
+use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
 use svl_score::judge::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
+use svl_score::sign_test;
 pub use text::change_table;
 pub use text::signed;
 
@@ -44,9 +47,9 @@ pub struct Comparison {
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
-    /// Method of the intervals. Each is of one metric: of twenty metrics that did not change,
+    /// Method that tells changes from chance. Each is of one metric: of twenty metrics that did not change,
     /// one is called better or worse by chance.
-    pub method: IntervalMethod,
+    pub method: TestMethod,
     /// Metrics and checkpoints of all algorithms that are tested at once.
     pub tested: usize,
     /// Algorithms that only one run has, which are not compared.
@@ -98,6 +101,9 @@ pub struct AlgorithmChange {
     pub metrics: Vec<Change>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<CheckpointChange>,
+    /// Of drives: the courses of both reports, which the numbers of pairs then count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub courses: Option<CourseChanges>,
 }
 
 /// A number in both runs.
@@ -184,16 +190,10 @@ impl Comparison {
     ///
     /// # Errors
     /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
-    /// is compared; [`Error::Invalid`] for drives, and for a map of algorithms that they do not
-    /// have.
+    /// is compared; [`Error::Invalid`] for drives and pairs, and for a map of algorithms that they
+    /// do not have.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
-        if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
-            return Err(Error::Invalid(format!(
-                "{}: is of drives, which have no pairs in common with others; [[gate]] limits \
-                 their collisions",
-                driven.folder.display()
-            )));
-        }
+        let is_driven = are_driven(base, other)?;
         let matched = MatchedLabels::new(&base.manifest, &other.manifest, map)?;
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
         if matched.both.is_empty() {
@@ -201,16 +201,19 @@ impl Comparison {
             return Err(Error::Incomplete(format!("{}: {words}", shown())));
         }
         let algorithms = matched.both.iter();
-        let algorithms = algorithms.map(|labels| AlgorithmChange::from_runs(base, other, *labels));
+        let algorithms = algorithms.map(|labels| match is_driven {
+            true => Ok(AlgorithmChange::from_drives(base, other, *labels)),
+            false => AlgorithmChange::from_runs(base, other, *labels),
+        });
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         if algorithms
             .iter()
             .all(|a| a.pairs == 0 && a.newly_failed == 0)
         {
-            let cure =
-                "their pairs differ, as those of other scenarios, seeds or arena versions do";
+            let things = algorithms[0].things();
             return Err(Error::Incomplete(format!(
-                "{}: no pair in common: {cure}",
+                "{}: no {things} in common: their {things}s differ, as those of other scenarios, \
+                 seeds or arena versions do",
                 shown()
             )));
         }
@@ -225,7 +228,11 @@ impl Comparison {
                 .into_iter()
                 .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
                 .collect(),
-            method: bootstrap::METHOD,
+            method: if is_driven {
+                sign_test::METHOD
+            } else {
+                bootstrap::METHOD
+            },
             tested: algorithms
                 .iter()
                 .map(|algorithm| algorithm.changes().count())
@@ -238,7 +245,7 @@ impl Comparison {
             selections: past::selections(&base.selection()?, &other.selection()?),
             without_cells: [base, other]
                 .into_iter()
-                .filter(|run| !run.has_cells())
+                .filter(|run| !is_driven && !run.has_cells())
                 .map(|run| run.folder.clone())
                 .collect(),
         };
@@ -310,8 +317,12 @@ fn differences(
     other: &ScoredRun,
     algorithms: &[AlgorithmChange],
 ) -> Result<Vec<String>> {
+    let purpose = match algorithms.iter().any(|own| own.courses.is_some()) {
+        true => Purpose::CompareDrives,
+        false => Purpose::Compare,
+    };
     let (base, other) = (&base.manifest, &other.manifest);
-    let mut differences = base.differences(other, Purpose::Compare)?;
+    let mut differences = base.differences(other, purpose)?;
     let inputs = algorithms.iter().map(|change| change.other_inputs).max();
     if let Some(inputs @ 1..) = inputs {
         let pairs = counted(inputs, "pair");
@@ -420,6 +431,7 @@ impl AlgorithmChange {
             blocks: resamples.blocks(),
             metrics,
             checkpoints,
+            courses: None,
         })
     }
 }
@@ -497,6 +509,7 @@ impl Change {
     pub fn too_few_words(&self) -> &'static str {
         match self.metric.origin {
             MetricOrigin::Checkpoints => "too few frames",
+            MetricOrigin::Drives(_) => "too few courses",
             _ => "too few pairs",
         }
     }

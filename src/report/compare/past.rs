@@ -9,10 +9,7 @@ use svl_core::joined;
 use svl_score::scenario::PairRange;
 
 /// The number of common pairs before which the two runs have different pairs.
-pub(super) fn other_past<K: Ord>(
-    ours: &BTreeMap<K, &Row>,
-    theirs: &BTreeMap<K, &Row>,
-) -> usize {
+pub(super) fn other_past<K: Ord>(ours: &BTreeMap<K, &Row>, theirs: &BTreeMap<K, &Row>) -> usize {
     let theirs = pasts(theirs);
     let own = pasts(ours);
     let differs = |(key, (pair, past)): &(&&K, &(&str, u64))| {
@@ -45,8 +42,14 @@ pub(super) fn selections(base: &PairRange, other: &PairRange) -> Vec<String> {
     let every = |range: &PairRange| range.every.unwrap_or(1).to_string();
     let options = [
         ("--every", [base, other].map(every)),
-        ("--from", [base, other].map(|range| shown(range.from_s, "0"))),
-        ("--to", [base, other].map(|range| shown(range.to_s, "the end"))),
+        (
+            "--from",
+            [base, other].map(|range| shown(range.from_s, "0")),
+        ),
+        (
+            "--to",
+            [base, other].map(|range| shown(range.to_s, "the end")),
+        ),
     ];
     let differing = options.iter().filter(|(_, [base, other])| base != other);
     let words = differing.map(|(option, [base, other])| format!("{option} {base} and {other}"));

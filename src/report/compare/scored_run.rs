@@ -1,8 +1,9 @@
 //! A report that is compared, read from its folder.
 
 use crate::accuracy::{AccuracyTally, RangeErrors};
+use crate::build::COURSES;
 use crate::csv_rows::{RowReader, read_rows};
-use crate::drives::DriveRow;
+use crate::drives::{CoursePlan, DriveRow};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::samples::{RunKey, run_key};
 use crate::shots::LeftImages;
@@ -29,6 +30,7 @@ pub struct ScoredRun {
     pub(super) failures: Vec<FailureRow>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
+    courses: Vec<CoursePlan>,
     /// The names of its recordings by those that it is compared under.
     own_names: BTreeMap<String, String>,
     /// Its table of cells, if it is there.
@@ -110,6 +112,12 @@ impl ScoredRun {
         } else {
             (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?)
         };
+        let courses = folder.join(COURSES);
+        let courses = if courses.is_file() {
+            read_json(&courses)?
+        } else {
+            Vec::new()
+        };
         let mut checkpoints: Vec<CheckpointRow> = checkpoints;
         checkpoints.retain(|row| row.stress.is_none());
         Ok(Self {
@@ -121,6 +129,7 @@ impl ScoredRun {
             failures,
             checkpoints,
             drives,
+            courses,
             own_names: BTreeMap::new(),
             cells,
         })
@@ -269,12 +278,14 @@ impl ScoredRun {
     }
 
     pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {
-        self.record(label).map(|record| record.parameters_hash.as_str())
+        self.record(label)
+            .map(|record| record.parameters_hash.as_str())
     }
 
     /// True if results of an algorithm depend on the earlier pairs of their run.
     pub(super) fn has_run_memory(&self, label: &str) -> bool {
-        self.record(label).is_some_and(|record| record.has_run_memory)
+        self.record(label)
+            .is_some_and(|record| record.has_run_memory)
     }
 
     /// The pairs that were selected of its source.
@@ -287,6 +298,18 @@ impl ScoredRun {
         let own = self.rows.iter().filter(|row| row.algorithm == label);
         own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
             .collect()
+    }
+
+    /// The unperturbed drives of an algorithm by the seeds of their courses.
+    pub(super) fn drives(&self, label: &str) -> BTreeMap<u64, &DriveRow> {
+        let own = self.drives.iter();
+        let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
+        own.map(|row| (row.seed, row)).collect()
+    }
+
+    /// The course of that seed, if the report has its plan.
+    pub(super) fn course(&self, seed: u64) -> Option<&CoursePlan> {
+        self.courses.iter().find(|course| course.seed == seed)
     }
 
     /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.

@@ -55,7 +55,10 @@ impl HeatGrid {
         let names = names.unwrap_or(0).min(MAX_NAMES) + 24;
         let width = (WIDTH as i32 - names - GAP) / self.columns.len().max(1) as i32;
         // Many columns have small texts.
-        let texts = self.rows.iter().flat_map(|(_, cells)| cells.iter().flatten());
+        let texts = self
+            .rows
+            .iter()
+            .flat_map(|(_, cells)| cells.iter().flatten());
         let texts = texts.map(|cell| &cell.text).chain(&self.columns);
         let widest = texts.map(|text| text_width(text, SIZE)).max().unwrap_or(0) + 8;
         let size = (SIZE as i32 * width.min(widest) / widest) as u32;
@@ -123,7 +126,10 @@ mod tests {
             across: "p2".into(),
             columns: vec!["5".into(), "20".into()],
             rows: vec![
-                ("1".into(), vec![cell("a", 0.0, false), cell("b", 1.0, true)]),
+                (
+                    "1".into(),
+                    vec![cell("a", 0.0, false), cell("b", 1.0, true)],
+                ),
                 ("2".into(), vec![None, cell("c", 0.5, false)]),
             ],
         };
@@ -132,7 +138,10 @@ mod tests {
         assert_eq!((svg.matches("<rect ").count(), frames), (4, 1), "{svg}");
         for place in [0.0, 0.5, 1.0] {
             let RGBColor(r, g, b) = cell_color(place);
-            assert!(svg.contains(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\"")), "{svg}");
+            assert!(
+                svg.contains(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\"")),
+                "{svg}"
+            );
         }
         assert!(svg.contains("\np1\n") && svg.contains("\n0.5\n"), "{svg}");
         // Many columns fit.

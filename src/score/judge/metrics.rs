@@ -130,8 +130,11 @@ pub enum RunKind {
 }
 
 impl RunKind {
-    /// The kind of a run of pairs by the metrics that it has.
+    /// The kind of a run by the metrics that it has.
     pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
+        if has("finished") {
+            return Self::Courses;
+        }
         // Numbers of scored pairs and cells may be 0.
         let mut truths = METRICS
             .iter()

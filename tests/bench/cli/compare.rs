@@ -428,6 +428,44 @@ fn frames_of_an_own_recording_are_shown_as_long_as_it_is_there() {
 }
 
 #[test]
+fn other_pairs_before_each_pair_explain_a_history() {
+    let fixture = Fixture::new();
+    fixture.run("record arena --frames 60 --seed 7 -o run.mcap -q");
+    for (out, options) in [("0", ""), ("1", "--every 5"), ("2", "--every 1 --to 1")] {
+        let algorithms = "--algo v5 --algo v5:revision=2 --algo bm";
+        fixture.run(&format!(
+            "score run.mcap -q {algorithms} {options} --rerun none -o {out}"
+        ));
+    }
+    let words = "the pairs before each pair differ (--every 1 and 5), so v5, which has a history, \
+                 differs for that reason, too";
+    let plain = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = plain(fixture.run("compare 0 1"));
+    let (verdict, _) = text.split_once("not compared").unwrap();
+    assert_says(verdict, &[words]);
+    assert_says(&fixture.run("compare 0 1 --markdown"), &[words]);
+    fixture.run("compare 0 1 -o page.html");
+    assert_says(&fixture.text("page.html"), &[words, "with equal options"]);
+    let json = fixture.json("compare 0 1 --json");
+    assert_says(json[0]["verdict"].as_str().unwrap(), &[words]);
+    assert_eq!(
+        json[0]["selections"],
+        serde_json::json!(["--every 1 and 5"])
+    );
+    // Of the pairs in common the first alone has the same past.
+    let algorithms = json[0]["algorithms"].as_array().unwrap();
+    let numbers = algorithms.iter().map(|own| {
+        let number = |key: &str| own[key].as_u64().unwrap();
+        (number("other_past"), number("pairs"))
+    });
+    assert_eq!(numbers.collect::<Vec<_>>(), [(11, 12), (0, 12), (0, 12)]);
+    // Fewer pairs after the same ones change nothing.
+    let text = plain(fixture.run("compare 0 2"));
+    assert!(!text.contains("has a history"), "{text}");
+    assert_says(&text, &["equal to the bit"]);
+}
+
+#[test]
 fn the_page_replaces_nothing_unasked() {
     let fixture = scored(&["v3", "v1"]);
     fixture.write("own.html", "mine");

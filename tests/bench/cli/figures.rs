@@ -88,7 +88,10 @@ fn a_sweep_of_two_parameters_has_its_heat_map() {
     ));
     let names = figures(&fixture, "f");
     let heat = names.iter().find(|name| name.starts_with("heat-map-bm"));
-    let heat = fixture.text(&format!("f/{}", heat.unwrap_or_else(|| panic!("{names:?}"))));
+    let heat = fixture.text(&format!(
+        "f/{}",
+        heat.unwrap_or_else(|| panic!("{names:?}"))
+    ));
     assert_says(&heat, &["\nblock_size\n", "\nmax_disparity\n", "\n9\n"]);
 }
 

@@ -189,7 +189,10 @@ type CellPair<'a> = (&'a CellRow, &'a CellRow);
 
 /// The change of its obstacle in words, if there is one.
 fn obstacle(before: &CellRow, after: &CellRow) -> Option<&'static str> {
-    let is = [(before.missed, after.missed), (before.r#false, after.r#false)];
+    let is = [
+        (before.missed, after.missed),
+        (before.r#false, after.r#false),
+    ];
     match is {
         [(false, true), _] => Some("an obstacle is missed"),
         [_, (false, true)] => Some("a false obstacle"),
