@@ -21,7 +21,7 @@ use svl::sink::find_left;
 /// interval over the pairs, drawn in blocks, as neighbouring pairs are correlated. It is called
 /// better or worse only where the interval excludes 0, and never for fewer than eight blocks or
 /// scenes. Times are shown as ratios and never called better or worse, as the machine may have been
-/// slower that day.
+/// slower that day. Drives are compared course by course, by an exact sign test.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -48,7 +48,7 @@ pub(crate) struct Args {
     /// names are compared, too
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
-    /// Write the page of two reports: changes, and the frames that changed most
+    /// Write the page of two reports: changes, and the frames or courses that changed most
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
@@ -61,7 +61,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAMES", conflicts_with_all = ["markdown", "json"])]
     columns: Option<ColumnChoice>,
     /// Write the metrics of --fail-on as JUnit's XML
-    #[arg(long, value_name = "FILE", requires = "fail_on")]
+    #[arg(long, value_name = "FILE.xml", requires = "fail_on")]
     junit: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
