@@ -74,7 +74,8 @@ pub const TABLES: &[TableDescription] = &[
 /// The metrics, which are no table on disk.
 pub const METRIC_NAMES: TableDescription = TableDescription {
     name: "metrics",
-    about: "one metric, as `--columns`, `--sort`, `--fail-on` and `[[gate]]` name it",
+    about: "one metric, as `--columns`, `--sort`, `--fail-on` and `[[gate]]` name it; a limit of a \
+            share is from 0 to 1",
     columns: || METRICS.iter().map(ColumnDescription::from_metric).collect(),
 };
 

@@ -112,7 +112,9 @@ fn accepting_negative_numbers(arg: Arg) -> Arg {
 /// help has several: clap would give it a paragraph of its own.
 fn with_default_in_help(arg: Arg) -> Arg {
     let values = arg.get_default_values().iter();
-    let values: Vec<_> = values.map(|value| value.to_string_lossy().into_owned()).collect();
+    let values: Vec<_> = values
+        .map(|value| value.to_string_lossy().into_owned())
+        .collect();
     if values.is_empty() || !arg.get_action().takes_values() {
         return arg;
     }
@@ -124,7 +126,8 @@ fn with_default_in_help(arg: Arg) -> Arg {
         };
         format!("{first} [default: {}]{rest}", values.join(" "))
     };
-    let [help, long_help] = [arg.get_help(), arg.get_long_help()].map(|help| help.map(with_default));
+    let [help, long_help] =
+        [arg.get_help(), arg.get_long_help()].map(|help| help.map(with_default));
     let arg = arg.hide_default_value(true);
     match (help, long_help) {
         (Some(help), Some(long_help)) => arg.help(help).long_help(long_help),

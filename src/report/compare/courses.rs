@@ -6,7 +6,7 @@ use crate::drives::{DriveRow, drive_parts, drive_sample};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, counted, joined};
 use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
 
@@ -65,7 +65,7 @@ impl AlgorithmChange {
         let both = ours
             .iter()
             .filter_map(|(seed, row)| Some((*row, *theirs.get(seed)?)));
-        let both = both.filter(|(row, _)| base.course(row.seed) == other.course(row.seed));
+        let both = both.filter(|(row, _)| base.has_course_of(other, row.seed));
         let pairs: Vec<_> = both.collect();
         let alike = pairs
             .iter()
@@ -187,10 +187,10 @@ impl CourseChanges {
     fn words(&self) -> String {
         let lists: [(&str, fn(&CourseChange) -> bool); 4] = [
             ("more collisions on", |course| course.more_collisions() > 0),
-            ("not finished any more", |course| {
+            ("not finished any more:", |course| {
                 course.finished == [true, false]
             }),
-            ("finished now", |course| course.finished == [false, true]),
+            ("finished now:", |course| course.finished == [false, true]),
             ("fewer collisions on", |course| course.more_collisions() < 0),
         ];
         let words = lists.iter().filter_map(|(words, is)| {
@@ -290,18 +290,26 @@ impl Comparison {
         parts.join("; ")
     }
 
-    /// The metrics that are better or worse.
+    /// The changes that are real, collisions first.
     fn real_words(&self) -> String {
         let changes = self.algorithms.iter().flat_map(|own| {
-            let changes = own.changes();
-            changes.map(|(name, change)| (self.name(own, &name), change.judgement))
+            let changes = own.metrics.iter();
+            let real = changes
+                .filter(|change| matches!(change.judgement, Judgement::Better | Judgement::Worse));
+            real.map(|change| {
+                let more = if change.difference > 0.0 {
+                    "more"
+                } else {
+                    "fewer"
+                };
+                let words = format!("{more} {}", change.metric.words);
+                (change.metric.name != "collisions", self.name(own, &words))
+            })
         });
-        let words = changes.filter_map(|(name, judgement)| match judgement {
-            Judgement::Better => Some(format!("{name} better")),
-            Judgement::Worse => Some(format!("{name} worse")),
-            _ => None,
-        });
-        words.collect::<Vec<_>>().join(", ")
+        let mut words: Vec<_> = changes.collect();
+        // The sort is stable.
+        words.sort_by_key(|(is_other, _)| *is_other);
+        joined(words.into_iter().map(|(_, words)| words))
     }
 }
 
@@ -358,8 +366,8 @@ mod tests {
         let pairs: Vec<_> = before.iter().zip(&after).collect();
         let changes = CourseChanges::new(&pairs);
         assert_eq!(changes.sums(), "collisions 4 → 5");
-        let words = "more collisions on courses 3, 1; not finished any more course 1; finished now \
-                     course 2; fewer collisions on course 2";
+        let words = "more collisions on courses 3, 1; not finished any more: course 1; finished \
+                     now: course 2; fewer collisions on course 2";
         assert_eq!(changes.words(), words);
         let (table, more) = changes.table();
         assert_eq!((table.rows.len(), more), (3, 0));

@@ -307,9 +307,14 @@ impl ScoredRun {
         own.map(|row| (row.seed, row)).collect()
     }
 
-    /// The course of that seed, if the report has its plan.
-    pub(super) fn course(&self, seed: u64) -> Option<&CoursePlan> {
-        self.courses.iter().find(|course| course.seed == seed)
+    /// True if the course of that seed has the same obstacles in both reports.
+    pub(super) fn has_course_of(&self, other: &Self, seed: u64) -> bool {
+        let [own, other] = [self, other].map(|run| {
+            let mut courses = run.courses.iter();
+            let course = courses.find(|course| course.seed == seed)?;
+            Some((&course.outlines, course.goal_m))
+        });
+        own == other
     }
 
     /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.

@@ -376,16 +376,24 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
         "real at 95\u{a0}% over 80 pairs",
         "<td class=\"bad\">WORSE</td>",
         "Frames that changed most",
-        "</b>: right minus wrong cells -",
+        ", right minus wrong cells -",
         "<figcaption>truth</figcaption>",
         "right → unknown",
         "80 pairs, 80 with equal results",
         "The results of all frames are equal.",
     ];
     assert_says(&page, &words);
-    // Three frames became worse, and none better; each is shown before, after and in truth.
-    assert_eq!(page.matches("<article class=\"figure\">").count(), 3);
-    assert_eq!(page.matches("<svg class=\"grid\"").count(), 9);
+    // Three frames became worse; three miss fewer obstacles, as nearly nothing is reported there.
+    // Each is shown before, after and in truth.
+    assert_eq!(page.matches("<article class=\"figure\">").count(), 6);
+    assert_eq!(page.matches("<svg class=\"grid\"").count(), 18);
+    let reason = |side: &str| {
+        let (_, frames) = page.split_once(&format!("class=\"side\">{side}<")).unwrap();
+        let (_, reason) = frames.split_once("</b>: ").unwrap();
+        reason.split('<').next().unwrap()
+    };
+    assert_says(reason("Worse"), &["more near obstacle", " missed, "]);
+    assert_says(reason("Better"), &["fewer near obstacle", " missed, "]);
     // The images that the folders lack are rendered again.
     assert!(!page.contains("stand alone"));
     assert!(!page.contains("<script") && !page.contains("http"));
