@@ -4,7 +4,7 @@ use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use svl::report::{ColumnDescription, METRIC_NAMES, TABLES, TableDescription};
 use svl::stress::STRESSES;
 
-/// List the metrics, and the columns of a report's tables, with units and meanings
+/// List the metrics, and the columns of a report's tables
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

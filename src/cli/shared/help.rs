@@ -183,7 +183,7 @@ fn with_headings(command: Command, path: &str) -> Command {
     let place = |arg: &Arg| {
         let own = arg.get_help_heading()?;
         let place = HEADINGS.iter().position(|(heading, _)| own == *heading);
-        Some((place.unwrap_or(1), arg.get_id() == "help"))
+        Some(place.unwrap_or(1))
     };
     let mut sorted: Vec<_> = command.get_arguments().cloned().collect();
     sorted.sort_by_key(place);

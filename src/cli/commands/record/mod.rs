@@ -38,7 +38,8 @@ pub(crate) struct Args {
     /// Largest duration, seconds of the source's stamps
     #[arg(long, value_name = "S", value_parser = usage::within(0.001..=1e9))]
     duration: Option<f64>,
-    /// Seed of the textures, path and noise of a simulated source [default: 1]
+    /// Seed of the textures, path and noise of a simulated source [default: 1, or a scenario's
+    /// first]
     #[arg(long, value_name = "N", value_parser = usage::within(0..=u64::MAX))]
     seed: Option<u64>,
     #[command(flatten)]
