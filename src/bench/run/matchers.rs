@@ -133,7 +133,8 @@ impl Matchers {
     }
 
     /// Completes the manifest with the memory of each algorithm, known after a measured run whose
-    /// program counts it, with the pairs that each failed on, and with what depends on earlier ones.
+    /// program counts it, with the pairs that each failed on, and with whether it depends on
+    /// earlier ones.
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {

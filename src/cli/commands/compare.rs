@@ -306,8 +306,8 @@ fn tested_changes<'a>(
     changes.filter(move |(_, change)| is_tested(change))
 }
 
-/// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for every metric,
-/// and one for each metric of `fail_on`.
+/// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for
+/// every metric, and one for each metric of `fail_on`.
 fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
     let things = (comparison.algorithms.first()).map_or("pair", AlgorithmChange::things);
     let of_pairs = |subject: &str, result| TestCase {

@@ -1,4 +1,5 @@
-//! The frames that changed most: by missed and false near obstacles, then by right minus wrong cells.
+//! The frames that changed most: by missed and false near obstacles, then by right minus wrong
+//! cells.
 
 use super::scored_run::ScoredRun;
 use super::{AlgorithmChange, common_pairs};

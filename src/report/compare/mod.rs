@@ -47,8 +47,8 @@ pub struct Comparison {
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
-    /// Method that tells changes from chance. Each is of one metric: of twenty metrics that did not change,
-    /// one is called better or worse by chance.
+    /// Method that tells changes from chance. Each change is of one metric: of twenty metrics that
+    /// did not change, one is called better or worse by chance.
     pub method: TestMethod,
     /// Metrics and checkpoints of all algorithms that are tested at once.
     pub tested: usize,

@@ -1184,8 +1184,8 @@ mod tests {
             "collisions",
         ];
         assert_eq!(found.map(|metric| metric.unwrap().name), expected);
-        let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` lists \
-                       them";
+        let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` \
+                       lists them";
         assert_eq!(named("rigth"), Err(unknown.to_owned()));
         let unfit = Metric::named("collisions", Metric::is_of_frames);
         assert!(unfit.unwrap_err().contains("is not measured per pair"));

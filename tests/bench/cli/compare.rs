@@ -256,7 +256,7 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
         compare 0#v4 0 => 1: 0#v4: the report has no algorithm 'v4'; it has v3, bm
         compare 0 1 --map v3=v4 => 1: --map v3=v4: expected BASE=OTHER
         compare 0 1 --fail-on better => 2: expected worse
-        compare 0 1 --fail-on worse:nothing => 2: there is no metric 'nothing' | `svl columns metrics`
+        compare 0 1 --fail-on worse:nothing => 2: there is no metric 'nothing' | columns metrics
         ",
     );
 }
