@@ -177,9 +177,14 @@ impl Comparison {
                 format!("Not before a look below: {metrics} worse besides the headline.")
             }
             Conclusion::Better => "Yes: nothing that was measured is worse.".to_owned(),
-            Conclusion::NoChange => "Nothing that was measured speaks against it. A change \
-                                     smaller than the intervals would not be seen."
-                .to_owned(),
+            Conclusion::NoChange => {
+                let unseen = if self.is_driven() {
+                    "A small change takes more courses to be seen."
+                } else {
+                    "A change smaller than the intervals would not be seen."
+                };
+                format!("Nothing that was measured speaks against it. {unseen}")
+            }
             Conclusion::Worse => {
                 "No, unless something that is not measured here outweighs it.".to_owned()
             }

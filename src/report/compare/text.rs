@@ -352,7 +352,8 @@ impl Change {
             Judgement::Differs => "differs",
             Judgement::Unjudged => "untested",
             Judgement::Unclear => "no",
-            Judgement::TooFew => self.too_few_words(),
+            // The place of the interval says so.
+            Judgement::TooFew => NONE,
         }
     }
 
@@ -384,8 +385,11 @@ pub fn change_table<'a>(
         } else {
             name
         };
-        let interval = change.interval.map(|interval| between(metric, interval));
-        let interval = interval.unwrap_or_else(|| NONE.to_owned());
+        let interval = match (change.judgement, change.interval) {
+            (_, Some(interval)) => between(metric, interval),
+            (Judgement::TooFew, None) => change.too_few_words().to_owned(),
+            (_, None) => NONE.to_owned(),
+        };
         let difference = signed(metric, change.difference);
         let cells = [name, base, other, difference, interval];
         let real = change.is_real_words().to_owned();

@@ -392,7 +392,7 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
         let (_, reason) = frames.split_once("</b>: ").unwrap();
         reason.split('<').next().unwrap()
     };
-    assert_says(reason("Worse"), &["more near obstacle", " missed, "]);
+    assert_says(reason("Worse"), &["right minus wrong cells -"]);
     assert_says(reason("Better"), &["fewer near obstacle", " missed, "]);
     // The images that the folders lack are rendered again.
     assert!(!page.contains("stand alone"));

@@ -161,9 +161,9 @@ fn drives_are_compared_course_by_course() {
     ];
     assert_says(&page, &words);
     assert!(!page.contains("Frames that changed most"));
-    // Another robot drives other courses, and courses are not pairs.
-    let gap = courses("[drive]\nmax_speed_m_per_s = 0.2\n");
-    fixture.write("slow.toml", gap.replace("[1, 7]", "[1]"));
+    // Other rules are not compared.
+    let other = courses("[drive]\nnear_miss_m = 0.03\n");
+    fixture.write("slow.toml", other.replace("[1, 7]", "[1]"));
     fixture.run("score slow.toml -q --drives none -o slow");
     let text = plain(fixture.run("compare r slow"));
     let words = [
