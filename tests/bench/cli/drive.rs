@@ -161,6 +161,10 @@ fn drives_are_compared_course_by_course() {
     ];
     assert_says(&page, &words);
     assert!(!page.contains("Frames that changed most"));
+    // The algorithm with more collisions comes first.
+    let both = fixture.run("compare r r --map blind=truth --map truth=blind");
+    let first = format!("too few courses: truth → blind collisions 0 → {hits}, ");
+    assert!(plain(both.clone()).starts_with(&first), "{both}");
     // Other rules are not compared.
     let other = courses("[drive]\nnear_miss_m = 0.03\n");
     fixture.write("slow.toml", other.replace("[1, 7]", "[1]"));
