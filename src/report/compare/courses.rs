@@ -35,6 +35,9 @@ pub struct CourseChange {
     pub near_misses: [u64; 2],
 }
 
+/// A property of a course.
+type CourseTest = fn(&CourseChange) -> bool;
+
 /// True if both are of drives.
 ///
 /// # Errors
@@ -185,7 +188,7 @@ impl CourseChanges {
 
     /// The courses that changed, by what changed.
     fn words(&self) -> String {
-        let lists: [(&str, fn(&CourseChange) -> bool); 4] = [
+        let lists: [(&str, CourseTest); 4] = [
             ("more collisions on", |course| course.more_collisions() > 0),
             ("not finished any more:", |course| {
                 course.finished == [true, false]
