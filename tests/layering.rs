@@ -73,7 +73,7 @@ const PACKAGES: [Package; 15] = [
         root: "score/lib.rs",
         layers: &[
             &["agreement", "bootstrap", "judge", "losses", "memory"],
-            &["plausibility", "scenario"],
+            &["plausibility", "scenario", "sign_test"],
             &["drive", "manifest", "resize"],
         ],
     },

@@ -39,7 +39,10 @@ pub(crate) struct Cli {
     quiet: bool,
 
     /// Print help: -h the options used most, --help all
-    #[arg(short, long, global = true, action = clap::ArgAction::Help)]
+    #[arg(
+        short, long, global = true, action = clap::ArgAction::Help,
+        display_order = 900
+    )]
     help: Option<bool>,
 }
 

@@ -434,6 +434,7 @@ fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
     let Some(own) = own.find(|own| own.label == record.label) else {
         return;
     };
+    record.has_run_memory |= own.has_run_memory;
     record.memory_bytes = record.memory_bytes.max(own.memory_bytes);
     record.program = match (own.program.clone(), record.program.take()) {
         (Some(own), Some(earlier)) => Some(ProgramRecord::after(own, &earlier)),
@@ -488,7 +489,7 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 pub const MANIFEST: &str = "manifest.json";
 
 /// Outlines and routes of the courses.
-const COURSES: &str = "courses.json";
+pub(super) const COURSES: &str = "courses.json";
 
 /// True if a file of that name is the recording of a drive, or a run for Rerun.
 fn is_recording(name: &str) -> bool {

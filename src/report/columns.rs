@@ -1,6 +1,8 @@
 //! A column of a table on disk: its type, unit and meaning.
 
 use serde::Serialize;
+use svl_core::stereo::CellRule;
+use svl_score::judge::{Better, Metric, MetricOrigin, MetricUnit};
 
 /// A column of a table on disk.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -10,6 +12,9 @@ pub struct ColumnDescription {
     pub kind: &'static str,
     /// Unit of its numbers; counts, names and fractions from 0 to 1 have none.
     pub unit: Option<&'static str>,
+    /// Heading of a metric in the tables of algorithms, below that of its group.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading: Option<String>,
     pub about: String,
 }
 
@@ -20,8 +25,45 @@ impl ColumnDescription {
             name,
             kind,
             unit: unit(name),
+            heading: None,
             // Code quotes are of the source.
             about: about.trim().replace('`', ""),
+        }
+    }
+
+    /// A metric, as options and scenarios name it.
+    pub(super) fn from_metric(metric: &Metric) -> Self {
+        let heading = match metric.group {
+            "" => metric.head.to_owned(),
+            group => format!("{group}: {}", metric.head),
+        };
+        let better = match metric.better {
+            Better::More => "more is better",
+            Better::Less => "less is better",
+            Better::Zero => "better nearer to 0",
+            Better::Neither => "neither direction is better",
+        };
+        let extent = match metric.origin {
+            MetricOrigin::Frame { .. } | MetricOrigin::Time => "",
+            MetricOrigin::Cells { .. } => "; over all pairs",
+            MetricOrigin::Checkpoints => "; of checkpoints",
+            MetricOrigin::Drives(_) => "; of drives",
+        };
+        let note = metric.note.map(|note| note(CellRule::default()).1);
+        let note = note.map_or_else(String::new, |note| format!(": {note}"));
+        Self {
+            name: metric.name,
+            kind: "number",
+            unit: match metric.unit {
+                MetricUnit::Share => Some("%"),
+                MetricUnit::Count => None,
+                MetricUnit::Px => Some("px"),
+                MetricUnit::M => Some("m"),
+                MetricUnit::Ms => Some("ms"),
+                MetricUnit::Per100M => Some("1/100 m"),
+            },
+            heading: Some(heading),
+            about: format!("{} ({better}{extent}){note}.", metric.words),
         }
     }
 }

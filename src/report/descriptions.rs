@@ -7,6 +7,7 @@ use super::reliability::ReliabilityRow;
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use super::summary::{AlgorithmSummary, CheckpointSummary};
 use super::table::Table;
+use svl_score::judge::METRICS;
 
 /// A table of a report's folder, `NAME.csv` and `NAME.parquet`.
 pub struct TableDescription {
@@ -70,22 +71,28 @@ pub const TABLES: &[TableDescription] = &[
     },
 ];
 
-impl TableDescription {
-    /// The table of that name.
-    pub fn find(name: &str) -> Option<&'static Self> {
-        TABLES.iter().find(|table| table.name == name)
-    }
+/// The metrics, which are no table on disk.
+pub const METRIC_NAMES: TableDescription = TableDescription {
+    name: "metrics",
+    about: "one metric, as `--columns`, `--sort`, `--fail-on` and `[[gate]]` name it; a limit of a \
+            share is from 0 to 1",
+    columns: || METRICS.iter().map(ColumnDescription::from_metric).collect(),
+};
 
+impl TableDescription {
     /// Its columns with types, units and meanings.
     pub fn table(&self) -> Table {
-        let mut table = Table::new(self.name, "column").with_texts(["type", "unit", "meaning"]);
+        let heads = ["type", "heading", "unit", "meaning"];
+        let mut table = Table::new(self.name, "column").with_texts(heads);
         for column in (self.columns)() {
-            let unit = column.unit.unwrap_or_default();
+            let unit = column.unit.unwrap_or_default().to_owned();
+            let heading = column.heading.unwrap_or_default();
             table.push(
                 column.name,
-                [column.kind.to_owned(), unit.to_owned(), column.about],
+                [column.kind.to_owned(), heading, unit, column.about],
             );
         }
+        table.remove_empty_columns();
         table
     }
 }

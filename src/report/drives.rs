@@ -198,10 +198,22 @@ pub(super) fn sample(metric: &Metric, label: &str, rows: &[DriveRow]) -> Option<
         .iter()
         .filter(|row| row.algorithm == label && row.stress.is_none());
     let own: BTreeMap<u64, &DriveRow> = own.map(|row| (row.seed, row)).collect();
-    let ratio = |row: &&DriveRow| match number {
+    Some(drive_sample(number, own.into_values()))
+}
+
+/// A metric of these drives.
+pub(super) fn drive_sample<'a>(
+    number: DriveNumber,
+    rows: impl Iterator<Item = &'a DriveRow>,
+) -> Sample {
+    Sample::Ratio(rows.map(|row| drive_parts(number, row)).collect())
+}
+
+/// The number of a drive, and what it is divided by.
+pub(super) fn drive_parts(number: DriveNumber, row: &DriveRow) -> [f64; 2] {
+    match number {
         DriveNumber::Finished => [f64::from(u8::from(row.finished)), 1.0],
         DriveNumber::Collisions => [row.collisions as f64, row.driven_m / 100.0],
         DriveNumber::NearMisses => [row.near_misses as f64, row.driven_m / 100.0],
-    };
-    Some(Sample::Ratio(own.values().map(ratio).collect()))
+    }
 }

@@ -143,12 +143,39 @@ fn exact_bound(metric: &Metric, bound: f64) -> String {
 }
 
 impl GateResult {
+    /// The number that is limited, in words: algorithm, metric, and what it is relative to.
+    fn subject(&self) -> String {
+        let Limit {
+            algorithm,
+            metric,
+            checkpoint,
+            relative_to,
+            ..
+        } = &self.limit;
+        let algorithm = self.algorithm.as_ref().unwrap_or(algorithm);
+        let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
+        let other = relative_to.as_ref();
+        let other = other.map(|other| format!(" in units of {other}'s"));
+        let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);
+        format!("{algorithm}: {}{checkpoint}{other}", metric.words)
+    }
+
+    /// The same with the kind of its bounds, without their values.
+    fn limited(&self) -> String {
+        let bounds = [
+            self.limit.min.map(|_| "at least"),
+            self.limit.max.map(|_| "at most"),
+        ];
+        let bounds: Vec<_> = bounds.into_iter().flatten().collect();
+        format!("{}, {} the limit", self.subject(), bounds.join(" and "))
+    }
+
     /// For JUnit.
     pub fn test_case(&self) -> TestCase {
         TestCase {
-            name: self.to_string(),
+            name: self.limited(),
             result: match self.state {
-                GateState::Pass => TestResult::Passed,
+                GateState::Pass => TestResult::Passed(self.to_string()),
                 GateState::Fail | GateState::NotMeasured => TestResult::Failed(self.to_string()),
                 GateState::Skipped => TestResult::Skipped(self.to_string()),
             },
@@ -160,26 +187,13 @@ impl std::fmt::Display for GateResult {
     /// One line: algorithm, metric, value and limits.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Limit {
-            algorithm,
             metric,
-            checkpoint,
-            relative_to,
             min,
             max,
             line,
+            ..
         } = &self.limit;
-        write!(
-            f,
-            "{}: {}",
-            self.algorithm.as_ref().unwrap_or(algorithm),
-            metric.words
-        )?;
-        if let Some(number) = checkpoint {
-            write!(f, " at checkpoint {number}")?;
-        }
-        if let Some(other) = relative_to {
-            write!(f, " in units of {other}'s")?;
-        }
+        f.write_str(&self.subject())?;
         match (self.state, self.value) {
             (GateState::Skipped, _) => {
                 f.write_str(" has no result, as an algorithm is not in the run")?;

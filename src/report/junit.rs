@@ -5,14 +5,14 @@ use std::fmt::Write;
 
 /// One limit or comparison.
 pub struct TestCase {
+    /// The same in every run, as servers follow a test by its name: without measured values.
     pub name: String,
-    /// Reason why it failed or was skipped, in words.
     pub result: TestResult,
 }
 
-/// Its result.
+/// Its result, with the values or the reason in words.
 pub enum TestResult {
-    Passed,
+    Passed(String),
     Failed(String),
     /// There was nothing to test.
     Skipped(String),
@@ -34,7 +34,10 @@ pub fn junit(suite: &str, cases: &[TestCase]) -> String {
     for TestCase { name, result } in cases {
         let name = escape(name.as_str());
         let inside = match result {
-            TestResult::Passed => String::new(),
+            TestResult::Passed(words) if words.is_empty() => String::new(),
+            TestResult::Passed(words) => {
+                format!("<system-out>{}</system-out>", escape(words.as_str()))
+            }
             TestResult::Failed(why) => format!("<failure message=\"{}\"/>", escape(why.as_str())),
             TestResult::Skipped(why) => format!("<skipped message=\"{}\"/>", escape(why.as_str())),
         };
@@ -61,12 +64,13 @@ mod tests {
         let text = junit(
             "a & b",
             &[
-                case("kept", TestResult::Passed),
+                case("kept", TestResult::Passed("4 < 5".into())),
                 case("wrong < 5 %", TestResult::Failed("6 \"per cent\"".into())),
                 case("absent", TestResult::Skipped("not in the run".into())),
             ],
         );
         assert!(text.contains("name=\"a &amp; b\" tests=\"3\" failures=\"1\" skipped=\"1\""));
+        assert!(text.contains("name=\"kept\"><system-out>4 &lt; 5</system-out></testcase>"));
         assert!(text.contains("name=\"wrong &lt; 5 %\"><failure message=\"6 &quot;per cent"));
         let mut reader = quick_xml::Reader::from_str(&text);
         while reader.read_event().unwrap() != quick_xml::events::Event::Eof {}

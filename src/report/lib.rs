@@ -53,7 +53,7 @@ pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_r
 pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
-pub use descriptions::{TABLES, TableDescription};
+pub use descriptions::{METRIC_NAMES, TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};

@@ -564,6 +564,7 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
         name,
         kind,
         unit,
+        heading: None,
         about: parts.into_iter().flatten().collect::<Vec<_>>().join(" "),
     }
 }

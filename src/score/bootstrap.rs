@@ -15,26 +15,26 @@ const SEED: u64 = 2007;
 /// Fewest blocks for an interval.
 const MIN_BLOCKS: usize = 8;
 
-/// The method of the intervals, for reports.
+/// The method that tells a change from chance, for reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct IntervalMethod {
+pub struct TestMethod {
     pub name: &'static str,
-    pub resamples: usize,
-    pub seed: u64,
+    pub resamples: Option<usize>,
+    pub seed: Option<u64>,
     pub level: &'static str,
     /// Block length for a run of n pairs of one drive; 1 for scenes, which are independent.
-    pub block_length: &'static str,
-    /// Below this number of blocks there is no interval.
+    pub block_length: Option<&'static str>,
+    /// Below this number of blocks, or courses, nothing is tested.
     pub fewest_blocks: usize,
 }
 
 /// The method of all intervals.
-pub const METHOD: IntervalMethod = IntervalMethod {
+pub const METHOD: TestMethod = TestMethod {
     name: "circular block bootstrap, percentile intervals",
-    resamples: DRAWS,
-    seed: SEED,
+    resamples: Some(DRAWS),
+    seed: Some(SEED),
     level: "95 %",
-    block_length: "ceil(2 n^(1/3))",
+    block_length: Some("ceil(2 n^(1/3))"),
     fewest_blocks: MIN_BLOCKS,
 };
 
@@ -208,7 +208,7 @@ impl Sample {
 /// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.
 ///
 /// Only sums are known, so as many frames are drawn as there are blocks of neighbours, with a
-/// probability kept from 0 and 1 by half a frame on either side. `None` for a single block.
+/// probability kept from 0 and 1 by half a block on either side. `None` for too few blocks.
 pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let blocks = |frames: u64| (frames as usize).div_ceil(block(frames as usize).max(1));
@@ -221,7 +221,7 @@ pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
             .count() as f64
             / blocks
     };
-    (blocks(a.1) > 1 && blocks(b.1) > 1)
+    (blocks(a.1).min(blocks(b.1)) >= MIN_BLOCKS)
         .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
         .and_then(middle)
 }
@@ -297,13 +297,16 @@ mod tests {
     }
 
     #[test]
-    fn shares_of_few_frames_are_uncertain() {
-        let (low, high) = shares((10, 20), (12, 20)).unwrap();
+    fn shares_of_few_frames_have_no_interval() {
+        // 57 frames are eight blocks of eight, the last one of one.
+        let (low, high) = shares((30, 57), (35, 57)).unwrap();
         assert!(low < -0.3 && high > 0.3, "{low} {high}");
-        // A few frames that all agree may still be chance.
-        let (low, high) = shares((5, 5), (0, 5)).unwrap();
-        assert!(low == -1.0 && high > -0.5, "{low} {high}");
-        assert_eq!(shares((0, 0), (5, 5)), None);
-        assert_eq!(shares((1, 1), (0, 1)), None);
+        // Blocks that all agree may still be chance.
+        let (low, high) = shares((64, 64), (0, 64)).unwrap();
+        assert!(low == -1.0 && high > -0.9, "{low} {high}");
+        for few in [0, 1, 7, 20, 56] {
+            assert_eq!(shares((0, few), (64, 64)), None);
+            assert_eq!(shares((64, 64), (0, few)), None);
+        }
     }
 }

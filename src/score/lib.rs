@@ -10,3 +10,4 @@ pub mod memory;
 pub mod plausibility;
 pub mod resize;
 pub mod scenario;
+pub mod sign_test;

@@ -133,10 +133,12 @@ impl Matchers {
     }
 
     /// Completes the manifest with the memory of each algorithm, known after a measured run whose
-    /// program counts it, and with the pairs that each failed on.
+    /// program counts it, with the pairs that each failed on, and with whether it depends on
+    /// earlier ones.
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
+                record.has_run_memory = entry.matcher.has_run_memory();
                 record.program = entry.matcher.program();
                 let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));

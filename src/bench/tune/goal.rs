@@ -3,8 +3,8 @@
 use super::values::TrialValues;
 use std::cmp::Ordering;
 use std::str::FromStr;
-use svl_core::{Error, Result, did_you_mean};
-use svl_score::judge::{Better, METRICS, Metric, MetricUnit};
+use svl_core::{Error, Result};
+use svl_score::judge::{Better, Metric, MetricUnit};
 
 /// An objective with constraints.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,17 +37,16 @@ pub enum Bound {
 /// A metric of frames, or the time.
 ///
 /// # Errors
-/// [`Error::Usage`] with the existing names.
+/// [`Error::Usage`] with the nearest name.
 pub(super) fn metric(name: &str) -> Result<&'static Metric> {
     // Agreement with others depends on the algorithms of the run.
     let can = |metric: &&Metric| metric.is_of_frames() && metric.name != "agreed";
-    let names = || METRICS.iter().filter(can).map(|metric| metric.name);
-    Metric::find(name).filter(can).ok_or_else(|| {
-        let near = did_you_mean(name, names());
-        let names: Vec<_> = names().collect();
-        let names = names.join(", ");
+    let Some(metric) = Metric::find(name) else {
+        return Err(Error::Usage(Metric::unknown(name)));
+    };
+    Some(metric).filter(can).ok_or_else(|| {
         Error::Usage(format!(
-            "'{name}' is not a metric to search by{near}; expected one of {names}"
+            "'{name}' is not a metric to search by: it is not of single pairs and one algorithm"
         ))
     })
 }

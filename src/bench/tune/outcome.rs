@@ -109,7 +109,7 @@ impl TunedAlgorithm {
             Judgement::Equal => {
                 format!("the test does not confirm it: {words} are equal; keep the reference")
             }
-            _ if change.interval.is_none() => format!(
+            Judgement::TooFew => format!(
                 "the test has too few pairs to tell ({words} {difference}); use longer recordings"
             ),
             _ => format!(
@@ -357,7 +357,7 @@ mod tests {
                 "confirms it: right cells +10.0 %",
             ),
             (Judgement::Unclear, interval, "does not confirm it"),
-            (Judgement::Unclear, None, "too few pairs to tell"),
+            (Judgement::TooFew, None, "too few pairs to tell"),
             (Judgement::Worse, interval, "refutes it"),
         ] {
             tuned.test = vec![Change {

@@ -1,18 +1,19 @@
-//! `svl columns`: the columns of a report's tables with types, units and meanings.
+//! `svl columns`: the metrics, and the columns of a report's tables, with units and meanings.
 
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
-use svl::report::{ColumnDescription, TABLES, TableDescription};
+use svl::report::{ColumnDescription, METRIC_NAMES, TABLES, TableDescription};
 use svl::stress::STRESSES;
 
-/// List the columns of a report's tables, with units and meanings
+/// List the metrics, and the columns of a report's tables
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
+  svl columns metrics        the names that --columns and [[gate]] accept
   svl columns rows
   svl columns --json
   svl columns --markdown > docs/tables.md")]
 pub(in crate::cli) struct Args {
-    /// Table, as rows or cells [default: all]
+    /// metrics, or a table, as rows or cells [default: all]
     #[arg(value_name = "TABLE", value_parser = table)]
     table: Option<&'static TableDescription>,
     /// Print JSON
@@ -26,7 +27,7 @@ pub(in crate::cli) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let tables: Vec<_> = match args.table {
         Some(table) => vec![table],
-        None => TABLES.iter().collect(),
+        None => listed().collect(),
     };
     if args.json {
         let json = |table: &&TableDescription| DescribedTable {
@@ -46,11 +47,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             name,
             kind,
             unit,
+            heading,
             about,
         } in (table.columns)()
         {
-            let unit = unit.map_or_else(String::new, |unit| format!(", {unit}"));
-            text += &format!("{name}  ({kind}{unit})\n");
+            let facts = [Some(kind), heading.as_deref(), unit];
+            let facts: Vec<_> = facts.into_iter().flatten().collect();
+            text += &format!("{name}  ({})\n", facts.join("; "));
             text += &wrapped("", 4, &about, last);
         }
         print(&format!("{text}\n"))?;
@@ -69,7 +72,7 @@ struct DescribedTable {
 /// All tables as docs/tables.md.
 fn page() -> String {
     let mut page = include_str!("columns.md").to_owned();
-    for table in TABLES {
+    for table in listed() {
         let text = table.table().markdown();
         page.push_str(&format!(
             "\n## {}\n\nA row is {}.\n\n{text}",
@@ -104,14 +107,18 @@ The kinds of `--stress`, on grey values *v*, of the right image *r*.
     section
 }
 
+/// The metrics, then the tables.
+fn listed() -> impl Iterator<Item = &'static TableDescription> {
+    std::iter::once(&METRIC_NAMES).chain(TABLES)
+}
+
 fn table(name: &str) -> Result<&'static TableDescription, String> {
-    let names = || {
-        TABLES
-            .iter()
-            .map(|table| table.name)
-            .collect::<Vec<_>>()
-            .join(", ")
+    let names: Vec<_> = listed().map(|table| table.name).collect();
+    let unknown = || {
+        let names = names.join(", ");
+        format!("no table is called '{name}'; expected one of {names}")
     };
-    let expected = || format!("no table is called '{name}'; expected one of {}", names());
-    TableDescription::find(name).ok_or_else(expected)
+    listed()
+        .find(|table| table.name == name)
+        .ok_or_else(unknown)
 }

@@ -7,7 +7,9 @@ use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::files;
 use svl::outputs::{Outputs, write};
-use svl::report::compare::{Change, Comparison, ComparisonPage, Judgement, ScoredRun};
+use svl::report::compare::{
+    AlgorithmChange, Change, Comparison, ComparisonPage, Judgement, ScoredRun,
+};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{ColumnChoice, Metric, MetricUnit};
 use svl::sink::find_left;
@@ -19,7 +21,7 @@ use svl::sink::find_left;
 /// interval over the pairs, drawn in blocks, as neighbouring pairs are correlated. It is called
 /// better or worse only where the interval excludes 0, and never for fewer than eight blocks or
 /// scenes. Times are shown as ratios and never called better or worse, as the machine may have been
-/// slower that day.
+/// slower that day. Drives are compared course by course, by an exact sign test.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -46,7 +48,7 @@ pub(crate) struct Args {
     /// names are compared, too
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
-    /// Write the page of two reports: changes, and the frames that changed most
+    /// Write the page of two reports: changes, and the frames or courses that changed most
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
@@ -54,10 +56,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
+    ///
+    /// `svl columns metrics` lists them.
     #[arg(long, value_name = "NAMES", conflicts_with_all = ["markdown", "json"])]
     columns: Option<ColumnChoice>,
     /// Write the metrics of --fail-on as JUnit's XML
-    #[arg(long, value_name = "FILE", requires = "fail_on")]
+    #[arg(long, value_name = "FILE.xml", requires = "fail_on")]
     junit: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
@@ -149,11 +153,22 @@ fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<
             "{folder}: is incomplete ({why}), so --fail-on cannot compare it"
         )));
     }
-    let cases: Vec<_> = comparisons
-        .iter()
-        .flat_map(|comparison| cases(comparison, fail_on))
-        .collect();
-    if cases.is_empty() {
+    let named = |comparison: &Comparison, case: TestCase| match comparisons.len() {
+        1 => case,
+        // Names are unique in a file.
+        _ => TestCase {
+            name: format!("{}: {}", comparison.other.display(), case.name),
+            ..case
+        },
+    };
+    let cases = comparisons.iter().flat_map(|comparison| {
+        let cases = cases(comparison, fail_on).into_iter();
+        cases.map(move |case| named(comparison, case))
+    });
+    let cases: Vec<_> = cases.collect();
+    let mut algorithms = comparisons.iter().flat_map(|c| &c.algorithms);
+    let are_measured = algorithms.any(|own| tested_changes(own, fail_on).next().is_some());
+    if !are_measured && complaints(&cases).is_empty() {
         return Err(usage::gate("--fail-on: no report measures these metrics"));
     }
     Ok(cases)
@@ -220,7 +235,12 @@ fn show(args: &Args, comparisons: &[Comparison], not_compared: &[String]) -> any
         parts.join("\n")
     };
     if args.json {
-        print_json(&comparisons)
+        print_json(
+            &comparisons
+                .iter()
+                .map(Comparison::judged)
+                .collect::<Vec<_>>(),
+        )
     } else if comparisons.is_empty() {
         // The error names the reasons.
         Ok(())
@@ -268,42 +288,51 @@ fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Resul
     }
 }
 
-/// The metrics of `fail_on`, which has some, a case each.
-fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
-    let is_meant = |metric: &Metric| {
-        let mut asked = fail_on.iter();
-        asked.any(|FailOn(only)| only.is_none_or(|only| only.name == metric.name))
+/// The changes of the metrics of `fail_on`, which has some.
+fn tested_changes<'a>(
+    algorithm: &'a AlgorithmChange,
+    fail_on: &[FailOn],
+) -> impl Iterator<Item = (String, &'a Change)> {
+    let is_named = |metric: &Metric| {
+        let mut named = fail_on.iter().filter_map(|limit| limit.0);
+        named.any(|named| named == metric)
     };
     // Times are not tested where all metrics are: the machine varies between runs.
-    let is_tested = |change: &Change| {
-        change.metric.unit != MetricUnit::Ms || fail_on.iter().any(|limit| limit.0.is_some())
+    let are_all = fail_on.iter().any(|limit| limit.0.is_none());
+    let is_tested = move |change: &Change| {
+        is_named(change.metric) || are_all && change.metric.unit != MetricUnit::Ms
+    };
+    let changes = algorithm.changes();
+    changes.filter(move |(_, change)| is_tested(change))
+}
+
+/// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for
+/// every metric, and one for each metric of `fail_on`.
+fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
+    let things = (comparison.algorithms.first()).map_or("pair", AlgorithmChange::things);
+    let of_pairs = |subject: &str, result| TestCase {
+        name: format!("{subject}: {things}s"),
+        result,
     };
     let mut cases = Vec::new();
     for algorithm in &comparison.algorithms {
-        // More failures leave fewer pairs for every metric, so they count for any.
-        let open = (algorithm.pairs == 0).then(|| "no pair in common".to_owned());
-        let failed = algorithm.failures().map(TestResult::Failed);
-        cases.extend(
-            failed
-                .or(open.map(TestResult::Skipped))
-                .map(|result| TestCase {
-                    name: algorithm.title(),
-                    result,
-                }),
-        );
-        let meant = algorithm
-            .changes()
-            .filter(|(_, change)| is_meant(change.metric));
-        let tested = meant.filter(|(_, change)| is_tested(change));
+        let subject = algorithm.labels();
+        let compared = match (algorithm.failures(), algorithm.pairs) {
+            (Some(words), _) => TestResult::Failed(words),
+            (None, 0) => TestResult::Skipped(format!("no {things} in common")),
+            _ => TestResult::Passed(algorithm.extent()),
+        };
+        cases.push(of_pairs(&subject, compared));
+        let tested = tested_changes(algorithm, fail_on);
         cases.extend(tested.map(|(name, change)| TestCase {
-            name: format!("{}: {name}", algorithm.title()),
+            name: format!("{subject}: {name}"),
             result: test(change, algorithm.blocks, comparison.method.fewest_blocks),
         }));
     }
     let gone = comparison.only_in_base.iter();
-    cases.extend(gone.map(|label| TestCase {
-        name: label.clone(),
-        result: TestResult::Failed(format!("is not in {}", comparison.other.display())),
+    cases.extend(gone.map(|label| {
+        let words = format!("is not in {}", comparison.other.display());
+        of_pairs(label, TestResult::Failed(words))
     }));
     cases
 }
@@ -312,21 +341,26 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
 fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
     let show = |value| change.metric.show(value);
     let (base, other) = (show(change.base), show(change.other));
-    match (change.judgement, change.interval) {
-        (Judgement::Worse, _) => TestResult::Failed(format!("became worse, {base} to {other}")),
+    let is_of_pairs = change.metric.is_of_frames();
+    match change.judgement {
+        Judgement::Worse => TestResult::Failed(format!("became worse, {base} to {other}")),
         _ if change.metric.unit == MetricUnit::Ms => TestResult::Skipped(
             "times of two runs vary with the machine; a [[gate]] of the ratio to another \
              algorithm tests them"
                 .to_owned(),
         ),
-        (Judgement::Unclear, None) if blocks < min_blocks => TestResult::Skipped(format!(
+        Judgement::TooFew if blocks < min_blocks && is_of_pairs => TestResult::Skipped(format!(
             "{base} to {other}, but too few independent pairs for an interval ({blocks} blocks, \
              at least {min_blocks}): score more pairs"
         )),
-        (Judgement::Unclear, None) if change.is_for_the_worse() => TestResult::Skipped(format!(
-            "{base} to {other}, but too few of the pairs have a value: score more pairs"
+        Judgement::TooFew if change.is_for_the_worse() => TestResult::Skipped(format!(
+            "{base} to {other}, but {} to tell: score more",
+            change.too_few_words()
         )),
-        _ => TestResult::Passed,
+        Judgement::TooFew => {
+            TestResult::Passed(format!("{base} to {other}, {}", change.too_few_words()))
+        }
+        _ => TestResult::Passed(format!("{base} to {other}")),
     }
 }
 
@@ -342,7 +376,7 @@ mod tests {
             other,
             difference: other - base,
             interval: None,
-            judgement: Judgement::Unclear,
+            judgement: Judgement::TooFew,
         }
     }
 

@@ -21,7 +21,10 @@ pub(crate) struct Args {
 enum Generated {
     /// Print a completion script for a shell
     #[command(after_help = "Example:\n  svl generate completions zsh > _svl")]
-    Completions { shell: Shell },
+    Completions {
+        /// Shell that reads it
+        shell: Shell,
+    },
     /// Print the man page, or write those of all commands
     #[command(after_help = "Examples:\n  svl generate man > svl.1\n  svl generate man -o man1")]
     Man {

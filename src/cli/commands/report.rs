@@ -24,7 +24,7 @@ pub(in crate::cli) struct Args {
     folder: PathBuf,
     /// Metrics that the table shows: all or NAME,…
     ///
-    /// `svl columns` lists them [default: the scenario's, or those of its kind].
+    /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
     #[arg(long, value_name = "NAMES")]
     columns: Option<ColumnChoice>,
     /// Sort the algorithms by a metric, the best first

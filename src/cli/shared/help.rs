@@ -108,6 +108,34 @@ fn accepting_negative_numbers(arg: Arg) -> Arg {
     arg.allow_negative_numbers(is_allowed)
 }
 
+/// An option whose default is at the end of the first paragraph of its help, also where the whole
+/// help has several: clap would give it a paragraph of its own.
+fn with_default_in_help(arg: Arg) -> Arg {
+    let values = arg.get_default_values().iter();
+    let values: Vec<_> = values
+        .map(|value| value.to_string_lossy().into_owned())
+        .collect();
+    if values.is_empty() || !arg.get_action().takes_values() {
+        return arg;
+    }
+    let with_default = |help: &StyledStr| {
+        let help = help.to_string();
+        let (first, rest) = match help.split_once("\n\n") {
+            Some((first, rest)) => (first, format!("\n\n{rest}")),
+            None => (help.as_str(), String::new()),
+        };
+        format!("{first} [default: {}]{rest}", values.join(" "))
+    };
+    let [help, long_help] =
+        [arg.get_help(), arg.get_long_help()].map(|help| help.map(with_default));
+    let arg = arg.hide_default_value(true);
+    match (help, long_help) {
+        (Some(help), Some(long_help)) => arg.help(help).long_help(long_help),
+        (Some(help), None) => arg.help(help),
+        _ => arg,
+    }
+}
+
 /// True for an id that is one of these words.
 fn is_named(ids: &str, id: &clap::Id) -> bool {
     ids.split(' ').any(|own| id == own)
@@ -136,7 +164,7 @@ fn with_headings(command: Command, path: &str) -> Command {
     let shared: Vec<_> = shared.into_iter().filter(|(_, ids)| has(ids)).collect();
     let has_sources = !shared.is_empty();
     let command = command.mut_args(|arg| {
-        let arg = accepting_negative_numbers(arg);
+        let arg = with_default_in_help(accepting_negative_numbers(arg));
         let id = arg.get_id();
         if let Some((heading, _)) = shared.iter().find(|(_, ids)| ids.contains(id)) {
             let arg = arg.help_heading(*heading).hide_short_help(true);

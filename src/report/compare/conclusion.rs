@@ -1,6 +1,6 @@
 //! The verdict of a comparison: a word, and the sentence that every form of it begins with.
 
-use super::{Change, Comparison, Judgement};
+use super::{AlgorithmChange, Change, Comparison, Judgement};
 use serde::Serialize;
 use svl_core::counted;
 use svl_score::judge::{Better, ColumnChoice, MetricUnit};
@@ -19,6 +19,8 @@ pub enum Conclusion {
     NoChange,
     /// There is no interval.
     TooFewPairs,
+    /// The same of drives.
+    TooFewCourses,
     NotComparable,
 }
 
@@ -30,12 +32,32 @@ impl Conclusion {
             Self::Mixed => "mixed",
             Self::NoChange => "no change",
             Self::TooFewPairs => "too few pairs",
+            Self::TooFewCourses => "too few courses",
             Self::NotComparable => "not comparable",
         }
     }
 }
 
+/// A comparison with its verdict, for programs.
+#[derive(Serialize)]
+pub struct JudgedComparison<'a> {
+    conclusion: Conclusion,
+    /// The first line on the terminal.
+    verdict: String,
+    #[serde(flatten)]
+    comparison: &'a Comparison,
+}
+
 impl Comparison {
+    /// The comparison as JSON shows it.
+    pub fn judged(&self) -> JudgedComparison<'_> {
+        JudgedComparison {
+            conclusion: self.conclusion(),
+            verdict: self.verdict(),
+            comparison: self,
+        }
+    }
+
     /// The verdict. A pair that the second run alone failed on is worse.
     pub fn conclusion(&self) -> Conclusion {
         let ranked = self.ranked();
@@ -43,8 +65,7 @@ impl Comparison {
             let mut changes = ranked.iter();
             changes.any(|(_, change)| change.judgement == judgement)
         };
-        let is_open =
-            |change: &Change| change.judgement == Judgement::Unclear && change.interval.is_none();
+        let is_open = |change: &Change| change.judgement == Judgement::TooFew;
         let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
         let is_worse = has(Judgement::Worse) || has_failed;
         let mut unequal = ranked
@@ -58,7 +79,11 @@ impl Comparison {
             (false, true) => Conclusion::Better,
             _ if ranked.is_empty() => Conclusion::NotComparable,
             _ if unequal.peek().is_some() && unequal.all(|(_, change)| is_open(change)) => {
-                Conclusion::TooFewPairs
+                if self.is_driven() {
+                    Conclusion::TooFewCourses
+                } else {
+                    Conclusion::TooFewPairs
+                }
             }
             _ => Conclusion::NoChange,
         }
@@ -74,12 +99,14 @@ impl Comparison {
     /// The verdict without its word.
     pub(super) fn verdict_reason(&self, conclusion: Conclusion) -> String {
         let reason = self.headline_reason(conclusion);
-        match (conclusion, self.besides()) {
+        let besides = match (conclusion, self.besides()) {
             (Conclusion::Better | Conclusion::NoChange, besides @ 1..) => {
-                format!("{reason}; besides, {} worse", counted_are(besides))
+                Some(format!("besides, {} worse", counted_are(besides)))
             }
-            _ => reason,
-        }
+            _ => None,
+        };
+        let parts = self.past_words().into_iter().chain([reason]).chain(besides);
+        parts.collect::<Vec<_>>().join("; ")
     }
 
     /// Number of metrics that are worse and not in the headline.
@@ -97,7 +124,8 @@ impl Comparison {
                 format!("scored differently ({differences}): nothing is called better or worse")
             }
             Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
-            Conclusion::TooFewPairs => format!(
+            _ if self.is_driven() && !self.are_equal() => self.drive_reason(conclusion),
+            Conclusion::TooFewPairs | Conclusion::TooFewCourses => format!(
                 "{} are in fewer than {} independent blocks, so there is no interval; score more \
                  pairs",
                 self.pairs_words(),
@@ -149,14 +177,22 @@ impl Comparison {
                 format!("Not before a look below: {metrics} worse besides the headline.")
             }
             Conclusion::Better => "Yes: nothing that was measured is worse.".to_owned(),
-            Conclusion::NoChange => "Nothing that was measured speaks against it. A change \
-                                     smaller than the intervals would not be seen."
-                .to_owned(),
+            Conclusion::NoChange => {
+                let unseen = if self.is_driven() {
+                    "A small change takes more courses to be seen."
+                } else {
+                    "A change smaller than the intervals would not be seen."
+                };
+                format!("Nothing that was measured speaks against it. {unseen}")
+            }
             Conclusion::Worse => {
                 "No, unless something that is not measured here outweighs it.".to_owned()
             }
             Conclusion::Mixed => "Only if what is better is worth what is worse.".to_owned(),
             Conclusion::TooFewPairs => "Cannot be told: score more pairs.".to_owned(),
+            Conclusion::TooFewCourses => {
+                "Cannot be told: drive more courses, as with --seeds 1..100.".to_owned()
+            }
             Conclusion::NotComparable => {
                 "Cannot be told: score both by the same scenario.".to_owned()
             }
@@ -166,12 +202,16 @@ impl Comparison {
         } else {
             ""
         };
+        let past = match self.past_words() {
+            Some(_) => " Score both with equal options to see the change alone.",
+            None => "",
+        };
         let incomplete = if self.incomplete.is_empty() {
             ""
         } else {
             " A report is incomplete."
         };
-        words + partial + incomplete
+        words + partial + past + incomplete
     }
 
     /// The headline metrics with a better direction, but times, with their names.
@@ -207,14 +247,18 @@ impl Comparison {
     fn pairs_words(&self) -> String {
         let pairs = || self.algorithms.iter().map(|own| own.pairs);
         let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
+        let things = self
+            .algorithms
+            .first()
+            .map_or("pair", AlgorithmChange::things);
         if fewest == most {
-            counted(most as u64, "pair")
+            counted(most as u64, things)
         } else {
-            format!("{fewest} to {most} pairs")
+            format!("{fewest} to {most} {things}s")
         }
     }
 
-    fn tested_words(&self) -> String {
+    pub(super) fn tested_words(&self) -> String {
         format!("at {} over {}", self.method.level, self.pairs_words())
     }
 }

@@ -1,4 +1,5 @@
-//! The frames that changed most: those of a comparison by right minus wrong cells.
+//! The frames that changed most: by missed and false near obstacles, then by right minus wrong
+//! cells.
 
 use super::scored_run::ScoredRun;
 use super::{AlgorithmChange, common_pairs};
@@ -6,8 +7,10 @@ use crate::rows::{CellRow, Row};
 use crate::samples::{is_scene, run_key};
 use crate::shots::LeftImages;
 use crate::units::StoredImage;
+use std::cmp::Ordering;
 use std::collections::HashMap;
 use svl_core::Result;
+use svl_score::judge::MetricValues;
 use svl_score::manifest::Manifest;
 
 /// Limit of the frames of either direction.
@@ -29,16 +32,65 @@ pub(super) struct ChangedFrame {
     pub rows: [Row; 2],
     /// Its cells in both; empty without tables of cells.
     pub cells: [Vec<CellRow>; 2],
-    /// Right minus wrong cells, before and after.
-    pub scores: [f64; 2],
+    pub harm: FrameHarm,
     /// The left image, if a folder holds it.
     pub left: Option<StoredImage>,
 }
 
-impl ChangedFrame {
-    /// The change of right minus wrong cells.
-    pub fn change(&self) -> f64 {
-        self.scores[1] - self.scores[0]
+/// What a frame became worse by; negative numbers are for the better. The first number that is not
+/// 0 decides: a robot runs into what is missed, and only stops for what is not there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FrameHarm {
+    /// Change of missed near obstacles, of false ones, and of wrong minus right cells.
+    changes: [f64; 3],
+}
+
+impl FrameHarm {
+    /// `None` without a truth of cells.
+    fn between(before: &MetricValues, after: &MetricValues) -> Option<Self> {
+        let change = |name| Some(after.get(name)? - before.get(name)?);
+        // Without distances no obstacle is missed or false.
+        let [missed, falsely] = ["missed", "false"].map(|name| change(name).unwrap_or_default());
+        Some(Self {
+            changes: [missed, falsely, change("wrong")? - change("right")?],
+        })
+    }
+
+    fn total_cmp(&self, other: &Self) -> Ordering {
+        let pairs = self.changes.iter().zip(&other.changes);
+        let orders = pairs.map(|(own, other)| own.total_cmp(other));
+        orders.fold(Ordering::Equal, Ordering::then)
+    }
+
+    /// The number that decides.
+    fn leading(&self) -> f64 {
+        let mut changes = self.changes.iter();
+        changes
+            .find(|change| **change != 0.0)
+            .copied()
+            .unwrap_or(0.0)
+    }
+
+    pub fn is_worse(&self) -> bool {
+        self.leading() > 0.0
+    }
+
+    /// The reason why the frame is shown: what changed, the most important first.
+    pub fn words(&self) -> String {
+        let [missed, falsely, cells] = self.changes;
+        let words = |change: f64, thing: &str, rest: &str| {
+            let more = if change > 0.0 { "more" } else { "fewer" };
+            let number = change.abs();
+            let plural = if number == 1.0 { "" } else { "s" };
+            (change != 0.0).then(|| format!("{number} {more} {thing}{plural}{rest}"))
+        };
+        let cells = (cells != 0.0).then(|| format!("right minus wrong cells {:+}", -cells));
+        let parts = [
+            words(missed, "near obstacle", " missed"),
+            words(falsely, "false near obstacle", ""),
+            cells,
+        ];
+        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -97,7 +149,10 @@ impl ChangedFrames {
             return Ok(none("The results of all frames are equal."));
         }
         let differing = pairs.iter().filter(|(a, b)| a.result_hash != b.result_hash);
-        let scored = differing.filter_map(|(a, b)| Some((*a, *b, [score(a)?, score(b)?])));
+        let scored = differing.filter_map(|(a, b)| {
+            let harm = FrameHarm::between(&a.metrics, &b.metrics)?;
+            Some((*a, *b, harm))
+        });
         let mut scored: Vec<_> = scored.collect();
         if scored.is_empty() {
             return Ok(none(
@@ -105,14 +160,20 @@ impl ChangedFrames {
             ));
         }
         // Equal changes: those with an image come first. The sort is stable.
-        let place = |pair: &ScoredPair<'_>| (-change(pair).abs(), !images.hold(pair.0));
-        let order = |a: &(f64, bool), b: &(f64, bool)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        scored.sort_by(|a, b| order(&place(a), &place(b)));
-        let worse = spread(scored.iter().filter(|pair| change(pair) < 0.0));
-        let better = spread(scored.iter().filter(|pair| change(pair) > 0.0));
-        let chosen: Vec<_> = worse.into_iter().chain(better).collect();
+        scored.sort_by_key(|pair| !images.hold(pair.0));
+        scored.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let mut chosen = spread(scored.iter().filter(|pair| pair.2.leading() > 0.0));
+        let mut better: Vec<_> = scored
+            .iter()
+            .filter(|pair| pair.2.leading() < 0.0)
+            .collect();
+        better.sort_by(|a, b| a.2.total_cmp(&b.2));
+        chosen.extend(spread(better.into_iter()));
         if chosen.is_empty() {
-            return Ok(none("No frame has more or fewer right minus wrong cells."));
+            return Ok(none(
+                "No frame has more or fewer missed or false near obstacles, or right minus wrong \
+                 cells.",
+            ));
         }
         let rows = |side: usize| chosen.iter().map(move |pair| [pair.0, pair.1][side]);
         let mut cells = [0, 1].map(|_| HashMap::new());
@@ -124,13 +185,13 @@ impl ChangedFrames {
                 }
             })?;
         }
-        let frame = |(a, b, scores): &ScoredPair<'_>| {
+        let frame = |(a, b, harm): &ScoredPair<'_>| {
             let mut own = |i: usize| cells[i].remove(&a.pair_hash).unwrap_or_default();
             Ok(ChangedFrame {
                 cells: [own(0), own(1)],
                 left: images.read(a)?,
                 rows: [a, b].map(|row| (*row).clone()),
-                scores: *scores,
+                harm: *harm,
             })
         };
         Ok(Self {
@@ -140,16 +201,8 @@ impl ChangedFrames {
     }
 }
 
-/// The rows of a pair, and right minus wrong cells of each.
-type ScoredPair<'a> = (&'a Row, &'a Row, [f64; 2]);
-
-fn change(pair: &ScoredPair<'_>) -> f64 {
-    pair.2[1] - pair.2[0]
-}
-
-fn score(row: &Row) -> Option<f64> {
-    Some(row.metrics.get("right")? - row.metrics.get("wrong")?)
-}
+/// The rows of a pair, and what it became worse by.
+type ScoredPair<'a> = (&'a Row, &'a Row, FrameHarm);
 
 /// The first ones that are no neighbours of each other.
 fn spread<'a, 'b: 'a>(pairs: impl Iterator<Item = &'a ScoredPair<'b>>) -> Vec<&'a ScoredPair<'b>> {
@@ -165,4 +218,49 @@ fn spread<'a, 'b: 'a>(pairs: impl Iterator<Item = &'a ScoredPair<'b>>) -> Vec<&'
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn harm(missed: f64, falsely: f64, cells: f64) -> FrameHarm {
+        FrameHarm {
+            changes: [missed, falsely, cells],
+        }
+    }
+
+    #[test]
+    fn obstacles_count_before_cells_and_missed_ones_first() {
+        let ordered = [
+            harm(2.0, -3.0, -9.0),
+            harm(1.0, 4.0, 0.0),
+            harm(0.0, 1.0, -5.0),
+            harm(0.0, 0.0, 7.0),
+            harm(0.0, 0.0, 0.0),
+            harm(0.0, -1.0, 9.0),
+            harm(-1.0, 8.0, 9.0),
+        ];
+        assert!(ordered.is_sorted_by(|a, b| a.total_cmp(b).is_gt()));
+        let signs = ordered.map(|harm| harm.leading().total_cmp(&0.0) as i8);
+        assert_eq!(signs, [1, 1, 1, 1, 0, -1, -1]);
+    }
+
+    #[test]
+    fn the_reason_names_what_changed() {
+        let words = "2 more near obstacles missed, 1 fewer false near obstacle, right minus wrong \
+                     cells -4";
+        assert_eq!(harm(2.0, -1.0, 4.0).words(), words);
+        assert_eq!(harm(0.0, 0.0, -3.0).words(), "right minus wrong cells +3");
+        assert_eq!(harm(-1.0, 0.0, 0.0).words(), "1 fewer near obstacle missed");
+    }
+
+    #[test]
+    fn without_distances_cells_decide() {
+        let values = |right| MetricValues::from([("right", right), ("wrong", 1.0)]);
+        let found = FrameHarm::between(&values(9.0), &values(7.0));
+        assert_eq!(found, Some(harm(0.0, 0.0, 2.0)));
+        let none = MetricValues::default();
+        assert_eq!(FrameHarm::between(&none, &values(7.0)), None);
+    }
 }

@@ -1,9 +1,11 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod conclusion;
+mod courses;
 mod frames;
 mod matched;
 mod page;
+mod past;
 mod scored_run;
 mod text;
 
@@ -11,7 +13,8 @@ use super::accuracy::RangeErrors;
 use super::rows::Row;
 pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
-pub use conclusion::Conclusion;
+pub use conclusion::{Conclusion, JudgedComparison};
+use courses::{CourseChanges, are_driven};
 pub use frames::FindLeft;
 use matched::MatchedLabels;
 pub use page::ComparisonPage;
@@ -20,9 +23,10 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
-use svl_score::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
+use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
 use svl_score::judge::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
+use svl_score::sign_test;
 pub use text::change_table;
 pub use text::signed;
 
@@ -43,9 +47,9 @@ pub struct Comparison {
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
-    /// Method of the intervals. Each is of one metric: of twenty metrics that did not change,
-    /// one is called better or worse by chance.
-    pub method: IntervalMethod,
+    /// Method that tells changes from chance. Each change is of one metric: of twenty metrics that
+    /// did not change, one is called better or worse by chance.
+    pub method: TestMethod,
     /// Metrics and checkpoints of all algorithms that are tested at once.
     pub tested: usize,
     /// Algorithms that only one run has, which are not compared.
@@ -55,6 +59,8 @@ pub struct Comparison {
     pub left_out: Vec<String>,
     /// Algorithms that only one run has, but the other with other parameters: `BASE=OTHER`.
     pub proposed_maps: Vec<String>,
+    /// Differences of the pairs that the runs selected, as options: `--every 1 and 5`.
+    pub selections: Vec<String>,
     /// Folders without a table of cells, whose errors of distances are not compared.
     pub without_cells: Vec<PathBuf>,
 }
@@ -83,6 +89,9 @@ pub struct AlgorithmChange {
     pub unmatched: usize,
     /// Pairs that the second run failed on and of which the first has a result.
     pub newly_failed: usize,
+    /// Pairs before which the two runs have different pairs, of an algorithm whose results depend
+    /// on them.
+    pub other_past: usize,
     /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
     pub blocks: usize,
     /// Pairs with equal pixels but another truth or calibration, by which they were scored.
@@ -92,6 +101,9 @@ pub struct AlgorithmChange {
     pub metrics: Vec<Change>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<CheckpointChange>,
+    /// Of drives: the courses of both reports, which the numbers of pairs then count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub courses: Option<CourseChanges>,
 }
 
 /// A number in both runs.
@@ -103,7 +115,7 @@ pub struct Change {
     /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
     /// magnitude.
     pub difference: f64,
-    /// 95 % bootstrap interval of the difference.
+    /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
     pub interval: Option<Interval>,
     pub judgement: Judgement,
 }
@@ -137,12 +149,14 @@ pub struct CheckpointChange {
 
 /// Significance of a difference, and its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Judgement {
     /// The results are equal.
     Equal,
     /// The interval contains 0.
     Unclear,
+    /// There is no interval: too few independent pairs, or frames of a checkpoint, have a value.
+    TooFew,
     Better,
     Worse,
     /// The interval excludes 0, but neither direction is better.
@@ -176,16 +190,10 @@ impl Comparison {
     ///
     /// # Errors
     /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
-    /// is compared; [`Error::Invalid`] for drives, and for a map of algorithms that they do not
-    /// have.
+    /// is compared; [`Error::Invalid`] for drives and pairs, and for a map of algorithms that they
+    /// do not have.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
-        if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
-            return Err(Error::Invalid(format!(
-                "{}: is of drives, which have no pairs in common with others; [[gate]] limits \
-                 their collisions",
-                driven.folder.display()
-            )));
-        }
+        let is_driven = are_driven(base, other)?;
         let matched = MatchedLabels::new(&base.manifest, &other.manifest, map)?;
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
         if matched.both.is_empty() {
@@ -193,16 +201,19 @@ impl Comparison {
             return Err(Error::Incomplete(format!("{}: {words}", shown())));
         }
         let algorithms = matched.both.iter();
-        let algorithms = algorithms.map(|labels| AlgorithmChange::from_runs(base, other, *labels));
+        let algorithms = algorithms.map(|labels| match is_driven {
+            true => Ok(AlgorithmChange::from_drives(base, other, *labels)),
+            false => AlgorithmChange::from_runs(base, other, *labels),
+        });
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         if algorithms
             .iter()
             .all(|a| a.pairs == 0 && a.newly_failed == 0)
         {
-            let cure =
-                "their pairs differ, as those of other scenarios, seeds or arena versions do";
+            let things = algorithms[0].things();
             return Err(Error::Incomplete(format!(
-                "{}: no pair in common: {cure}",
+                "{}: no {things} in common: their {things}s differ, as those of other scenarios, \
+                 seeds or arena versions do",
                 shown()
             )));
         }
@@ -217,7 +228,11 @@ impl Comparison {
                 .into_iter()
                 .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
                 .collect(),
-            method: bootstrap::METHOD,
+            method: if is_driven {
+                sign_test::METHOD
+            } else {
+                bootstrap::METHOD
+            },
             tested: algorithms
                 .iter()
                 .map(|algorithm| algorithm.changes().count())
@@ -227,9 +242,10 @@ impl Comparison {
             only_in_base: matched.only_in_base,
             only_in_other: matched.only_in_other,
             left_out: matched.left_out,
+            selections: past::selections(&base.selection()?, &other.selection()?),
             without_cells: [base, other]
                 .into_iter()
-                .filter(|run| !run.has_cells())
+                .filter(|run| !is_driven && !run.has_cells())
                 .map(|run| run.folder.clone())
                 .collect(),
         };
@@ -301,8 +317,12 @@ fn differences(
     other: &ScoredRun,
     algorithms: &[AlgorithmChange],
 ) -> Result<Vec<String>> {
+    let purpose = match algorithms.iter().any(|own| own.courses.is_some()) {
+        true => Purpose::CompareDrives,
+        false => Purpose::Compare,
+    };
     let (base, other) = (&base.manifest, &other.manifest);
-    let mut differences = base.differences(other, Purpose::Compare)?;
+    let mut differences = base.differences(other, purpose)?;
     let inputs = algorithms.iter().map(|change| change.other_inputs).max();
     if let Some(inputs @ 1..) = inputs {
         let pairs = counted(inputs, "pair");
@@ -312,14 +332,22 @@ fn differences(
 }
 
 impl AlgorithmChange {
-    /// The subject of the comparison: one algorithm, or two.
-    pub fn title(&self) -> String {
-        if self.other_algorithm != self.algorithm {
-            format!("{} → {}", self.algorithm, self.other_algorithm)
-        } else if self.same_parameters {
+    /// The label of the algorithm, or those of two.
+    pub fn labels(&self) -> String {
+        if self.other_algorithm == self.algorithm {
             self.algorithm.clone()
         } else {
-            format!("{} (other parameters)", self.algorithm)
+            format!("{} → {}", self.algorithm, self.other_algorithm)
+        }
+    }
+
+    /// The subject of the comparison: one algorithm, or two.
+    pub fn title(&self) -> String {
+        let labels = self.labels();
+        if self.other_algorithm != self.algorithm || self.same_parameters {
+            labels
+        } else {
+            format!("{labels} (other parameters)")
         }
     }
 
@@ -346,6 +374,7 @@ impl AlgorithmChange {
         let runs = complete_runs([&a, &b], [&all[0], &all[1]]);
         let visits = other.checkpoints(other_label, &runs);
         let resamples = resamples(&a);
+        let has_run_memory = base.has_run_memory(label) || other.has_run_memory(other_label);
         let equal_results = pairs
             .iter()
             .filter(|(a, b)| a.result_hash == b.result_hash)
@@ -394,9 +423,15 @@ impl AlgorithmChange {
                 .filter(|(a, b)| a.input_hash != b.input_hash)
                 .count(),
             equal_results,
+            other_past: if has_run_memory {
+                past::other_past(&ours, &theirs)
+            } else {
+                0
+            },
             blocks: resamples.blocks(),
             metrics,
             checkpoints,
+            courses: None,
         })
     }
 }
@@ -463,7 +498,19 @@ impl Change {
 
     fn withdraw_equal(&mut self) {
         if self.judgement == Judgement::Equal {
-            self.judgement = Judgement::Unclear;
+            self.judgement = match self.interval {
+                Some(_) => Judgement::Unclear,
+                None => Judgement::TooFew,
+            };
+        }
+    }
+
+    /// What there is too little of for an interval.
+    pub fn too_few_words(&self) -> &'static str {
+        match self.metric.origin {
+            MetricOrigin::Checkpoints => "too few frames",
+            MetricOrigin::Drives(_) => "too few courses",
+            _ => "too few pairs",
         }
     }
 
@@ -488,7 +535,8 @@ impl Change {
                     _ => Judgement::Worse,
                 }
             }
-            _ => Judgement::Unclear,
+            Some(_) => Judgement::Unclear,
+            None => Judgement::TooFew,
         };
         Self {
             metric,

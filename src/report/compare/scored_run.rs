@@ -1,8 +1,9 @@
 //! A report that is compared, read from its folder.
 
 use crate::accuracy::{AccuracyTally, RangeErrors};
+use crate::build::COURSES;
 use crate::csv_rows::{RowReader, read_rows};
-use crate::drives::DriveRow;
+use crate::drives::{CoursePlan, DriveRow};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::samples::{RunKey, run_key};
 use crate::shots::LeftImages;
@@ -11,7 +12,8 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_score::manifest::{Manifest, read_json};
+use svl_score::manifest::{AlgorithmRecord, Manifest, read_json};
+use svl_score::scenario::PairRange;
 
 /// A report of `svl score`, read from its folder.
 pub struct ScoredRun {
@@ -28,6 +30,7 @@ pub struct ScoredRun {
     pub(super) failures: Vec<FailureRow>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
+    courses: Vec<CoursePlan>,
     /// The names of its recordings by those that it is compared under.
     own_names: BTreeMap<String, String>,
     /// Its table of cells, if it is there.
@@ -109,6 +112,12 @@ impl ScoredRun {
         } else {
             (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?)
         };
+        let courses = folder.join(COURSES);
+        let courses = if courses.is_file() {
+            read_json(&courses)?
+        } else {
+            Vec::new()
+        };
         let mut checkpoints: Vec<CheckpointRow> = checkpoints;
         checkpoints.retain(|row| row.stress.is_none());
         Ok(Self {
@@ -120,6 +129,7 @@ impl ScoredRun {
             failures,
             checkpoints,
             drives,
+            courses,
             own_names: BTreeMap::new(),
             cells,
         })
@@ -262,12 +272,25 @@ impl ScoredRun {
         own.filter(|row| pairs.contains(&key(row))).count()
     }
 
+    fn record(&self, label: &str) -> Option<&AlgorithmRecord> {
+        let mut records = self.manifest.algorithms.iter();
+        records.find(|record| record.label == label)
+    }
+
     pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {
-        self.manifest
-            .algorithms
-            .iter()
-            .find(|a| a.label == label)
-            .map(|a| a.parameters_hash.as_str())
+        self.record(label)
+            .map(|record| record.parameters_hash.as_str())
+    }
+
+    /// True if results of an algorithm depend on the earlier pairs of their run.
+    pub(super) fn has_run_memory(&self, label: &str) -> bool {
+        self.record(label)
+            .is_some_and(|record| record.has_run_memory)
+    }
+
+    /// The pairs that were selected of its source.
+    pub(super) fn selection(&self) -> Result<PairRange> {
+        Ok(self.manifest.part("source")?.unwrap_or_default())
     }
 
     /// The rows of an algorithm by run, sequence and name of their pairs.
@@ -275,6 +298,23 @@ impl ScoredRun {
         let own = self.rows.iter().filter(|row| row.algorithm == label);
         own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
             .collect()
+    }
+
+    /// The unperturbed drives of an algorithm by the seeds of their courses.
+    pub(super) fn drives(&self, label: &str) -> BTreeMap<u64, &DriveRow> {
+        let own = self.drives.iter();
+        let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
+        own.map(|row| (row.seed, row)).collect()
+    }
+
+    /// True if the course of that seed has the same obstacles in both reports.
+    pub(super) fn has_course_of(&self, other: &Self, seed: u64) -> bool {
+        let [own, other] = [self, other].map(|run| {
+            let mut courses = run.courses.iter();
+            let course = courses.find(|course| course.seed == seed)?;
+            Some((&course.outlines, course.goal_m))
+        });
+        own == other
     }
 
     /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.

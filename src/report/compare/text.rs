@@ -39,6 +39,9 @@ impl Comparison {
                 text.push_str(&format!("\n{head}{}\n", table.terminal(style)));
             }
         }
+        let courses = self.algorithms.iter();
+        let courses = courses.filter_map(AlgorithmChange::course_words);
+        text.extend(courses.map(|line| wrapped(&line, 2, style.width)));
         if *columns == ColumnChoice::Headline {
             let besides = self.algorithms.iter();
             let besides = besides.filter_map(AlgorithmChange::besides_words);
@@ -76,7 +79,8 @@ impl Comparison {
                 _ => column,
             }
         }));
-        table.columns.push(optional(TableColumn::new("", "pairs")));
+        let things = format!("{}s", self.algorithms[0].things());
+        table.columns.push(optional(TableColumn::new("", &things)));
         for algorithm in &self.algorithms {
             let cell = |metric: &&Metric| {
                 let change = algorithm
@@ -102,10 +106,14 @@ impl Comparison {
         let reason = escape(&self.verdict_reason(conclusion));
         let mut page = format!("**{}**: {reason}", conclusion.word());
         let not_compared: Vec<_> = self.not_compared().collect();
+        let courses = self.algorithms.iter();
+        let courses: Vec<_> = courses.filter_map(AlgorithmChange::course_words).collect();
         let mut lines = MAX_LINES;
-        if !not_compared.is_empty() {
-            page.push_str(&format!("  \n{}", escape_prose(&not_compared.join("; "))));
-            lines -= 1;
+        for said in [not_compared, courses] {
+            if !said.is_empty() {
+                page.push_str(&format!("  \n{}", escape_prose(&said.join("; "))));
+                lines -= 1;
+            }
         }
         let changes = self.leading_changes(lines);
         let table = change_table(["before", "after"], changes.into_iter()).markdown();
@@ -159,7 +167,14 @@ impl Comparison {
             .cautions()
             .map(|line| format!(". {}", escape(&line)))
             .collect();
-        format!("{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows frames{cautions}")
+        let shown = if self.is_driven() {
+            "courses"
+        } else {
+            "frames"
+        };
+        format!(
+            "{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows {shown}{cautions}"
+        )
     }
 
     /// Algorithms and pairs that are not compared, each with the reason.
@@ -292,8 +307,8 @@ impl AlgorithmChange {
     }
 
     /// The pairs that are compared.
-    pub(super) fn extent(&self) -> String {
-        let pairs = counted(self.pairs, "pair");
+    pub fn extent(&self) -> String {
+        let pairs = counted(self.pairs, self.things());
         format!("{pairs}, {} with equal results", self.equal_results)
     }
 
@@ -301,7 +316,7 @@ impl AlgorithmChange {
     fn missing(&self) -> Option<String> {
         let title = self.title();
         let unmatched = (self.unmatched > 0).then(|| {
-            let pairs = counted(self.unmatched, "pair");
+            let pairs = counted(self.unmatched, self.things());
             format!("not compared: {pairs} of {title} in one report alone")
         });
         let failures = self.failures().map(|words| format!("{title}: {words}"));
@@ -330,14 +345,15 @@ impl Change {
 
     /// The answer to whether the change is real.
     fn is_real_words(&self) -> &'static str {
-        match (self.judgement, self.interval) {
-            (Judgement::Equal, ..) => "equal",
-            (Judgement::Better, ..) => "better",
-            (Judgement::Worse, ..) => "WORSE",
-            (Judgement::Differs, ..) => "differs",
-            (Judgement::Unjudged, ..) => "untested",
-            (Judgement::Unclear, Some(_)) => "no",
-            (Judgement::Unclear, None) => "too few",
+        match self.judgement {
+            Judgement::Equal => "equal",
+            Judgement::Better => "better",
+            Judgement::Worse => "WORSE",
+            Judgement::Differs => "differs",
+            Judgement::Unjudged => "untested",
+            Judgement::Unclear => "no",
+            // The place of the interval says so.
+            Judgement::TooFew => NONE,
         }
     }
 
@@ -369,8 +385,11 @@ pub fn change_table<'a>(
         } else {
             name
         };
-        let interval = change.interval.map(|interval| between(metric, interval));
-        let interval = interval.unwrap_or_else(|| NONE.to_owned());
+        let interval = match (change.judgement, change.interval) {
+            (_, Some(interval)) => between(metric, interval),
+            (Judgement::TooFew, None) => change.too_few_words().to_owned(),
+            (_, None) => NONE.to_owned(),
+        };
         let difference = signed(metric, change.difference);
         let cells = [name, base, other, difference, interval];
         let real = change.is_real_words().to_owned();
@@ -410,7 +429,7 @@ pub fn signed(metric: &Metric, v: f64) -> String {
 /// A word for the result; none without a difference.
 fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
-        Judgement::Unclear | Judgement::Unjudged => "",
+        Judgement::Unclear | Judgement::TooFew | Judgement::Unjudged => "",
         Judgement::Equal => "equal",
         Judgement::Better => "better",
         Judgement::Worse => "WORSE",

@@ -1,38 +1,27 @@
 //! The heat map of a sweep over two parameters.
 
 use super::ReportPage;
-use super::shades::{parameter_value, parameter_values, swept_records};
+use super::shades::{parameter_value, parameter_values, swept, swept_records};
+use crate::page::PlotView;
+use crate::plot::{HeatCell, HeatGrid};
 use crate::words::number;
 use serde::Serialize;
+use svl_core::Result;
 use svl_score::judge::{Better, MetricUnit, RunKind};
 
 /// The number that algorithms are ranked by, over the values of two parameters.
 #[derive(Serialize)]
-pub(super) struct HeatMap<'a> {
-    title: String,
+pub(super) struct HeatMap {
+    #[serde(flatten)]
+    grid: HeatGrid,
     about: String,
-    /// The parameters.
-    down: &'a str,
-    across: &'a str,
-    columns: Vec<String>,
-    /// Value and cells; a cell is absent where no algorithm has these values.
-    rows: Vec<(String, Vec<Option<HeatCell<'a>>>)>,
 }
 
-#[derive(Serialize)]
-struct HeatCell<'a> {
-    label: &'a str,
-    text: String,
-    /// 0 for the worst, 1 for the best.
-    place: f64,
-    is_best: bool,
-}
-
-impl<'a> HeatMap<'a> {
+impl HeatMap {
     /// That of a page whose sweeps are of one kind of algorithms, over these parameters; none
     /// unless they are two.
-    pub(super) fn new(page: &'a ReportPage, parameters: &[&'a str]) -> Option<Self> {
-        let [down, across] = *parameters else {
+    pub(super) fn new(page: &ReportPage) -> Option<Self> {
+        let [down, across] = swept(page)[..] else {
             return None;
         };
         let name = &page.sweeps.first()?.algorithm;
@@ -67,7 +56,7 @@ impl<'a> HeatMap<'a> {
             let mut own = merits.iter().filter(|own| own.1 == [Some(y), Some(x)]);
             let (label, _, merit) = *own.next()?;
             Some(HeatCell {
-                label,
+                label: label.to_owned(),
                 text: number(unit, if is_cost { -merit } else { merit }),
                 place: if most > worst {
                     (merit - worst) / (most - worst)
@@ -79,24 +68,31 @@ impl<'a> HeatMap<'a> {
         };
         let percent = if unit == MetricUnit::Share { ", %" } else { "" };
         let words = summary.merit_words()?;
+        let row = |y: &f64| {
+            let cells = columns.iter().map(|x| cell(*y, *x)).collect();
+            (y.to_string(), cells)
+        };
         Some(Self {
-            title: format!("{name}: {words}{percent}"),
+            grid: HeatGrid {
+                title: format!("{name}: {words}{percent}"),
+                rows: rows.iter().map(row).collect(),
+                columns: columns.iter().map(f64::to_string).collect(),
+                down: down.to_owned(),
+                across: across.to_owned(),
+            },
             about: format!(
                 "Over {down} and {across}. The best usable one is framed; the table has all \
                  metrics."
             ),
-            down,
-            across,
-            rows: rows
-                .iter()
-                .map(|y| {
-                    (
-                        y.to_string(),
-                        columns.iter().map(|x| cell(*y, *x)).collect(),
-                    )
-                })
-                .collect(),
-            columns: columns.iter().map(f64::to_string).collect(),
+        })
+    }
+
+    /// The same as a plot.
+    pub(super) fn plot(&self) -> Result<PlotView> {
+        Ok(PlotView {
+            title: self.grid.title.clone().into(),
+            about: "",
+            svg: self.grid.svg()?,
         })
     }
 }

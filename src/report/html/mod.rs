@@ -15,6 +15,7 @@ use super::plot::{AlgorithmColors, CourseMap};
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use super::table::Table;
+use heat::HeatMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::{Error, Result};
@@ -158,6 +159,9 @@ impl ReportPage {
         ];
         for plot in plots.iter().flatten() {
             plot.write(folder, "")?;
+        }
+        if let Some(heat) = HeatMap::new(self) {
+            heat.plot()?.write(folder, "heat map")?;
         }
         for stress in plots::stress(self, &colors)? {
             for plot in &stress.plots {

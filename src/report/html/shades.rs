@@ -52,6 +52,17 @@ pub(super) fn parameter_values(records: &[&AlgorithmRecord], parameter: &str) ->
     values
 }
 
+/// The parameters that are swept, each once.
+pub(super) fn swept(page: &ReportPage) -> Vec<&str> {
+    let mut parameters: Vec<&str> = Vec::new();
+    for sweep in &page.sweeps {
+        if !parameters.contains(&sweep.parameter.as_str()) {
+            parameters.push(&sweep.parameter);
+        }
+    }
+    parameters
+}
+
 /// The swept algorithms of that name.
 pub(super) fn swept_records<'a>(page: &'a ReportPage, name: &str) -> Vec<&'a AlgorithmRecord> {
     let is_swept = |label: &String| {

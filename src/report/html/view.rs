@@ -8,7 +8,7 @@ use super::frames::FigureView;
 use super::heat::HeatMap;
 use super::plots::{StressView, accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
-use super::shades::{ParameterShade, ShadeView, parameter_shades};
+use super::shades::{ParameterShade, ShadeView, parameter_shades, swept};
 use super::{CheckpointFigure, ReportPage};
 use crate::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
@@ -34,7 +34,7 @@ pub(super) struct ReportPageView<'a> {
     headline: Table,
     overview: HeadlineView<'a>,
     /// That of a sweep over two parameters.
-    heat: Option<HeatMap<'a>>,
+    heat: Option<HeatMap>,
     metrics: Table,
     checkpoints: Option<Table>,
     speed: Option<Table>,
@@ -167,7 +167,7 @@ impl<'a> ReportPageView<'a> {
             first: overview.first_figure(&figures),
             grid,
             overview,
-            heat: HeatMap::new(page, &swept(page)),
+            heat: HeatMap::new(page),
             headline,
             metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
@@ -352,17 +352,6 @@ fn headline(page: &ReportPage) -> Table {
         }
     }
     table
-}
-
-/// The parameters that are swept, each once.
-fn swept(page: &ReportPage) -> Vec<&str> {
-    let mut parameters: Vec<&str> = Vec::new();
-    for sweep in &page.sweeps {
-        if !parameters.contains(&sweep.parameter.as_str()) {
-            parameters.push(&sweep.parameter);
-        }
-    }
-    parameters
 }
 
 /// A label without the settings of those parameters.

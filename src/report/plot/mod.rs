@@ -7,6 +7,7 @@ mod bars;
 mod chart;
 mod columns;
 mod distance;
+mod heat;
 mod key;
 mod labels;
 mod map;
@@ -18,6 +19,7 @@ pub use bars::Bars;
 pub use chart::{Axis, Chart};
 pub use columns::two_columns;
 pub use distance::distance_chart;
+pub use heat::{HeatCell, HeatGrid};
 pub use map::{CameraSector, CourseMap, MapWay};
 pub use strips::Strips;
 

@@ -6,6 +6,7 @@
 
 use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
 use serde::{Serialize, Serializer};
+use svl_core::did_you_mean;
 use svl_core::stereo::{CellRule, Estimate, Frame};
 
 /// Inputs of a frame's metrics.
@@ -129,8 +130,11 @@ pub enum RunKind {
 }
 
 impl RunKind {
-    /// The kind of a run of pairs by the metrics that it has.
+    /// The kind of a run by the metrics that it has.
     pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
+        if has("finished") {
+            return Self::Courses;
+        }
         // Numbers of scored pairs and cells may be 0.
         let mut truths = METRICS
             .iter()
@@ -943,7 +947,7 @@ impl Metric {
     /// true.
     ///
     /// # Errors
-    /// One line with the names: all, or those of the metrics that share the heading.
+    /// One line with the nearest name, or those of the metrics that share the heading.
     pub fn named(name: &str, fits: impl Fn(&Self) -> bool) -> Result<&'static Self, String> {
         let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
         let is_headed = |metric: &&Self| {
@@ -967,15 +971,21 @@ impl Metric {
         let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
         match headed[..] {
             [found] => Ok(found),
-            [] => Err(format!(
-                "there is no metric '{name}'; expected one of {}",
-                names(&all)
+            [] if Self::find(name).is_some() => Err(format!(
+                "'{name}' is not measured per pair; name a metric that is"
             )),
+            [] => Err(Self::unknown(name)),
             _ => Err(format!(
                 "'{name}' heads several columns; which of {}?",
                 names(&headed)
             )),
         }
+    }
+
+    /// The error for a name of no metric.
+    pub fn unknown(name: &str) -> String {
+        let hint = did_you_mean(name, METRICS.iter().map(|metric| metric.name));
+        format!("there is no metric '{name}'{hint}; `svl columns metrics` lists them")
     }
 
     /// Its column in rows and summary, with the aggregation; `None` if it is not per frame.
@@ -1174,11 +1184,11 @@ mod tests {
             "collisions",
         ];
         assert_eq!(found.map(|metric| metric.unwrap().name), expected);
-        assert!(
-            named("rigth")
-                .unwrap_err()
-                .contains("there is no metric 'rigth'")
-        );
+        let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` \
+                       lists them";
+        assert_eq!(named("rigth"), Err(unknown.to_owned()));
+        let unfit = Metric::named("collisions", Metric::is_of_frames);
+        assert!(unfit.unwrap_err().contains("is not measured per pair"));
         // Without the one of that name, the heading is that of two.
         let others = Metric::named("right", |metric| metric.name != "right");
         let expected = "'right' heads several columns; which of right_surface, right_near?";

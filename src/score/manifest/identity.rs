@@ -18,11 +18,15 @@ pub enum Purpose {
     Merge,
     /// Changes from one report to another are called better or worse.
     Compare,
+    /// The same of drives.
+    CompareDrives,
 }
 
-use Purpose::{Compare, Keep, Merge};
+use Purpose::{Compare, CompareDrives, Keep, Merge};
 
-const ALL: &[Purpose] = &[Keep, Merge, Compare];
+const ALL: &[Purpose] = &[Keep, Merge, Compare, CompareDrives];
+/// Other courses, or robots.
+const OF_COURSES: &[Purpose] = &[Keep, Merge, CompareDrives];
 /// Other pairs, or pairs scored differently; pairs are compared one by one.
 const OF_PAIRS: &[Purpose] = &[Keep, Merge];
 const OF_ONE_RUN: &[Purpose] = &[Merge];
@@ -66,8 +70,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.grid", ALL),
     ("description.cells", ALL),
     ("description.checkpoint", ALL),
-    ("description.arena", OF_PAIRS),
-    ("description.drive", OF_PAIRS),
+    ("description.arena", OF_COURSES),
+    ("description.drive", OF_COURSES),
     // Each run has its own.
     ("description.stress", OF_ONE_RUN),
     ("description.source.kind", OF_PAIRS),
@@ -142,6 +146,7 @@ impl Manifest {
         let mut manifest = self.clone();
         for algorithm in &mut manifest.algorithms {
             algorithm.results_hash = None;
+            algorithm.has_run_memory = false;
             algorithm.memory_bytes = None;
             (algorithm.failed_pairs, algorithm.failure) = (0, None);
             algorithm.program = None;

@@ -136,6 +136,9 @@ pub struct AlgorithmRecord {
     pub disparities: Option<u32>,
     /// Digest of all its results in order, set at the end of the run.
     pub results_hash: Option<String>,
+    /// True if a result depends on all earlier pairs of its run; set at the end of the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub has_run_memory: bool,
     /// Memory for its largest pair, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<usize>,

@@ -1,8 +1,8 @@
 //! A limit of a run's metrics: an entry of `[[gate]]`.
 
-use crate::judge::{METRICS, Metric, MetricOrigin, MetricUnit};
+use crate::judge::{Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
-use svl_core::{Error, Result, joined};
+use svl_core::{Error, Result};
 
 /// A limit of a metric: an entry of a scenario's `[[gate]]`.
 ///
@@ -33,10 +33,7 @@ fn metric<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<&'static Metric, D::Error> {
     let name = String::deserialize(deserializer)?;
-    Metric::find(&name).ok_or_else(|| {
-        let names = joined(METRICS.iter().map(|metric| metric.name));
-        serde::de::Error::custom(format!("unknown metric '{name}': expected one of {names}"))
-    })
+    Metric::find(&name).ok_or_else(|| serde::de::Error::custom(Metric::unknown(&name)))
 }
 
 impl Limit {

@@ -208,7 +208,7 @@ fn pairs_that_fail_anew_are_worse() {
         .failed(3, &["no pair in common"]);
     fixture
         .svl("compare c c --fail-on worse")
-        .failed(3, &["some: no pair in common"]);
+        .failed(3, &["some: pairs: no pair in common"]);
 }
 
 #[test]
@@ -256,7 +256,7 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
         compare 0#v4 0 => 1: 0#v4: the report has no algorithm 'v4'; it has v3, bm
         compare 0 1 --map v3=v4 => 1: --map v3=v4: expected BASE=OTHER
         compare 0 1 --fail-on better => 2: expected worse
-        compare 0 1 --fail-on worse:nothing => 2: there is no metric 'nothing'; expected one of
+        compare 0 1 --fail-on worse:nothing => 2: there is no metric 'nothing' | columns metrics
         ",
     );
 }
@@ -266,15 +266,50 @@ fn worse_metrics_fail_and_are_in_junits_xml() {
     let fixture = scored(&["v3", "v3"]);
     fixture.run("compare 0 1 --fail-on worse --junit equal.xml");
     let xml = fixture.text("equal.xml");
-    assert_says(&xml, &["failures=\"0\"", "v3: wrong cells"]);
+    let words = [
+        "failures=\"0\"",
+        "name=\"v3: pairs\"><system-out>80 pairs, 80 with equal results</system-out>",
+        "name=\"v3: wrong cells\"><system-out>",
+    ];
+    assert_says(&xml, &words);
     // A matcher that reports nearly nothing loses right cells on every pair.
     let fixture = scored(&["v3", "v3:max_disparity=4"]);
     let failing = "compare 0 1 --fail-on worse:right --junit worse.xml";
     fixture
         .svl(failing)
         .failed(3, &["right cells: became worse"]);
-    assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
+    let words = [
+        "failures=\"1\"",
+        "name=\"v3 → v3:max_disparity=4: right cells\"><failure",
+    ];
+    assert_says(&fixture.text("worse.xml"), &words);
     fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
+    // The tests of several reports have different names.
+    fixture.run("compare 0 0 0#v3 --fail-on worse:right --junit several.xml");
+    let words = ["name=\"0: v3: pairs\"", "name=\"0#v3: v3: pairs\""];
+    assert_says(&fixture.text("several.xml"), &words);
+}
+
+#[test]
+fn checkpoints_of_few_frames_have_values_and_no_interval() {
+    let fixture = scored(&["v3", "v3:max_disparity=4"]);
+    let json = fixture.json("compare 0 1 --json");
+    let checkpoints = json[0]["algorithms"][0]["checkpoints"].as_array().unwrap();
+    let few = |c: &&serde_json::Value| c["judgement"] == "too-few";
+    let found = checkpoints.iter().find(few).expect("80 frames show few");
+    assert!(found["interval"].is_null() && found["base"].is_number());
+    let words = "too few frames";
+    fixture.run("compare 0 1 -o page.html");
+    let junit = "compare 0 1 --fail-on worse:passed --junit few.xml";
+    assert_says(&fixture.svl(junit).stdout, &[words]);
+    let texts = [
+        fixture.run("compare 0 1 --columns all"),
+        fixture.text("page.html"),
+        fixture.text("few.xml"),
+    ];
+    for text in &texts {
+        assert_says(text, &[words]);
+    }
 }
 
 #[test]
@@ -341,16 +376,24 @@ fn the_page_says_what_changed_on_which_frame_and_whether_to_merge() {
         "real at 95\u{a0}% over 80 pairs",
         "<td class=\"bad\">WORSE</td>",
         "Frames that changed most",
-        "right minus wrong cells ",
+        ", right minus wrong cells -",
         "<figcaption>truth</figcaption>",
         "right → unknown",
         "80 pairs, 80 with equal results",
         "The results of all frames are equal.",
     ];
     assert_says(&page, &words);
-    // Three frames became worse, and none better; each is shown before, after and in truth.
-    assert_eq!(page.matches("<article class=\"figure\">").count(), 3);
-    assert_eq!(page.matches("<svg class=\"grid\"").count(), 9);
+    // Three frames became worse; three miss fewer obstacles, as nearly nothing is reported there.
+    // Each is shown before, after and in truth.
+    assert_eq!(page.matches("<article class=\"figure\">").count(), 6);
+    assert_eq!(page.matches("<svg class=\"grid\"").count(), 18);
+    let reason = |side: &str| {
+        let (_, frames) = page.split_once(&format!("class=\"side\">{side}<")).unwrap();
+        let (_, reason) = frames.split_once("</b>: ").unwrap();
+        reason.split('<').next().unwrap()
+    };
+    assert_says(reason("Worse"), &["right minus wrong cells -"]);
+    assert_says(reason("Better"), &["fewer near obstacle", " missed, "]);
     // The images that the folders lack are rendered again.
     assert!(!page.contains("stand alone"));
     assert!(!page.contains("<script") && !page.contains("http"));
@@ -390,6 +433,44 @@ fn frames_of_an_own_recording_are_shown_as_long_as_it_is_there() {
         &page("without.html"),
         &["stand alone: their images are neither"],
     );
+}
+
+#[test]
+fn other_pairs_before_each_pair_explain_a_history() {
+    let fixture = Fixture::new();
+    fixture.run("record arena --frames 60 --seed 7 -o run.mcap -q");
+    for (out, options) in [("0", ""), ("1", "--every 5"), ("2", "--every 1 --to 1")] {
+        let algorithms = "--algo v5 --algo v5:revision=2 --algo bm";
+        fixture.run(&format!(
+            "score run.mcap -q {algorithms} {options} --rerun none -o {out}"
+        ));
+    }
+    let words = "the pairs before each pair differ (--every 1 and 5), so v5, which has a history, \
+                 differs for that reason, too";
+    let plain = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = plain(fixture.run("compare 0 1"));
+    let (verdict, _) = text.split_once("not compared").unwrap();
+    assert_says(verdict, &[words]);
+    assert_says(&fixture.run("compare 0 1 --markdown"), &[words]);
+    fixture.run("compare 0 1 -o page.html");
+    assert_says(&fixture.text("page.html"), &[words, "with equal options"]);
+    let json = fixture.json("compare 0 1 --json");
+    assert_says(json[0]["verdict"].as_str().unwrap(), &[words]);
+    assert_eq!(
+        json[0]["selections"],
+        serde_json::json!(["--every 1 and 5"])
+    );
+    // Of the pairs in common the first alone has the same past.
+    let algorithms = json[0]["algorithms"].as_array().unwrap();
+    let numbers = algorithms.iter().map(|own| {
+        let number = |key: &str| own[key].as_u64().unwrap();
+        (number("other_past"), number("pairs"))
+    });
+    assert_eq!(numbers.collect::<Vec<_>>(), [(11, 12), (0, 12), (0, 12)]);
+    // Fewer pairs after the same ones change nothing.
+    let text = plain(fixture.run("compare 0 2"));
+    assert!(!text.contains("has a history"), "{text}");
+    assert_says(&text, &["equal to the bit"]);
 }
 
 #[test]

@@ -119,6 +119,72 @@ fn the_same_command_drives_only_what_is_missing() {
 }
 
 #[test]
+fn drives_are_compared_course_by_course() {
+    let fixture = driven();
+    let text = fixture.run("compare r r");
+    assert!(
+        text.starts_with("no change: the results of 2 courses are equal to the bit\n"),
+        "{text}"
+    );
+    let [truth, blind] = ["r#truth", "r#blind"];
+    let compare = |more: &str| fixture.run(&format!("compare {truth} {blind} {more}"));
+    let plain = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let json = fixture.json(&format!("compare {truth} {blind} --json"));
+    let own = &json[0]["algorithms"][0];
+    let driven = &own["courses"];
+    let hits = driven["collisions"][1].as_u64().unwrap();
+    assert!(hits > 1 && driven["collisions"][0] == 0, "{driven}");
+    assert_eq!(driven["finished"], serde_json::json!([2, 0]));
+    let changed = driven["changed"].as_array().unwrap();
+    assert_eq!(changed.len(), 2);
+    assert_eq!(changed[0]["finished"], serde_json::json!([true, false]));
+    assert_eq!(json[0]["conclusion"], "too-few-courses");
+    // Collisions come first, and few courses are said to be few.
+    let verdict = format!("too few courses: collisions 0 → {hits}, courses finished 2 → 0");
+    let few = "too few courses to tell: an exact sign test needs 6 of both reports";
+    let lost = "not finished any more: courses ";
+    assert_eq!(json[0]["verdict"].as_str().unwrap().find(&verdict), Some(0));
+    assert_says(
+        &plain(compare("")),
+        &[&verdict, few, lost, "more collisions on"],
+    );
+    let markdown = compare("--markdown");
+    assert_says(&markdown, &[lost, "`-o FILE.html` shows courses"]);
+    assert!(markdown.lines().count() <= 10, "{markdown}");
+    compare("-o drives.html");
+    let page = fixture.text("drives.html");
+    let words = [
+        "Courses that changed",
+        ">yes → no<",
+        "exact sign test",
+        "drive more courses",
+    ];
+    assert_says(&page, &words);
+    assert!(!page.contains("Frames that changed most"));
+    // The algorithm with more collisions comes first.
+    let both = fixture.run("compare r r --map blind=truth --map truth=blind");
+    let first = format!("too few courses: truth → blind collisions 0 → {hits}, ");
+    assert!(plain(both.clone()).starts_with(&first), "{both}");
+    // Other rules are not compared.
+    let other = courses("[drive]\nnear_miss_m = 0.03\n");
+    fixture.write("slow.toml", other.replace("[1, 7]", "[1]"));
+    fixture.run("score slow.toml -q --drives none -o slow");
+    let text = plain(fixture.run("compare r slow"));
+    let words = [
+        "not comparable: scored differently (drive",
+        "not compared: 1 course of truth in one report alone",
+    ];
+    assert_says(&text, &words);
+    let failing = "compare r#truth r#blind --fail-on worse:collisions --junit drives.xml";
+    fixture.svl(failing).failed(
+        3,
+        &["collisions: 0.0 per 100 m to", "too few courses to tell"],
+    );
+    let words = ["name=\"truth → blind: courses\"><system-out>2 courses, 0 with equal results"];
+    assert_says(&fixture.text("drives.xml"), &words);
+}
+
+#[test]
 fn collisions_have_limits() {
     let fixture = Fixture::new();
     let limits = |collisions: u32| {
@@ -137,13 +203,11 @@ fn collisions_have_limits() {
             "per 100 m, at most 500.0 per 100 m",
         ],
     );
-    // Two reports of drives have no pairs in common.
-    fixture.fails("compare reports/small reports/small => 1: is of drives | [[gate]]");
     fixture.write("broken.toml", courses(&limits(1)));
     fixture.fails(
         "
         score broken.toml --gate -q --drives none --seeds 1 => 3: blind: collisions | at most 1.0
-        score broken.toml --sort collisions => 2: there is no metric 'collisions'
+        score broken.toml --sort collisions => 2: 'collisions' is not measured per pair
         ",
     );
 }

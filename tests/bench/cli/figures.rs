@@ -80,6 +80,22 @@ fn every_plot_of_the_page_is_a_file() {
 }
 
 #[test]
+fn a_sweep_of_two_parameters_has_its_heat_map() {
+    let fixture = pairs();
+    let grid = "bm:max_disparity=4/8,block_size=5/7/9";
+    fixture.run(&format!(
+        "score pairs --algo {grid} -q --rerun none -o r --figures f"
+    ));
+    let names = figures(&fixture, "f");
+    let heat = names.iter().find(|name| name.starts_with("heat-map-bm"));
+    let heat = fixture.text(&format!(
+        "f/{}",
+        heat.unwrap_or_else(|| panic!("{names:?}"))
+    ));
+    assert_says(&heat, &["\nblock_size\n", "\nmax_disparity\n", "\n9\n"]);
+}
+
+#[test]
 fn a_folder_of_others_is_refused_before_the_run() {
     let fixture = pairs();
     fixture.write("full/notes.txt", "mine");

@@ -47,10 +47,31 @@ fn short_help_fits_a_screen_and_options_have_headings() {
             });
             let places: Vec<_> = places.into_iter().flatten().collect();
             assert!(places.is_sorted(), "svl {command} {flag}:\n{text}");
+            assert_defaults_stand_once(&text);
         }
     }
     let front = fixture.svl_with(&["-h"], &[("COLUMNS", "80")]).done();
     assert!(front.lines().count() <= 46, "{front}");
+}
+
+/// A default ends a line of its option, once. Possible values that are not all are not listed.
+fn assert_defaults_stand_once(help: &str) {
+    let is_name = |line: &str| {
+        let indent = line.len() - line.trim_start().len();
+        indent <= 6 && line.trim_start().starts_with(['-', '<', '['])
+    };
+    let mut defaults = 0;
+    for (before, line) in help.lines().zip(help.lines().skip(1)) {
+        defaults = if is_name(line) { 0 } else { defaults };
+        defaults += line.matches("[default:").count();
+        assert!(defaults <= 1, "two defaults: {line}\n{help}");
+        let is_alone = before.trim().is_empty() && line.trim().starts_with("[default:");
+        assert!(!is_alone, "a default alone: {line}\n{help}");
+        assert!(
+            !line.contains("foxglove:ws://]") && !line.contains("\\\""),
+            "{line}"
+        );
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use svl::source::{Request, Source, SourceKind};
 #[command(mut_args(|arg| hidden(arg, SCENARIO_OPTIONS)))]
 pub(super) struct LabelInput {
     /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
-    #[arg(value_parser = SourceParser)]
+    #[arg(value_parser = SourceParser, hide_possible_values = true)]
     pub(super) source: String,
     /// Seed of a simulated source [default: 1]
     #[arg(long, value_name = "N")]

@@ -21,15 +21,12 @@ use svl::source::{Limited, Request, Source};
 #[command(mut_args(|arg| source::hidden(arg, SCENARIO_OPTIONS)))]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Source to record, as `svl help sources` lists them
-    ///
-    /// [default: arena].
+    /// Source to record, as `svl help sources` lists them [default: arena]
     #[arg(value_parser = source::SourceParser, hide_possible_values = true)]
     source: Option<String>,
     /// File to write [default: recordings/SOURCE-N.mcap]
     ///
-    /// -: the rectified pairs to standard output, in the form of docs/exec-protocol.md [default:
-    /// recordings/SOURCE-N.mcap].
+    /// -: the rectified pairs to standard output, in the form of docs/exec-protocol.md.
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending_or_stdout(&["mcap"]))]
     output: Option<PathBuf>,
     /// Largest number of pairs
@@ -41,7 +38,8 @@ pub(crate) struct Args {
     /// Largest duration, seconds of the source's stamps
     #[arg(long, value_name = "S", value_parser = usage::within(0.001..=1e9))]
     duration: Option<f64>,
-    /// Seed of the textures, path and noise of a simulated source [default: a scenario's first, 1]
+    /// Seed of the textures, path and noise of a simulated source [default: 1, or a scenario's
+    /// first]
     #[arg(long, value_name = "N", value_parser = usage::within(0..=u64::MAX))]
     seed: Option<u64>,
     #[command(flatten)]

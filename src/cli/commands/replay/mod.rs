@@ -40,13 +40,13 @@ pub(crate) struct Args {
     /// Recording, or the folder of a ROS 2 bag [default: the newest]
     ///
     /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT],
-    /// foxglove:ws://HOST:PORT[/LEFT,RIGHT] [default: the newest of recordings/, else the arena,
-    /// recorded first].
+    /// foxglove:ws://HOST:PORT[/LEFT,RIGHT]. The newest is that of recordings/; if there is none,
+    /// the arena is recorded first.
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
     ///
-    /// `svl algos` lists them [default: v5; with --verify those of the earlier run].
+    /// `svl algos` lists them. With --verify the default is those of the earlier run.
     #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]

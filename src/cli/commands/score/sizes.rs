@@ -10,18 +10,16 @@ const MIN_TOLERANCE_M: f64 = 0.001;
 /// In place of the scenario's.
 #[derive(Clone, clap::Args)]
 pub(super) struct SizeArgs {
-    /// Distance of an obstacle, metres [default: 0.5]
+    /// Distance of an obstacle, metres [default: the scenario's, else 0.5]
     ///
     /// Near obstacles are missed, found and false by it; beyond one and a half times as far nothing
-    /// has to be avoided yet [default: the scenario's, else 0.5].
+    /// has to be avoided yet.
     #[arg(
         id = "near_m", long = "near", value_name = "M",
         value_parser = usage::within(0.01..=1000.0)
     )]
     near: Option<f64>,
-    /// Cells of the obstacle grid [default: 5x3]
-    ///
-    /// [default: the scenario's, else 5x3].
+    /// Cells of the obstacle grid [default: the scenario's, else 5x3]
     #[arg(id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape)]
     cells: Option<GridShape>,
     /// Tolerance of a right cell: 5%, 0.1m, or both

@@ -57,9 +57,7 @@ pub(crate) struct Args {
         hide_possible_values = true
     )]
     what: Vec<String>,
-    /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
-    ///
-    /// With its first setting.
+    /// Algorithm with its first setting, as NAME[:key=value,…]; repeatable [default: v5]
     #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     /// Take grid, cell rule and checkpoints from it
@@ -69,10 +67,10 @@ pub(crate) struct Args {
     filters: FilterArgs,
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
-    /// A new viewer, a running one, a file, or none [default: spawn; with --script none].
+    /// A new viewer, a running one, a file, or none [default: spawn, but none with --script].
     #[arg(long, value_name = "WHERE", conflicts_with = "auto")]
     rerun: Option<RerunChoice>,
-    /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
+    /// Take the keys from a file instead of a terminal, one token per key: characters, "text",
     /// enter, up, shift-left, tab, ctrl-r, wait (until all is done), screen (prints it), ...
     #[arg(long, value_name = "FILE", conflicts_with = "auto")]
     script: Option<PathBuf>,
@@ -105,9 +103,7 @@ struct SearchArgs {
     /// May be given more than once [default: all that change the result, around their values].
     #[arg(long, value_name = "NAME", requires = "auto")]
     vary: Vec<String>,
-    /// Metric to maximize
-    ///
-    /// [default: right, or unrivalled without truth]
+    /// Metric to maximize [default: right, or unrivalled without truth]
     #[arg(
         long,
         value_name = "METRIC",
@@ -124,9 +120,7 @@ struct SearchArgs {
     /// and blind <=1x, time<=1.5x].
     #[arg(long, value_name = "BOUND", requires = "auto")]
     subject_to: Vec<Constraint>,
-    /// Recordings or a scenario to test the result on
-    ///
-    /// [default: a part of the runs that is held out]
+    /// Recordings or a scenario to test the result on [default: some of the runs, held out]
     #[arg(long, value_name = "SOURCE", num_args = 1.., requires = "auto")]
     test: Vec<String>,
     /// Seeds of the arena to test the result on

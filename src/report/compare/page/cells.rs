@@ -10,14 +10,22 @@ use svl_score::judge::Verdict;
 
 /// Limit of the cells that the caption lists.
 const MAX_LISTED: usize = 3;
+/// Metrics that the caption counts, with their words.
+const COUNTS: [(&str, &str); 5] = [
+    ("right", "right"),
+    ("wrong", "wrong"),
+    ("unknown", "unknown"),
+    ("missed", "missed near obstacles"),
+    ("false", "false ones"),
+];
 
 #[derive(Serialize)]
 pub(super) struct ChangedFrameView<'a> {
     origin: String,
-    /// Right minus wrong cells.
-    score: String,
+    /// The reason why it is shown.
+    reason: String,
     counts: String,
-    /// The cells with another verdict, in words.
+    /// The cells with another verdict in words, changes of obstacles first.
     changes: Vec<String>,
     panels: Vec<CellsView<'a>>,
 }
@@ -49,19 +57,21 @@ impl<'a> ChangedFrameView<'a> {
     /// `labels`: those of the two algorithms.
     pub fn new(frame: &'a ChangedFrame, labels: &[String; 2], images: &mut PageImages<'a>) -> Self {
         let [a, b] = &frame.rows;
-        let count = |name| [a, b].map(|row| row.metrics.get(name).unwrap_or_default());
-        let counts = ["right", "wrong", "unknown"].map(|name| {
-            let [before, after] = count(name);
-            format!("{name} {before} → {after}")
+        let counts = COUNTS.iter().filter_map(|(name, words)| {
+            let (before, after) = a.metrics.get(name).zip(b.metrics.get(name))?;
+            Some(format!("{words} {before} → {after}"))
         });
-        let [before, after] = frame.scores;
+        let counts: Vec<_> = counts.collect();
         let pairs = frame.cells[0].iter().filter_map(|cell| {
             let other = frame.cells[1]
                 .iter()
                 .find(|other| place(other) == place(cell))?;
             Some((cell, other))
         });
-        let changed: Vec<_> = pairs.filter(|(a, b)| a.verdict != b.verdict).collect();
+        let is_other = |(a, b): &CellPair<'_>| a.verdict != b.verdict || obstacle(a, b).is_some();
+        let mut changed: Vec<_> = pairs.filter(is_other).collect();
+        // The sort is stable.
+        changed.sort_by_key(|(a, b)| obstacle(a, b).is_none());
         let places: Vec<_> = changed.iter().map(|(cell, _)| place(cell)).collect();
         let mut changes: Vec<_> = changed.iter().map(change_words).collect();
         let more = changes.len().saturating_sub(MAX_LISTED);
@@ -90,7 +100,7 @@ impl<'a> ChangedFrameView<'a> {
         let has_cells = frame.cells.iter().all(|cells| !cells.is_empty());
         Self {
             origin: a.origin_words(),
-            score: format!("{before} → {after} ({:+})", frame.change()),
+            reason: frame.harm.words(),
             counts: counts.join(", "),
             changes,
             panels: if has_cells { panels } else { Vec::new() },
@@ -174,16 +184,27 @@ fn report(cell: &CellRow) -> String {
     }
 }
 
+/// A cell before and after.
+type CellPair<'a> = (&'a CellRow, &'a CellRow);
+
+/// The change of its obstacle in words, if there is one.
+fn obstacle(before: &CellRow, after: &CellRow) -> Option<&'static str> {
+    let is = [
+        (before.missed, after.missed),
+        (before.r#false, after.r#false),
+    ];
+    match is {
+        [(false, true), _] => Some("an obstacle is missed"),
+        [_, (false, true)] => Some("a false obstacle"),
+        [(true, false), _] => Some("an obstacle is not missed any more"),
+        [_, (true, false)] => Some("a false obstacle less"),
+        _ => None,
+    }
+}
+
 /// A cell with another verdict.
-fn change_words((before, after): &(&CellRow, &CellRow)) -> String {
-    let obstacle = match (
-        after.missed && !before.missed,
-        after.r#false && !before.r#false,
-    ) {
-        (true, _) => ", an obstacle is missed",
-        (_, true) => ", a false obstacle",
-        _ => "",
-    };
+fn change_words((before, after): &CellPair<'_>) -> String {
+    let obstacle = obstacle(before, after).map_or_else(String::new, |words| format!(", {words}"));
     format!(
         "({}, {}) {} → {}: {} → {}, true {}{obstacle}",
         before.column,

@@ -6,7 +6,7 @@ mod cells;
 use super::frames::{BothImages, ChangedFrame, ChangedFrames, FindLeft};
 use super::scored_run::ScoredRun;
 use super::text::change_table;
-use super::{AlgorithmChange, Comparison, Conclusion};
+use super::{AlgorithmChange, Comparison, Conclusion, CourseChanges};
 use crate::page::{ImageView, PageImages, fill};
 use crate::table::Table;
 use cells::ChangedFrameView;
@@ -38,7 +38,10 @@ impl<'a> ComparisonPage<'a> {
     ) -> Result<Self> {
         let images = BothImages::new([base, other], find)?;
         let frames = comparison.algorithms.iter();
-        let frames = frames.map(|algorithm| ChangedFrames::find(algorithm, &images));
+        let frames = frames.map(|algorithm| match algorithm.courses {
+            Some(_) => Ok(ChangedFrames::default()),
+            None => ChangedFrames::find(algorithm, &images),
+        });
         Ok(Self {
             comparison,
             frames: frames.collect::<Result<_>>()?,
@@ -73,7 +76,9 @@ impl<'a> ComparisonPage<'a> {
             overview: (algorithms.len() > 1).then(|| comparison.overview(&ColumnChoice::Headline)),
             algorithms,
             level: comparison.method.level,
+            fewest_blocks: comparison.method.fewest_blocks,
             tested: comparison.tested,
+            is_driven: comparison.is_driven(),
             images: images.into_views(),
             identity: identity(comparison),
             incomplete: (),
@@ -83,7 +88,7 @@ impl<'a> ComparisonPage<'a> {
 }
 
 /// The origin of the reports, and the method of the comparison.
-fn identity(comparison: &Comparison) -> Vec<(String, String)> {
+fn identity(comparison: &Comparison) -> Vec<(&'static str, String)> {
     let Comparison {
         base,
         other,
@@ -91,23 +96,22 @@ fn identity(comparison: &Comparison) -> Vec<(String, String)> {
         method,
         ..
     } = comparison;
-    let entry = |name: &str, value: String| (name.to_owned(), value);
-    vec![
+    let entry = |name: &'static str, value: String| (name, value);
+    let seed = method.resamples.zip(method.seed);
+    let length = method.block_length;
+    let fixed = [
         entry("before", base.display().to_string()),
         entry("made by", origins[0].to_string()),
         entry("after", other.display().to_string()),
         entry("made by", origins[1].to_string()),
-        entry("intervals", format!("{} of {}", method.level, method.name)),
-        entry(
-            "resamples",
-            format!("{}, seed {}", method.resamples, method.seed),
-        ),
-        entry(
-            "block length",
-            format!("{} pairs of a run of n", method.block_length),
-        ),
-        entry("fewest blocks", method.fewest_blocks.to_string()),
-    ]
+        entry("test", format!("{}, at {}", method.name, method.level)),
+        entry("fewest blocks or courses", method.fewest_blocks.to_string()),
+    ];
+    let resamples =
+        seed.map(|(resamples, seed)| entry("resamples", format!("{resamples}, seed {seed}")));
+    let length =
+        length.map(|length| entry("block length", format!("{length} pairs of a run of n")));
+    fixed.into_iter().chain(resamples).chain(length).collect()
 }
 
 #[derive(Serialize)]
@@ -124,9 +128,11 @@ struct ComparisonView<'a> {
     overview: Option<Table>,
     algorithms: Vec<ComparedAlgorithmView<'a>>,
     level: &'static str,
+    fewest_blocks: usize,
     tested: usize,
+    is_driven: bool,
     images: Vec<ImageView>,
-    identity: Vec<(String, String)>,
+    identity: Vec<(&'static str, String)>,
     /// The cautions say it.
     incomplete: (),
 }
@@ -142,6 +148,8 @@ struct ComparedAlgorithmView<'a> {
     all: Table,
     worse: Vec<ChangedFrameView<'a>>,
     better: Vec<ChangedFrameView<'a>>,
+    /// The courses that changed, and the number of those without a row.
+    courses: Option<(Table, usize)>,
     /// A remark on what the frames lack, or why there are none.
     note: Option<String>,
 }
@@ -162,7 +170,7 @@ impl<'a> ComparedAlgorithmView<'a> {
         };
         let views = frames.frames.iter();
         let views = views.map(|frame| (frame, ChangedFrameView::new(frame, &labels, images)));
-        let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.change() < 0.0);
+        let (worse, better): (Vec<_>, Vec<_>) = views.partition(|(frame, _)| frame.harm.is_worse());
         let views = |frames: Vec<(&ChangedFrame, ChangedFrameView<'a>)>| {
             frames.into_iter().map(|(_, view)| view).collect()
         };
@@ -175,6 +183,7 @@ impl<'a> ComparedAlgorithmView<'a> {
             all: change_table(HEADS, algorithm.changes()),
             worse: views(worse),
             better: views(better),
+            courses: algorithm.courses.as_ref().map(CourseChanges::table),
             note: note(frames),
         }
     }

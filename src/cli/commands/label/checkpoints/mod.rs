@@ -61,7 +61,7 @@ pub(crate) struct Args {
     /// A new viewer, a running one, a file, or none.
     #[arg(long, value_name = "WHERE", default_value = "none")]
     rerun: RerunChoice,
-    /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
+    /// Take the keys from a file instead of a terminal, one token per key: characters, "text",
     /// enter, esc, left, space, click:COLUMN,ROW, screen (prints it), ...
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,

@@ -291,9 +291,11 @@ fn number_line(line: &NumberLine, colors: bool) -> Line<'static> {
     let (mark, color) = match line.judgement {
         Judgement::Better => ('+', Some(Color::Green)),
         Judgement::Worse => ('!', Some(Color::Red)),
-        Judgement::Equal | Judgement::Unclear | Judgement::Differs | Judgement::Unjudged => {
-            (' ', None)
-        }
+        Judgement::Equal
+        | Judgement::Unclear
+        | Judgement::TooFew
+        | Judgement::Differs
+        | Judgement::Unjudged => (' ', None),
     };
     let NumberLine {
         name,
