@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import pydoc
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -52,6 +53,13 @@ def python(code, folder=None):
     if ran.returncode:
         raise AssertionError(ran.stderr)
     return ran.stdout
+
+
+def svl_processes():
+    """The processes of svl that this one started."""
+    tasks = Path("/proc/self/task").iterdir()
+    started = [int(pid) for task in tasks for pid in (task / "children").read_text().split()]
+    return [pid for pid in started if Path(f"/proc/{pid}/comm").read_text() == "svl\n"]
 
 
 def resident_bytes():
@@ -526,6 +534,32 @@ class Reading(InFolder):
         next(pairs)
         pairs.close()
         self.assertLess(time.monotonic() - began, 20)
+
+    def test_an_interrupted_svl_is_an_error(self):
+        pairs = svl.read("arena", frames=100_000)
+        self.assertEqual(next(pairs).sequence, 0)
+        (pid,) = svl_processes()
+        os.kill(pid, signal.SIGTERM)
+        with self.fails(RuntimeError, "interrupted after", "of 100000 pairs"):
+            for _ in pairs:
+                pass
+
+    def test_an_interrupt_of_python_ends_svl_orderly(self):
+        path = self.folder / "a.mcap"
+
+        def interrupt():
+            while not path.exists() or path.stat().st_size < 1_000_000:
+                time.sleep(0.01)
+            os.kill(os.getpid(), signal.SIGINT)
+
+        thread = threading.Thread(target=interrupt)
+        thread.start()
+        with self.assertRaises(KeyboardInterrupt):
+            svl.record("arena", path, frames=100_000)
+        thread.join()
+        self.assertEqual(svl_processes(), [])
+        # It has its summary.
+        self.assertIn('"intact": true', svl_program("info", path, "--json"))
 
     def test_errors_are_svl_s(self):
         with self.fails(RuntimeError, "none.bag"):

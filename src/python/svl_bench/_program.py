@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
+import tempfile
 from pathlib import Path
 from typing import Any, Iterator, Mapping, Sequence, Union
 
@@ -26,12 +28,33 @@ def program() -> str:
     return found
 
 
-def command(*words: str) -> list[str]:
-    """The words of a command line of svl."""
-    return [program(), *words]
+@contextlib.contextmanager
+def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[bytes]]:
+    """A command of svl, whose standard output the caller reads. Raises svl's message if it ends with a
+    status that is not ok. Where the caller leaves early, svl is asked to end orderly, and waited for."""
+    with tempfile.TemporaryFile() as errors, subprocess.Popen(
+        [program(), *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
+    ) as svl:
+        assert svl.stdout is not None
+        try:
+            yield svl
+        except BaseException:
+            # Ctrl-C reaches svl, too: what comes within 200 ms is the same interrupt to it.
+            svl.terminate()
+            svl.stdout.close()
+            try:
+                svl.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                svl.kill()
+            raise
+        svl.stdout.close()
+        svl.wait()
+        errors.seek(0)
+        name = next(word for word in words if not word.startswith("-"))
+        _check(name, svl.returncode, errors.read().decode(errors="replace"), ok)
 
 
-def check(name: str, status: int, errors: str, ok: Sequence[int] = (0,)) -> None:
+def _check(name: str, status: int, errors: str, ok: Sequence[int]) -> None:
     """Raises svl's message for an exit status that is not ok; else passes its warnings on."""
     if status not in ok:
         # docs/exit-status.md: 2 is wrong usage.
@@ -42,12 +65,12 @@ def check(name: str, status: int, errors: str, ok: Sequence[int] = (0,)) -> None
         sys.stderr.write(errors)
 
 
-def _run(*words: str, ok: Sequence[int] = (0,)) -> subprocess.CompletedProcess[str]:
-    ran = subprocess.run(
-        command(*words), stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8"
-    )
-    check(words[0], ran.returncode, ran.stderr, ok)
-    return ran
+def _run(*words: str, ok: Sequence[int] = (0,)) -> tuple[int, str]:
+    """The exit status and the output of a command of svl."""
+    with running(*words, ok=ok) as svl:
+        assert svl.stdout is not None
+        output = svl.stdout.read()
+    return svl.returncode, output.decode()
 
 
 def words(options: Mapping[str, Any]) -> Iterator[str]:
@@ -90,9 +113,9 @@ def score(
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
     paths = [os.fspath(path) for path in sources]
-    ran = _run("score", *words(given), "--json", "--", *paths, ok=ok)
+    status, _ = _run("score", *words(given), "--json", "--", *paths, ok=ok)
     found = Report(output)
-    found.gate_passed = ran.returncode == 0 if gate else None
+    found.gate_passed = status == 0 if gate else None
     return found
 
 
@@ -103,7 +126,7 @@ def compare(
     `svl compare`. A report, its folder, or FOLDER#ALGORITHM. options: map=["v3=v5"]."""
     reports = (base, other, *others)
     names = [os.fspath(r.folder if isinstance(r, Report) else r) for r in reports]
-    return json.loads(_run("compare", *words(options), "--json", "--", *names).stdout)
+    return json.loads(_run("compare", *words(options), "--json", "--", *names)[1])
 
 
 def record(source: PathLike, output: PathLike, **options: Any) -> Path:
