@@ -80,7 +80,9 @@ fn an_interrupted_recording_replaces_none() {
     });
     assert_eq!(code, Some(1), "{stderr}");
     let words = "incomplete; the earlier one is ";
-    let aside = stderr.lines().find_map(|line| Some(line.split_once(words)?.1));
+    let aside = stderr
+        .lines()
+        .find_map(|line| Some(line.split_once(words)?.1));
     let aside = aside.expect("a warning");
     assert_eq!(fixture.text(aside), "earlier");
     assert!(RecordingSource::open(fixture.path("a.mcap")).is_ok());
