@@ -317,6 +317,25 @@ class BadInput(InFolder):
         with self.fails(OSError, "none.svlf"):
             svl.Ranger(filters=["none.svlf"])
 
+    @unittest.skipUnless(hasattr(os, "fork"), "needs limits of memory")
+    def test_lack_of_memory_is_an_exception(self):
+        code = """if 1:
+            import resource, numpy as np, svl_bench as svl
+            image = np.zeros((2000, 3000), np.uint8)
+            ranger = svl.Ranger(threads=2)
+            size = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + 100_000_000, resource.RLIM_INFINITY))
+            try:
+                ranger.match(image, image)
+            except MemoryError as error:
+                print(error)
+            resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+            print(ranger.match(image, image).disparity.shape)
+        """
+        error, shape = python(code).splitlines()
+        self.assertRegex(error, "no memory: at least .* MB more are needed; smaller images")
+        self.assertEqual(shape, "(2000, 3000)")
+
     def test_a_closed_ranger(self):
         ranger = svl.Ranger()
         ranger.close()
@@ -570,6 +589,14 @@ class Reading(InFolder):
             next(svl.read("arena", ros2=True))
         with self.fails(ValueError, "read"):
             svl.record("arena", "-")
+        with self.fails(ValueError, "output", "record"):
+            next(svl.read("arena", output="a.mcap"))
+        with self.fails(ValueError, "algorithms is empty"):
+            svl.score("arena", [], output=self.folder / "report")
+        with self.fails(ValueError, "summary.json"):
+            svl.report(__file__)
+        with self.fails(OSError, "^none.safetensors: no such file"):
+            svl.Ranger(filters="none.safetensors")
         recording = svl.record("arena", self.folder / "a.mcap", frames=8)
         cut = self.folder / "cut.mcap"
         cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])

@@ -56,6 +56,8 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
     Raises ValueError for wrong usage, RuntimeError if the source was not read to its end or pairs are
     missing, both with svl's message; the pairs before are good.
     """
+    if "output" in options:
+        raise ValueError("output: read() returns the pairs; record() writes them to a file")
     line = ["record", *words({**options, "output": "-"}), "--", os.fspath(source)]
     with running("--quiet", *line) as svl:
         pairs = svl.stdout

@@ -9,9 +9,9 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tempfile
+import threading
 from pathlib import Path
-from typing import Any, Iterator, Mapping, Sequence, Union
+from typing import IO, Any, Iterator, Mapping, Sequence, Union
 
 from ._report import Report
 
@@ -30,12 +30,19 @@ def program() -> str:
 
 @contextlib.contextmanager
 def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[bytes]]:
-    """A command of svl, whose standard output the caller reads. Raises svl's message if it ends with a
-    status that is not ok. Where the caller leaves early, svl is asked to end orderly, and waited for."""
-    with tempfile.TemporaryFile() as errors, subprocess.Popen(
-        [program(), *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
+    """A command of svl, whose standard output the caller reads. Its warnings and progress appear on
+    sys.stderr as they come. Raises svl's error if it ends with a status that is not ok. Where the caller
+    leaves early, svl is asked to end orderly, and waited for."""
+    with subprocess.Popen(
+        [program(), *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     ) as svl:
-        assert svl.stdout is not None
+        assert svl.stdout is not None and svl.stderr is not None
+        errors: list[str] = []
+        messages = threading.Thread(target=_pass_on, args=(svl.stderr, errors), daemon=True)
+        messages.start()
         try:
             yield svl
         except BaseException:
@@ -49,20 +56,24 @@ def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[
             raise
         svl.stdout.close()
         svl.wait()
-        errors.seek(0)
+        # A viewer that svl started may hold it open.
+        messages.join(timeout=2)
+    if svl.returncode not in ok:
         name = next(word for word in words if not word.startswith("-"))
-        _check(name, svl.returncode, errors.read().decode(errors="replace"), ok)
-
-
-def _check(name: str, status: int, errors: str, ok: Sequence[int]) -> None:
-    """Raises svl's message for an exit status that is not ok; else passes its warnings on."""
-    if status not in ok:
+        error = "".join(errors).strip() or f"svl {name} ended with the status {svl.returncode}"
         # docs/exit-status.md: 2 is wrong usage.
-        lines = errors.strip() or f"svl {name} ended with the status {status}"
-        raise (ValueError if status == 2 else RuntimeError)(lines)
-    # A service may have none.
-    if sys.stderr is not None:
-        sys.stderr.write(errors)
+        raise (ValueError if svl.returncode == 2 else RuntimeError)(error)
+
+
+def _pass_on(lines: IO[bytes], errors: list[str]) -> None:
+    """Passes warnings and progress on, and keeps the error, which is last."""
+    for line in lines:
+        text = line.decode(errors="replace")
+        if errors or text.startswith("error: "):
+            errors.append(text.removeprefix("error: "))
+        # A service may have none.
+        elif sys.stderr is not None:
+            sys.stderr.write(text)
 
 
 def _run(*words: str, ok: Sequence[int] = (0,)) -> tuple[int, str]:
@@ -109,6 +120,8 @@ def score(
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     algo = [algorithms] if isinstance(algorithms, str) else list(algorithms)
+    if not algo:
+        raise ValueError("algorithms is empty: name at least one, as \"v5\"")
     given = {"rerun": "none", **options, "algo": algo, "output": output, "gate": gate}
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
