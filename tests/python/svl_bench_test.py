@@ -1,7 +1,9 @@
 """Tests of the package svl_bench as the wheel installs it: packaging/python-test.sh."""
 
 import ast
+import contextlib
 import importlib.util
+import io
 import json
 import multiprocessing
 import os
@@ -534,6 +536,15 @@ class Reading(InFolder):
         first.left[0, 0] = 1  # It is the caller's.
 
     @has("rosbags")
+    def test_warnings_are_passed_on(self):
+        bag = self.folder / "bag"
+        write_raw_bag(bag, pair(), -0.1)
+        messages = io.StringIO()
+        with contextlib.redirect_stderr(messages):
+            svl.record(bag, self.folder / "a.mcap")
+        self.assertIn("raw images, rectified by its own calibration", messages.getvalue())
+
+    @has("rosbags")
     def test_raw_bags_come_rectified(self):
         for distortion, is_changed in [(-0.1, True), (0.0, False)]:
             bag = self.folder / f"bag{distortion}"
@@ -553,6 +564,10 @@ class Reading(InFolder):
         next(pairs)
         pairs.close()
         self.assertLess(time.monotonic() - began, 20)
+
+    def test_pairs_may_be_left_at_the_end(self):
+        code = "import svl_bench as svl; pairs = svl.read('arena'); print(next(pairs).sequence)"
+        self.assertEqual(python(code), "0\n")
 
     def test_an_interrupted_svl_is_an_error(self):
         pairs = svl.read("arena", frames=100_000)
@@ -589,6 +604,9 @@ class Reading(InFolder):
             next(svl.read("arena", ros2=True))
         with self.fails(ValueError, "read"):
             svl.record("arena", "-")
+        # Without the word that svl puts before it in a terminal.
+        with self.fails(ValueError, "^unexpected argument"):
+            svl.record("arena", self.folder / "b.mcap", frame=1)
         with self.fails(ValueError, "output", "record"):
             next(svl.read("arena", output="a.mcap"))
         with self.fails(ValueError, "algorithms is empty"):

@@ -11,7 +11,7 @@ import sys
 import sysconfig
 import threading
 from pathlib import Path
-from typing import IO, Any, Iterator, Mapping, Sequence, Union
+from typing import Any, Iterator, Mapping, Sequence, Union
 
 from ._report import Report
 
@@ -33,16 +33,20 @@ def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[
     """A command of svl, whose standard output the caller reads. Its warnings and progress appear on
     sys.stderr as they come. Raises svl's error if it ends with a status that is not ok. Where the caller
     leaves early, svl is asked to end orderly, and waited for."""
-    with subprocess.Popen(
-        [program(), *words],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as svl:
-        assert svl.stdout is not None and svl.stderr is not None
-        errors: list[str] = []
-        messages = threading.Thread(target=_pass_on, args=(svl.stderr, errors), daemon=True)
-        messages.start()
+    line = [program(), *words]
+    errors: list[str] = []
+    # The thread alone has the reading end, and at Python's end nobody waits for it.
+    reading, writing = os.pipe()
+    messages = threading.Thread(target=_pass_on, args=(reading, errors), daemon=True)
+    messages.start()
+    try:
+        svl = subprocess.Popen(
+            line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=writing
+        )
+    finally:
+        os.close(writing)
+    with svl:
+        assert svl.stdout is not None
         try:
             yield svl
         except BaseException:
@@ -65,15 +69,15 @@ def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[
         raise (ValueError if svl.returncode == 2 else RuntimeError)(error)
 
 
-def _pass_on(lines: IO[bytes], errors: list[str]) -> None:
+def _pass_on(reading: int, errors: list[str]) -> None:
     """Passes warnings and progress on, and keeps the error, which is last."""
-    for line in lines:
-        text = line.decode(errors="replace")
-        if errors or text.startswith("error: "):
-            errors.append(text.removeprefix("error: "))
-        # A service may have none.
-        elif sys.stderr is not None:
-            sys.stderr.write(text)
+    with open(reading, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if errors or line.startswith("error: "):
+                errors.append(line.removeprefix("error: "))
+            # A service may have none.
+            elif sys.stderr is not None:
+                sys.stderr.write(line)
 
 
 def _run(*words: str, ok: Sequence[int] = (0,)) -> tuple[int, str]:
