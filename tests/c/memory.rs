@@ -90,8 +90,9 @@ fn lack_of_memory_is_an_error() {
             let error = error();
             assert_eq!(status, Status::Memory, "{}: {error}", spec.name);
             assert!(error.starts_with("no memory: at least "), "{error}");
-            // SAFETY: as above; the handle is not used again.
+            // SAFETY: as above.
             assert_eq!(unsafe { svl_match(handle, &image, &image, 0) }, Status::Ok);
+            // SAFETY: the handle is open and not used again.
             unsafe { svl_close(handle) };
             // SAFETY: the strings outlive the call.
             assert_eq!(unsafe { svl_open(&options, &mut handle) }, Status::Ok);
