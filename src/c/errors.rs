@@ -14,6 +14,7 @@ pub enum Status {
     File = 2,
     NoResult = 3,
     Internal = 4,
+    Memory = 5,
 }
 
 /// A failed call: its code and its text.
@@ -28,6 +29,7 @@ impl From<Error> for Failure {
         let status = match error {
             Error::Io { .. } | Error::Format { .. } => Status::File,
             Error::Panicked => Status::Internal,
+            Error::Memory { .. } => Status::Memory,
             _ => Status::Invalid,
         };
         Self {

@@ -171,12 +171,11 @@ impl Options {
             .into_iter()
             .map(|path| FilterModel::read(Path::new(path)).map(Arc::new))
             .collect::<Result<_, _>>()?;
-        let cells = match (self.columns, self.rows) {
-            (0, 0) => GridShape::default(),
-            (columns, rows) => GridShape {
-                columns: columns as usize,
-                rows: rows as usize,
-            },
+        let default = GridShape::default();
+        let given = |n: u32, default| if n == 0 { default } else { n as usize };
+        let cells = GridShape {
+            columns: given(self.columns, default.columns),
+            rows: given(self.rows, default.rows),
         };
         let options = RangerOptions {
             cells,
@@ -191,6 +190,11 @@ impl Options {
     unsafe fn optics(&self) -> Result<Optics, Error> {
         // SAFETY: as the caller promised.
         let calibration = unsafe { self.calibration()? };
+        let others = [self.baseline_m, self.cx_px, self.cy_px, self.doffs_px];
+        if self.focal_px == 0.0 && others != [0.0; 4] {
+            let words = "a rig without focal_px: set it, or leave baseline_m and the rest 0, too";
+            return Err(Error::Invalid(words.into()));
+        }
         match (calibration, self.focal_px == 0.0) {
             (Some(calibration), true) => Ok(calibration.into()),
             (None, true) => Ok(Optics::Unknown),

@@ -25,6 +25,12 @@ pub enum Error {
         height: usize,
         max: usize,
     },
+    /// There is no memory for what an image of that size needs.
+    #[error(
+        "no memory: at least {} MB more are needed; smaller images and fewer disparities need less",
+        bytes.div_ceil(1_000_000)
+    )]
+    Memory { bytes: usize },
     /// Left and right of a pair differ in size.
     #[error(
         "left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes",

@@ -4,8 +4,9 @@ use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use svl_core::Result;
 use svl_core::ranger::{ImageFormat, ImageRef};
-use svl_core::stereo::Plane;
+use svl_core::stereo::{Plane, reserve};
 
 /// An array that is an image, and borrowed as long as this lives.
 pub(super) enum ImageArray<'py> {
@@ -111,10 +112,10 @@ pub(super) fn array<'py, T: Element>(
 }
 
 /// The pixels of a plane, row by row, each changed by `value`.
-pub(super) fn pixels<T: Copy, U>(plane: &Plane<T>, value: impl Fn(T) -> U) -> Vec<U> {
+pub(super) fn pixels<T: Copy, U>(plane: &Plane<T>, value: impl Fn(T) -> U) -> Result<Vec<U>> {
     let (width, height) = plane.size();
-    let mut pixels = Vec::with_capacity(width * height);
+    let mut pixels = reserve(width * height)?;
     let rows = plane.rows();
     rows.for_each(|row| pixels.extend(row.iter().map(|pixel| value(*pixel))));
-    pixels
+    Ok(pixels)
 }

@@ -4,7 +4,8 @@ mod image;
 mod ranger;
 
 use pyo3::exceptions::{
-    PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyValueError,
+    PyFileNotFoundError, PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError,
+    PyValueError,
 };
 use pyo3::prelude::*;
 use svl_core::Error;
@@ -19,6 +20,7 @@ fn exception(error: Error) -> PyErr {
         Error::Io { .. } | Error::Damaged { .. } | Error::Camera { .. } => {
             PyOSError::new_err(words)
         }
+        Error::Memory { .. } => PyMemoryError::new_err(words),
         Error::Panicked => PyRuntimeError::new_err(words),
         Error::Interrupted => PyKeyboardInterrupt::new_err(words),
         _ => PyValueError::new_err(words),

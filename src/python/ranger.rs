@@ -158,8 +158,8 @@ impl RangerHandle {
             .ok_or_else(|| exception(Error::Panicked))?;
         Ok(RangedPair {
             cells,
-            disparities: pixels(map.disparity(), |disparity| disparity),
-            reasons: pixels(map.why(), |why| why as u8),
+            disparities: pixels(map.disparity(), |disparity| disparity).map_err(exception)?,
+            reasons: pixels(map.why(), |why| why as u8).map_err(exception)?,
             size: map.size(),
         })
     }

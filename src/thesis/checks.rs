@@ -14,6 +14,8 @@ pub(super) struct Correlated {
     range: DisparityRange,
     left: Gray,
     right: Gray,
+    /// Left and right.
+    blocks: [Blocks; 2],
     right_textured: Plane<bool>,
     /// Every match, none of them checked.
     pub(super) matches: DisparityMap,
@@ -43,15 +45,21 @@ impl Correlated {
         texture.apply(isa, &left, &mut textured);
         texture.apply(isa, &right, &mut right_textured);
 
+        let blocks = |image: &Gray| {
+            let mut blocks = Blocks::new(width, height)?;
+            blocks.load(isa, image);
+            Result::Ok(blocks)
+        };
         let mut this = Self {
             isa,
             range,
+            blocks: [blocks(&left)?, blocks(&right)?],
             left,
             right,
             right_textured,
             matches: DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?,
         };
-        let (left_blocks, right_blocks) = this.blocks();
+        let [left_blocks, right_blocks] = &this.blocks;
         let mut search = BlockSearch::new(width, range);
         for (y, mut row) in this.matches.rows_mut().enumerate() {
             // The kernel searches several rows at once: a group is searched at its first row, and
@@ -80,7 +88,7 @@ impl Correlated {
     }
 
     fn checked(&self, mut check: impl RowCheck) -> DisparityMap {
-        let (left, right) = self.blocks();
+        let [left, right] = &self.blocks;
         let height = self.left.height();
         // A check only rejects: it starts from all matches, so both checks see the same ones.
         let mut map = self.matches.clone();
@@ -111,15 +119,6 @@ impl Correlated {
             }
         }
         map
-    }
-
-    fn blocks(&self) -> (Blocks, Blocks) {
-        let blocks = |image: &Gray| {
-            let mut blocks = Blocks::new(image.width(), image.height());
-            blocks.load(self.isa, image);
-            blocks
-        };
-        (blocks(&self.left), blocks(&self.right))
     }
 }
 

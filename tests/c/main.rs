@@ -265,7 +265,7 @@ fn reasons_have_the_names_of_the_rust_library() {
 
 #[test]
 fn bad_input_is_a_code_and_a_line() {
-    let cases: [(&str, Options, Status, &str); 8] = [
+    let cases: [(&str, Options, Status, &str); 9] = [
         (
             "v3",
             Options {
@@ -305,6 +305,15 @@ fn bad_input_is_a_code_and_a_line() {
             },
             Status::Invalid,
             "65",
+        ),
+        (
+            "v3",
+            Options {
+                baseline_m: 0.06,
+                ..Options::default()
+            },
+            Status::Invalid,
+            "without focal_px",
         ),
         (
             "v3",
@@ -372,6 +381,22 @@ fn bad_input_is_a_code_and_a_line() {
         assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
         svl_close(handle);
         svl_close(null_mut());
+    }
+}
+
+#[test]
+fn columns_and_rows_have_defaults_of_their_own() {
+    for (columns, rows, count) in [(0, 0, 15), (8, 0, 24), (0, 1, 5)] {
+        let (status, handle) = open(&Options {
+            columns,
+            rows,
+            ..Options::default()
+        });
+        assert_eq!(status, Status::Ok, "{}", last_error());
+        assert_eq!(match_pair(handle, &pair(), SIZE.0), Status::Ok);
+        assert_eq!(cells(handle).unwrap().len(), count);
+        // SAFETY: the handle is open and not used again.
+        unsafe { svl_close(handle) };
     }
 }
 

@@ -1,18 +1,29 @@
-//! After the first pairs of a size a handle allocates nothing, on any of its threads.
+//! After the first pairs of a size a handle allocates nothing, on any of its threads; and without
+//! memory it returns an error.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::CString;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use svl_c::{CImage, Options, Status, svl_close, svl_error, svl_match, svl_open};
+use svl_core::matcher::MATCHERS;
 
 struct Counting;
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
+/// Bytes from which an allocation is large: it grows with the image's pixels, not with its width.
+const LARGE: usize = 256 << 10;
+/// Large allocations until one is refused.
+static LEFT: AtomicUsize = AtomicUsize::new(usize::MAX);
+
 // SAFETY: every call goes to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        if layout.size() >= LARGE && LEFT.fetch_sub(1, Ordering::Relaxed) == 1 {
+            LEFT.store(usize::MAX, Ordering::Relaxed);
+            return std::ptr::null_mut();
+        }
         // SAFETY: as the caller promised.
         unsafe { System.alloc(layout) }
     }
@@ -36,6 +47,64 @@ fn error() -> String {
 }
 
 fn main() {
+    nothing_is_allocated_after_the_first_pairs();
+    println!("no allocation after the first pairs");
+    lack_of_memory_is_an_error();
+    println!("lack of memory is an error");
+}
+
+/// Each large allocation of a pair is refused in turn. One that cannot fail would abort.
+fn lack_of_memory_is_an_error() {
+    let size = (1000, 640);
+    let at = |i: usize| (i * 37 + i / size.0 * (i % 13)) as u8;
+    let pixels: Vec<u8> = (0..size.0 * size.1).map(at).collect();
+    let image = CImage {
+        pixels: pixels.as_ptr().cast(),
+        width: size.0 as u32,
+        height: size.1 as u32,
+        stride: size.0,
+        format: 0,
+    };
+    for spec in MATCHERS.iter().filter(|spec| spec.matches_images()) {
+        let algorithm = CString::new(spec.name).unwrap();
+        let options = Options {
+            algorithm: algorithm.as_ptr(),
+            threads: 2,
+            ..Options::default()
+        };
+        let mut handle = std::ptr::null_mut();
+        // SAFETY: the strings outlive the call.
+        if unsafe { svl_open(&options, &mut handle) } != Status::Ok {
+            assert_eq!(spec.name, "exec", "{}", error());
+            continue;
+        }
+        let mut refused = 0;
+        loop {
+            LEFT.store(refused + 1, Ordering::Relaxed);
+            // SAFETY: the image has that size, and the handle is open.
+            let status = unsafe { svl_match(handle, &image, &image, 0) };
+            LEFT.store(usize::MAX, Ordering::Relaxed);
+            if status == Status::Ok {
+                break;
+            }
+            let error = error();
+            assert_eq!(status, Status::Memory, "{}: {error}", spec.name);
+            assert!(error.starts_with("no memory: at least "), "{error}");
+            // SAFETY: as above.
+            assert_eq!(unsafe { svl_match(handle, &image, &image, 0) }, Status::Ok);
+            // SAFETY: the handle is open and not used again.
+            unsafe { svl_close(handle) };
+            // SAFETY: the strings outlive the call.
+            assert_eq!(unsafe { svl_open(&options, &mut handle) }, Status::Ok);
+            refused += 1;
+        }
+        assert!(refused >= 3, "{}: {refused}", spec.name);
+        // SAFETY: the handle is open and not used again.
+        unsafe { svl_close(handle) };
+    }
+}
+
+fn nothing_is_allocated_after_the_first_pairs() {
     let folder = tempfile::tempdir().unwrap();
     let calibration = folder.path().join("stereo.yml");
     std::fs::write(&calibration, CALIBRATION).unwrap();
@@ -93,5 +162,4 @@ fn main() {
             }
         }
     }
-    println!("no allocation after the first pairs");
 }

@@ -1,12 +1,15 @@
 """Tests of the package svl_bench as the wheel installs it: packaging/python-test.sh."""
 
 import ast
+import contextlib
 import importlib.util
+import io
 import json
 import multiprocessing
 import os
 import pydoc
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -52,6 +55,13 @@ def python(code, folder=None):
     if ran.returncode:
         raise AssertionError(ran.stderr)
     return ran.stdout
+
+
+def svl_processes():
+    """The processes of svl that this one started."""
+    tasks = Path("/proc/self/task").iterdir()
+    started = [int(pid) for task in tasks for pid in (task / "children").read_text().split()]
+    return [pid for pid in started if Path(f"/proc/{pid}/comm").read_text() == "svl\n"]
 
 
 def resident_bytes():
@@ -309,6 +319,25 @@ class BadInput(InFolder):
         with self.fails(OSError, "none.svlf"):
             svl.Ranger(filters=["none.svlf"])
 
+    @unittest.skipUnless(hasattr(os, "fork"), "needs limits of memory")
+    def test_lack_of_memory_is_an_exception(self):
+        code = """if 1:
+            import resource, numpy as np, svl_bench as svl
+            image = np.zeros((2000, 3000), np.uint8)
+            ranger = svl.Ranger(threads=2)
+            size = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (size + 100_000_000, resource.RLIM_INFINITY))
+            try:
+                ranger.match(image, image)
+            except MemoryError as error:
+                print(error)
+            resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+            print(ranger.match(image, image).disparity.shape)
+        """
+        error, shape = python(code).splitlines()
+        self.assertRegex(error, "no memory: at least .* MB more are needed; smaller images")
+        self.assertEqual(shape, "(2000, 3000)")
+
     def test_a_closed_ranger(self):
         ranger = svl.Ranger()
         ranger.close()
@@ -507,6 +536,15 @@ class Reading(InFolder):
         first.left[0, 0] = 1  # It is the caller's.
 
     @has("rosbags")
+    def test_warnings_are_passed_on(self):
+        bag = self.folder / "bag"
+        write_raw_bag(bag, pair(), -0.1)
+        messages = io.StringIO()
+        with contextlib.redirect_stderr(messages):
+            svl.record(bag, self.folder / "a.mcap")
+        self.assertIn("raw images, rectified by its own calibration", messages.getvalue())
+
+    @has("rosbags")
     def test_raw_bags_come_rectified(self):
         for distortion, is_changed in [(-0.1, True), (0.0, False)]:
             bag = self.folder / f"bag{distortion}"
@@ -527,6 +565,36 @@ class Reading(InFolder):
         pairs.close()
         self.assertLess(time.monotonic() - began, 20)
 
+    def test_pairs_may_be_left_at_the_end(self):
+        code = "import svl_bench as svl; pairs = svl.read('arena'); print(next(pairs).sequence)"
+        self.assertEqual(python(code), "0\n")
+
+    def test_an_interrupted_svl_is_an_error(self):
+        pairs = svl.read("arena", frames=100_000)
+        self.assertEqual(next(pairs).sequence, 0)
+        (pid,) = svl_processes()
+        os.kill(pid, signal.SIGTERM)
+        with self.fails(RuntimeError, "interrupted after", "of 280 pairs"):
+            for _ in pairs:
+                pass
+
+    def test_an_interrupt_of_python_ends_svl_orderly(self):
+        path = self.folder / "a.mcap"
+
+        def interrupt():
+            while not path.exists() or path.stat().st_size < 1_000_000:
+                time.sleep(0.01)
+            os.kill(os.getpid(), signal.SIGINT)
+
+        thread = threading.Thread(target=interrupt)
+        thread.start()
+        with self.assertRaises(KeyboardInterrupt):
+            svl.record("arena", path, frames=100_000)
+        thread.join()
+        self.assertEqual(svl_processes(), [])
+        # It has its summary.
+        self.assertIn('"damage": null', svl_program("info", path, "--json"))
+
     def test_errors_are_svl_s(self):
         with self.fails(RuntimeError, "none.bag"):
             next(svl.read(self.folder / "none.bag"))
@@ -536,6 +604,17 @@ class Reading(InFolder):
             next(svl.read("arena", ros2=True))
         with self.fails(ValueError, "read"):
             svl.record("arena", "-")
+        # Without the word that svl puts before it in a terminal.
+        with self.fails(ValueError, "^unexpected argument"):
+            svl.record("arena", self.folder / "b.mcap", frame=1)
+        with self.fails(ValueError, "output", "record"):
+            next(svl.read("arena", output="a.mcap"))
+        with self.fails(ValueError, "algorithms is empty"):
+            svl.score("arena", [], output=self.folder / "report")
+        with self.fails(ValueError, "summary.json"):
+            svl.report(__file__)
+        with self.fails(OSError, "^none.safetensors: no such file"):
+            svl.Ranger(filters="none.safetensors")
         recording = svl.record("arena", self.folder / "a.mcap", frames=8)
         cut = self.folder / "cut.mcap"
         cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])

@@ -18,7 +18,7 @@ use crate::source::Source;
 use matching::Matching;
 use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 use svl_score::losses::{FailedPairs, Missing};
 use svl_score::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
@@ -82,6 +82,18 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// Fails if it was interrupted before the end of its source. `pairs`: their number, if known.
+    pub fn reached_end(&self, pairs: Option<u64>) -> Result<()> {
+        if !self.interrupted || pairs == Some(self.frames) {
+            return Ok(());
+        }
+        let done = match pairs {
+            Some(pairs) => format!("{} of {}", self.frames, counted(pairs, "pair")),
+            None => counted(self.frames, "pair"),
+        };
+        Err(Error::Invalid(format!("interrupted after {done}")))
+    }
+
     /// Number of pairs that are missing, and of all.
     pub fn missing(&self) -> Missing {
         let failed_pairs = |(label, &failed): (&String, &u64)| {

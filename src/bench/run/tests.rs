@@ -145,6 +145,10 @@ fn every_frame_is_taken_in_order_until_the_same_end() {
             assert_eq!(log, "begin 19 18 17 16 end well");
             ended.unwrap();
             assert_eq!((outcome.frames, outcome.interrupted), (4, true));
+            let why = |pairs| outcome.reached_end(pairs).unwrap_err().to_string();
+            assert_eq!(why(Some(20)), "interrupted after 4 of 20 pairs");
+            assert_eq!(why(None), "interrupted after 4 pairs");
+            outcome.reached_end(Some(4)).unwrap();
         });
     }
 }

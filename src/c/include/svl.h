@@ -23,7 +23,8 @@ typedef enum svl_status {
     SVL_INVALID = 1,   /* an argument: a null pointer, a size, a rig, an unknown algorithm or parameter */
     SVL_FILE = 2,      /* a file cannot be read, or is not what it should be */
     SVL_NO_RESULT = 3, /* no pair was matched yet */
-    SVL_INTERNAL = 4   /* a bug in svl; the handle can only be closed */
+    SVL_INTERNAL = 4,  /* a bug in svl; the handle can only be closed */
+    SVL_MEMORY = 5     /* no memory for images of that size; the handle can be used */
 } svl_status;
 
 /* State of a cell. */

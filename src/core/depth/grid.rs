@@ -92,6 +92,11 @@ pub(crate) fn grid_with(
     DepthGrid::new(shape, cells).expect("a grid has at least one cell")
 }
 
+/// Length of the keys that [`grid_with`] needs.
+pub(crate) fn largest_cell((width, height): (usize, usize), shape: GridShape) -> usize {
+    width.div_ceil(shape.columns) * height.div_ceil(shape.rows) + 1
+}
+
 fn cell(
     disparity: &Plane<f32>,
     shape: GridShape,
@@ -104,7 +109,9 @@ fn cell(
     let pixels = columns.len() * rows.len();
     // Every pixel is written, and overwritten by the next unless it is finite: faster than a
     // branch.
-    keys.resize(pixels + 1, 0);
+    if keys.len() <= pixels {
+        keys.resize(pixels + 1, 0);
+    }
     let mut valid = 0;
     for y in rows {
         for &d in &disparity.row(y)[columns.clone()] {

@@ -10,8 +10,8 @@ mod stixels;
 
 pub use cells::cells;
 pub use curve::DistanceCurve;
-pub(crate) use grid::grid_with;
 pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
+pub(crate) use grid::{grid_with, largest_cell};
 pub use pinhole::PinholeFit;
 pub use projection::{project, render};
 pub use stixels::{GroundPlane, Stixel, Stixels};

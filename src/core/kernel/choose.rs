@@ -2,7 +2,8 @@
 //! with uniqueness test and sub-pixel fraction.
 
 use super::{Lanes, VolumeShape};
-use crate::stereo::Reason;
+use crate::error::Result;
+use crate::stereo::{Reason, buffer};
 
 const N: usize = Lanes::COUNT;
 
@@ -36,13 +37,13 @@ impl ChosenRow<'_> {
 
 impl Totals {
     /// For rows of volumes of that shape.
-    pub fn new(shape: VolumeShape) -> Self {
+    pub fn new(shape: VolumeShape) -> Result<Self> {
         let span = shape.padded() + 2 * N;
-        Self {
+        Ok(Self {
             shape,
             span,
-            sums: vec![OUTSIDE; (shape.count + 1) * span],
-        }
+            sums: buffer(OUTSIDE, (shape.count + 1) * span)?,
+        })
     }
 
     /// The sums of the pixels from `x` on, from place `i` of the range on; from each place to the

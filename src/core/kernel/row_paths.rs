@@ -8,7 +8,8 @@ use super::lanes::{SIDE, Square, transpose_square};
 use super::paths::{PathOutput, advance};
 use super::volume::OUTSIDE;
 use super::{Lanes, Penalties, VolumeShape};
-use crate::stereo::Gray;
+use crate::error::Result;
+use crate::stereo::{Gray, buffer};
 use std::ops::Range;
 
 const N: usize = Lanes::COUNT;
@@ -33,16 +34,16 @@ impl RowPaths {
     pub const ROWS: usize = SIDE;
 
     /// Paths over volumes of that shape.
-    pub fn new(shape: VolumeShape) -> Self {
+    pub fn new(shape: VolumeShape) -> Result<Self> {
         let columns = shape.padded();
-        let squares = vec![Square::default(); columns / SIDE * shape.count];
-        Self {
+        let squares = columns / SIDE * shape.count;
+        Ok(Self {
             shape,
-            costs: squares.clone(),
-            added: squares,
+            costs: buffer(Square::default(), squares)?,
+            added: buffer(Square::default(), squares)?,
             steps: vec![[0; ROWS]; columns],
             lines: [(); 2].map(|()| vec![[[0; ROWS]]; shape.count + 2]),
-        }
+        })
     }
 }
 

@@ -9,6 +9,8 @@
 //! or more they are never taken and nothing forbids them here.
 
 use super::Lanes;
+use crate::error::Result;
+use crate::stereo::buffer;
 
 /// Steps of a path into a cell: from the column before at the same disparity, from one disparity
 /// more in the same column, from the column before at one disparity less.
@@ -69,19 +71,19 @@ impl ScanlinePaths {
     pub const ROWS: usize = 16;
 
     /// For rows of `width` pixels and disparities from 0 up to 255.
-    pub fn new(width: usize, max_disparity: u8) -> Self {
+    pub fn new(width: usize, max_disparity: u8) -> Result<Self> {
         let disparities = width.min(usize::from(max_disparity) + 1);
         let column = RightColumn {
             high: [0; Self::ROWS],
             low: [0; Self::ROWS],
             diag: [CLOSED; Self::ROWS],
         };
-        Self {
+        Ok(Self {
             disparities,
-            right: vec![column; width],
+            right: buffer(column, width)?,
             cells: vec![CellNumbers([INFINITE; Self::ROWS]); disparities + 1],
-            steps: vec![[0; Self::ROWS]; width * disparities],
-        }
+            steps: buffer([0; Self::ROWS], width * disparities)?,
+        })
     }
 
     /// Writes the disparities of row `lane` along its cheapest path.

@@ -3,7 +3,8 @@
 
 use super::pairs::{Group, Pairs};
 use super::sliding_ssd::{REACH, WINDOW, short_weight, weight};
-use crate::stereo::{Gray, Plane};
+use crate::error::Result;
+use crate::stereo::{Gray, Plane, buffer};
 use std::ops::Range;
 
 /// Words of the pixels of a window, four pixels each; the last word has one.
@@ -44,15 +45,16 @@ pub struct WindowTable {
 impl WindowTable {
     /// For rows of `width` pixels, at most [`crate::stereo::MAX_SIDE`], and windows up to
     /// `row_tolerance` rows away.
-    pub fn new(width: usize, row_tolerance: usize) -> Self {
+    pub fn new(width: usize, row_tolerance: usize) -> Result<Self> {
         let places = width * (2 * row_tolerance + 1) + CHUNK;
-        Self {
-            starts: vec![0; width.div_ceil(COLUMNS) * SUMS + 1],
-            columns: vec![0; places],
-            ranks: vec![0; places],
-            words: std::array::from_fn(|_| vec![0; places]),
-            squares: vec![0; places],
-        }
+        let word = || buffer(0, places);
+        Ok(Self {
+            starts: buffer(0, width.div_ceil(COLUMNS) * SUMS + 1)?,
+            columns: buffer(0, places)?,
+            ranks: buffer(0, places)?,
+            words: [word()?, word()?, word()?],
+            squares: buffer(0, places)?,
+        })
     }
 
     /// Fills the table with the windows of the rows of `image` around row `y`, up to

@@ -123,13 +123,13 @@ impl Method for Bm {
             )
         };
         Ok(Scratch {
-            left: EdgeImage::new(width, height),
-            right: EdgeImage::new(width, height),
+            left: EdgeImage::new(width, height)?,
+            right: EdgeImage::new(width, height)?,
             band_rows,
             searches: (0..height.div_ceil(band_rows))
                 .map(|_| (search(), OnePassCheck::new(width, self.tolerance)))
                 .collect(),
-            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
+            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1)?,
         })
     }
 

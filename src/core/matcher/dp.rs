@@ -24,7 +24,7 @@ use super::stage::{
 use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
-use crate::stereo::{DisparityMap, ExtraPlanes, Gray, StereoPair};
+use crate::stereo::{DisparityMap, ExtraPlanes, Gray, StereoPair, buffer};
 use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -129,7 +129,7 @@ impl Dp {
 }
 
 impl Scratch {
-    fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Self {
+    fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Result<Self> {
         let (bands, band_rows) = Blocks::bands(height);
         let rows = band_rows.min(height);
         // Disparities propagate differently far in each column: more bands than threads.
@@ -137,23 +137,23 @@ impl Scratch {
             1 => width,
             threads => width.div_ceil(4 * threads),
         };
-        Self {
+        Ok(Self {
             size: (width, height),
-            left: Blocks::new(width, height),
-            right: Blocks::new(width, height),
+            left: Blocks::new(width, height)?,
+            right: Blocks::new(width, height)?,
             band_rows,
             scanlines: (0..bands)
                 .map(|_| Scanlines::new(width, rows, max_disparity, costs))
-                .collect(),
+                .collect::<Result<_>>()?,
             rows: (0..bands)
-                .map(|_| vec![PropagationPixel::default(); width])
-                .collect(),
-            columns: vec![PropagationPixel::default(); width * height],
+                .map(|_| buffer(PropagationPixel::default(), width))
+                .collect::<Result<_>>()?,
+            columns: buffer(PropagationPixel::default(), width * height)?,
             column_band,
             steep: (0..width.div_ceil(column_band))
                 .map(|_| [(); 3].map(|()| vec![false; height]))
                 .collect(),
-        }
+        })
     }
 
     fn match_rows(&mut self, isa: Isa, pair: &StereoPair) {
@@ -249,7 +249,7 @@ impl Method for Dp {
     const PLANES: ExtraPlanes = ExtraPlanes::NONE;
 
     fn scratch(&self, size: (usize, usize)) -> Result<Scratch> {
-        Ok(Scratch::new(size, self.max_disparity, self.costs))
+        Scratch::new(size, self.max_disparity, self.costs)
     }
 
     fn compute(

@@ -35,7 +35,7 @@ use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
     Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RecordedMap, RectifiedPair, Rgb, Rig,
-    Truth,
+    Truth, buffer,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -192,12 +192,20 @@ impl MatchOutput {
 
     /// Makes the grid of the medians, unless the algorithm answered one. Allocates nothing after
     /// the first pair.
-    pub fn decide(&mut self, settings: GridSettings, rig: Option<&Rig>) {
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub fn decide(&mut self, settings: GridSettings, rig: Option<&Rig>) -> Result<()> {
         if self.grid.is_none() {
-            let cells = self.take_cells();
             let map = self.disparity.disparity();
+            let largest = depth::largest_cell(map.size(), settings.shape());
+            if self.keys.len() < largest {
+                self.keys = buffer(0, largest)?;
+            }
+            let cells = std::mem::take(&mut self.cells);
             self.grid = Some(depth::grid_with(map, settings, rig, cells, &mut self.keys));
         }
+        Ok(())
     }
 
     fn take_back_cells(&mut self) {

@@ -176,18 +176,18 @@ impl Method for Sgm {
                 Self::MEMORY >> 20
             )));
         }
-        let costs = CostVolume::new(shape);
+        let costs = CostVolume::new(shape)?;
         // More bands than threads, so that a thread that finishes early finds another.
         let band_rows = height.div_ceil(4 * rayon::current_num_threads());
         Ok(Some(Scratch {
-            aggregation: Aggregation::new(shape),
-            chosen: Chosen::new(shape),
+            aggregation: Aggregation::new(shape)?,
+            chosen: Chosen::new(shape)?,
             costs,
             band_rows,
             medians: (0..height.div_ceil(band_rows))
                 .map(|_| vec![0; width])
                 .collect(),
-            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1),
+            speckles: Speckles::new(width * height, self.speckles.0, self.speckles.1)?,
         }))
     }
 

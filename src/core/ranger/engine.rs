@@ -155,7 +155,7 @@ impl Engine {
             filters.look(pair.left(), self.shape)?;
             filters.drop_floor(&mut self.output.disparity, self.shape);
         }
-        self.output.decide(context.grid, self.rig.as_ref());
+        self.output.decide(context.grid, self.rig.as_ref())?;
         let Some(grid) = &mut self.output.grid else {
             return Ok(());
         };

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, remap_row};
-use crate::stereo::{Gray, MAX_SIDE};
+use crate::stereo::{Gray, MAX_SIDE, reserve};
 use nalgebra::Point2;
 use std::ops::Range;
 
@@ -56,9 +56,9 @@ impl Remap {
         let mut remap = Self {
             source,
             size,
-            places: Vec::with_capacity(pixels),
-            right: Vec::with_capacity(pixels),
-            below: Vec::with_capacity(pixels),
+            places: reserve(pixels)?,
+            right: reserve(pixels)?,
+            below: reserve(pixels)?,
             outside: Vec::new(),
         };
         for y in 0..size.1 {

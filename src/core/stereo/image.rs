@@ -20,18 +20,42 @@ pub type Gray = Plane<u8>;
 /// An 8-bit colour image: red, green, blue.
 pub type Rgb = Plane<[u8; 3]>;
 
+/// `n` times `value`, in memory of its own. All memory whose size grows with an image's comes from
+/// here or from [`reserve`]: a host does not end because there is none.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn buffer<T: Clone>(value: T, n: usize) -> Result<Vec<T>> {
+    let mut values = reserve(n)?;
+    values.resize(n, value);
+    Ok(values)
+}
+
+/// Memory for `n` values.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn reserve<T>(n: usize) -> Result<Vec<T>> {
+    let mut values = Vec::new();
+    let bytes = n.saturating_mul(size_of::<T>());
+    match values.try_reserve_exact(n) {
+        Ok(()) => Ok(values),
+        Err(_) => Err(Error::Memory { bytes }),
+    }
+}
+
 impl<T: Copy> Plane<T> {
     /// A plane filled with `value`.
     ///
     /// # Errors
-    /// [`Error::Dimensions`] if a side is 0 or above [`MAX_SIDE`].
+    /// [`Error::Dimensions`] if a side is 0 or above [`MAX_SIDE`]; [`Error::Memory`].
     pub fn filled(width: usize, height: usize, value: T) -> Result<Self> {
         check_size(width, height)?;
         Ok(Self {
             width,
             height,
             stride: width,
-            data: vec![value; width * height],
+            data: buffer(value, width * height)?,
         })
     }
 
@@ -72,10 +96,10 @@ impl<T: Copy> Plane<T> {
     /// A plane whose pixel `(x, y)` is `f(x, y)`.
     ///
     /// # Errors
-    /// [`Error::Dimensions`].
+    /// [`Error::Dimensions`], [`Error::Memory`].
     pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> T) -> Result<Self> {
         check_size(width, height)?;
-        let mut data = Vec::with_capacity(width * height);
+        let mut data = reserve(width * height)?;
         // Row by row: an iterator over all pixels does not know its length.
         (0..height).for_each(|y| data.extend((0..width).map(|x| f(x, y))));
         Ok(Self {

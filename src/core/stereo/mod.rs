@@ -35,7 +35,7 @@ pub use frame::{
 pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
 pub use identity::{FittedTo, PairId};
 pub(crate) use image::luma;
-pub use image::{Gray, MAX_SIDE, Plane, Rgb};
+pub use image::{Gray, MAX_SIDE, Plane, Rgb, buffer, reserve};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;
 pub use pair::{RectifiedPair, Side, StereoPair};

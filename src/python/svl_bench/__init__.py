@@ -14,7 +14,7 @@
     print(svl.score("bag.mcap", ["v5", "sgm"], output="report"))
 
 match() and Ranger compute what the program does, to the bit. Other threads run meanwhile. Errors are
-ValueError, TypeError, OSError and RuntimeError with svl's message. Matchers in Python: svl_bench.matcher.
+ValueError, TypeError, OSError, MemoryError and RuntimeError with svl's message. Matchers in Python: svl_bench.matcher.
 
 Names are loaded at their first use: a program that svl starts imports svl_bench.matcher alone.
 """

@@ -5,13 +5,11 @@ from __future__ import annotations
 import io
 import json
 import os
-import subprocess
-import tempfile
 from typing import TYPE_CHECKING, Any, Iterator, NamedTuple
 
 import numpy as np
 
-from ._program import check, command, words
+from ._program import running, words
 from ._rig import Rig
 
 if TYPE_CHECKING:
@@ -55,39 +53,26 @@ def read(source: PathLike, **options: Any) -> Iterator[Pair]:
     options: those of `svl record`, with underscores: frames=60, every=5, left="/cam0/image_raw",
     truth="/truth/depth". Memory does not grow with the number of pairs.
 
-    Raises ValueError for wrong usage, RuntimeError if the source cannot be read to its end or pairs are
+    Raises ValueError for wrong usage, RuntimeError if the source was not read to its end or pairs are
     missing, both with svl's message; the pairs before are good.
     """
-    line = command("--quiet", "record", *words({**options, "output": "-"}), "--", os.fspath(source))
-    with tempfile.TemporaryFile() as errors, subprocess.Popen(
-        line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
-    ) as svl:
+    if "output" in options:
+        raise ValueError("output: read() returns the pairs; record() writes them to a file")
+    line = ["record", *words({**options, "output": "-"}), "--", os.fspath(source)]
+    with running("--quiet", *line) as svl:
         pairs = svl.stdout
         assert isinstance(pairs, io.BufferedReader)
-        is_whole = False
-        try:
-            while header := pairs.readline():
-                pair = _pair(pairs, header)
-                if pair is None:
-                    break
-                yield pair
-            is_whole = True
-        finally:
-            pairs.close()
-            if not is_whole:
-                # The caller wants no more pairs: svl ends with the one that it reads.
-                svl.terminate()
-                try:
-                    svl.wait(timeout=10)
-                except subprocess.TimeoutExpired:
-                    svl.kill()
-        svl.wait()
-        errors.seek(0)
-        check("record", svl.returncode, errors.read().decode(errors="replace"))
+        while header := pairs.readline():
+            pair = _pair(pairs, header)
+            if pair is None:
+                break
+            yield pair
 
 
 def _pair(source: io.BufferedReader, header: bytes) -> Pair | None:
     """The pair behind its header; None if the program ended within it."""
+    if not header.endswith(b"\n"):
+        return None
     line = json.loads(header)
     size = (line["height"], line["width"])
     left, right = np.empty((2, *size), np.uint8)

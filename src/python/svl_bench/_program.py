@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
+import threading
 from pathlib import Path
 from typing import Any, Iterator, Mapping, Sequence, Union
 
@@ -26,28 +28,64 @@ def program() -> str:
     return found
 
 
-def command(*words: str) -> list[str]:
-    """The words of a command line of svl."""
-    return [program(), *words]
-
-
-def check(name: str, status: int, errors: str, ok: Sequence[int] = (0,)) -> None:
-    """Raises svl's message for an exit status that is not ok; else passes its warnings on."""
-    if status not in ok:
+@contextlib.contextmanager
+def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[bytes]]:
+    """A command of svl, whose standard output the caller reads. Its warnings and progress appear on
+    sys.stderr as they come. Raises svl's error if it ends with a status that is not ok. Where the caller
+    leaves early, svl is asked to end orderly, and waited for."""
+    line = [program(), *words]
+    errors: list[str] = []
+    # The thread alone has the reading end, and at Python's end nobody waits for it.
+    reading, writing = os.pipe()
+    messages = threading.Thread(target=_pass_on, args=(reading, errors), daemon=True)
+    messages.start()
+    try:
+        svl = subprocess.Popen(
+            line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=writing
+        )
+    finally:
+        os.close(writing)
+    with svl:
+        assert svl.stdout is not None
+        try:
+            yield svl
+        except BaseException:
+            # Ctrl-C reaches svl, too: what comes within 200 ms is the same interrupt to it.
+            svl.terminate()
+            svl.stdout.close()
+            try:
+                svl.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                svl.kill()
+            raise
+        svl.stdout.close()
+        svl.wait()
+        # A viewer that svl started may hold it open.
+        messages.join(timeout=2)
+    if svl.returncode not in ok:
+        name = next(word for word in words if not word.startswith("-"))
+        error = "".join(errors).strip() or f"svl {name} ended with the status {svl.returncode}"
         # docs/exit-status.md: 2 is wrong usage.
-        lines = errors.strip() or f"svl {name} ended with the status {status}"
-        raise (ValueError if status == 2 else RuntimeError)(lines)
-    # A service may have none.
-    if sys.stderr is not None:
-        sys.stderr.write(errors)
+        raise (ValueError if svl.returncode == 2 else RuntimeError)(error)
 
 
-def _run(*words: str, ok: Sequence[int] = (0,)) -> subprocess.CompletedProcess[str]:
-    ran = subprocess.run(
-        command(*words), stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8"
-    )
-    check(words[0], ran.returncode, ran.stderr, ok)
-    return ran
+def _pass_on(reading: int, errors: list[str]) -> None:
+    """Passes warnings and progress on, and keeps the error, which is last."""
+    with open(reading, encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if errors or line.startswith("error: "):
+                errors.append(line.removeprefix("error: "))
+            # A service may have none.
+            elif sys.stderr is not None:
+                sys.stderr.write(line)
+
+
+def _run(*words: str, ok: Sequence[int] = (0,)) -> tuple[int, str]:
+    """The exit status and the output of a command of svl."""
+    with running(*words, ok=ok) as svl:
+        assert svl.stdout is not None
+        output = svl.stdout.read()
+    return svl.returncode, output.decode()
 
 
 def words(options: Mapping[str, Any]) -> Iterator[str]:
@@ -86,13 +124,15 @@ def score(
     """
     sources = [source] if isinstance(source, (str, os.PathLike)) else source
     algo = [algorithms] if isinstance(algorithms, str) else list(algorithms)
+    if not algo:
+        raise ValueError("algorithms is empty: name at least one, as \"v5\"")
     given = {"rerun": "none", **options, "algo": algo, "output": output, "gate": gate}
     # 3: a limit of the gate is broken, and the report is complete.
     ok = (0, 3) if gate else (0,)
     paths = [os.fspath(path) for path in sources]
-    ran = _run("score", *words(given), "--json", "--", *paths, ok=ok)
+    status, _ = _run("score", *words(given), "--json", "--", *paths, ok=ok)
     found = Report(output)
-    found.gate_passed = ran.returncode == 0 if gate else None
+    found.gate_passed = status == 0 if gate else None
     return found
 
 
@@ -103,7 +143,7 @@ def compare(
     `svl compare`. A report, its folder, or FOLDER#ALGORITHM. options: map=["v3=v5"]."""
     reports = (base, other, *others)
     names = [os.fspath(r.folder if isinstance(r, Report) else r) for r in reports]
-    return json.loads(_run("compare", *words(options), "--json", "--", *names).stdout)
+    return json.loads(_run("compare", *words(options), "--json", "--", *names)[1])
 
 
 def record(source: PathLike, output: PathLike, **options: Any) -> Path:

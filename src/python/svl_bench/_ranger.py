@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from ._program import PathLike
+
     Image = Union[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]
     Floats = npt.NDArray[np.float32]
     Codes = npt.NDArray[np.uint8]
@@ -62,11 +64,12 @@ class Ranger:
 
     algorithm: as on the command line, "v5:max_disparity=64". rig: a Rig of rectified images, or its
     numbers in a dictionary. calibration: the file of raw images (OpenCV, ROS, Kalibr, ...), which are
-    rectified by it. filters: files of `svl train filter`. columns, rows: of the cells, up to 64 each.
-    threads: 0 is one per core. Several threads of Python may use one, in turns; after os.fork() each
+    rectified by it. filters: a file of `svl train filter`, or several. columns, rows: of the cells, up
+    to 64 each. threads: 0 is one per core. Several threads of Python may use one, in turns; after os.fork() each
     process needs its own.
 
-    Raises ValueError, or OSError for a file that cannot be read.
+    Raises ValueError, or OSError for a file that cannot be read. match() raises MemoryError where images
+    need more than there is.
     """
 
     def __init__(
@@ -75,14 +78,14 @@ class Ranger:
         *,
         rig: Rig | dict[str, float] | None = None,
         calibration: str | os.PathLike[str] | None = None,
-        filters: Sequence[str | os.PathLike[str]] = (),
+        filters: PathLike | Sequence[PathLike] = (),
         columns: int = 5,
         rows: int = 3,
         threads: int = 0,
     ) -> None:
         self.algorithm = algorithm
         path = None if calibration is None else os.fspath(calibration)
-        files = [os.fspath(file) for file in filters]
+        files = _files(filters)
         self._handle = extension.RangerHandle(
             algorithm, _numbers(rig), path, files, columns, rows, threads
         )
@@ -136,6 +139,12 @@ def _numbers(rig: Rig | dict[str, float] | None) -> Rig | None:
     return Rig(**rig) if isinstance(rig, dict) else Rig(*rig)
 
 
+def _files(files: PathLike | Sequence[PathLike]) -> list[str]:
+    """One path, or several."""
+    several = [files] if isinstance(files, (str, os.PathLike)) else files
+    return [os.fspath(file) for file in several]
+
+
 _MAX_IDLE = 4
 _idle: OrderedDict[Any, Ranger] = OrderedDict()
 _lock = threading.Lock()
@@ -159,7 +168,7 @@ def match(
     *,
     rig: Rig | dict[str, float] | None = None,
     calibration: str | os.PathLike[str] | None = None,
-    filters: Sequence[str | os.PathLike[str]] = (),
+    filters: PathLike | Sequence[PathLike] = (),
     columns: int = 5,
     rows: int = 3,
     threads: int = 0,
@@ -171,7 +180,7 @@ def match(
     Memory and threads of the last few kinds of calls are kept, so that a loop costs no more than one
     over a Ranger.
     """
-    files = [os.fspath(file) for file in filters]
+    files = _files(filters)
     path = None if calibration is None else os.fspath(calibration)
     read = [path, *files] if path else files
     # No matcher is kept for a folder or a list of files: it is not known which were read.

@@ -22,7 +22,7 @@ class Report:
         self.folder = Path(folder)
         try:
             self.data: dict[str, Any] = json.loads(self._text("summary.json"))
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             raise ValueError(
                 f"{folder}: not one of svl's reports: it has no summary.json"
             ) from None

@@ -76,7 +76,7 @@ pub fn gap_samples(sampler: &mut GapSampler, frame: &Frame, most: usize) -> Resu
                 truth: bin as i16,
             });
         }
-    });
+    })?;
     let step = samples.len().div_ceil(most.max(1)).max(1);
     Ok(samples.into_iter().step_by(step).collect())
 }

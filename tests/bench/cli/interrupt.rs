@@ -14,20 +14,21 @@ pub fn interrupted(
     line: &str,
     ready: impl Fn() -> bool,
 ) -> (Option<i32>, String) {
-    interrupted_times(1, fixture, line, ready)
+    interrupted_times(1, fixture, line, Stdio::null(), ready)
 }
 
 fn interrupted_times(
     times: usize,
     fixture: &Fixture,
     line: &str,
+    stdout: Stdio,
     ready: impl Fn() -> bool,
 ) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command
         .current_dir(fixture.path(""))
         .args(line.split_whitespace())
-        .stdout(Stdio::null())
+        .stdout(stdout)
         .stderr(Stdio::piped());
     // Servers of tests are on this machine, whatever proxy there is.
     command.env("NO_PROXY", "127.0.0.1");
@@ -59,23 +60,61 @@ fn a_recording_is_whole_after_ctrl_c() {
     let (code, stderr) = interrupted(&fixture, "record -o a.mcap", || {
         size(&fixture, "a.mcap") > 1_000_000
     });
-    assert_eq!(code, Some(0), "{stderr}");
+    assert_eq!(code, Some(1), "{stderr}");
     let mut source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
     let pairs = source.pairs().expect("a whole recording knows its length");
     assert!((1..280).contains(&pairs), "{pairs}");
+    let error = format!("error: interrupted after {pairs} of 280 pairs\n");
+    assert!(stderr.ends_with(&error), "{stderr}");
     assert!(
         (0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none()
     );
 }
 
 #[test]
+fn an_interrupted_recording_replaces_none() {
+    let fixture = Fixture::new();
+    fixture.write("a.mcap", "earlier");
+    let (code, stderr) = interrupted(&fixture, "record --force -o a.mcap", || {
+        size(&fixture, "a.mcap") > 1_000_000
+    });
+    assert_eq!(code, Some(1), "{stderr}");
+    let words = "incomplete; the earlier one is ";
+    let aside = stderr
+        .lines()
+        .find_map(|line| Some(line.split_once(words)?.1));
+    let aside = aside.expect("a warning");
+    assert_eq!(fixture.text(aside), "earlier");
+    assert!(RecordingSource::open(fixture.path("a.mcap")).is_ok());
+}
+
+#[test]
+fn an_interrupted_stream_of_pairs_is_an_error() {
+    let fixture = Fixture::new();
+    let pairs = std::fs::File::create(fixture.path("pairs")).unwrap();
+    let line = "record -q -o -";
+    let ready = || size(&fixture, "pairs") > 1_000_000;
+    let (code, stderr) = interrupted_times(1, &fixture, line, pairs.into(), ready);
+    assert_eq!(code, Some(1), "{stderr}");
+    let words: Vec<_> = stderr.split_whitespace().collect();
+    let [.., "interrupted", "after", pairs, "of", "280", "pairs"] = words[..] else {
+        panic!("{stderr}");
+    };
+    assert_eq!(stderr.lines().count(), 1);
+    // Headers and pixels of whole pairs, and of all that it says.
+    let headers = fixture.bytes("pairs");
+    let headers = headers.windows(9).filter(|bytes| *bytes == b"{\"width\":");
+    assert_eq!(headers.count().to_string(), pairs);
+}
+
+#[test]
 fn an_interrupt_that_comes_twice_at_once_is_one() {
     let fixture = Fixture::new();
     // As from `timeout`, which sends it to its child and then to its group.
-    let (code, stderr) = interrupted_times(2, &fixture, "record -o a.mcap", || {
-        size(&fixture, "a.mcap") > 1_000_000
-    });
-    assert_eq!(code, Some(0), "{stderr}");
+    let line = "record -o a.mcap";
+    let ready = || size(&fixture, "a.mcap") > 1_000_000;
+    let (code, stderr) = interrupted_times(2, &fixture, line, Stdio::null(), ready);
+    assert_eq!(code, Some(1), "{stderr}");
     let source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
     assert!(source.pairs().is_some_and(|pairs| pairs < 280));
 }

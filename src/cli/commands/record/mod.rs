@@ -12,7 +12,7 @@ use svl::outputs::Outputs;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::{Outcome, complete};
 use svl::scenario::{PairRange, SourceOptions};
-use svl::source::{Limited, Request, Source};
+use svl::source::{Limited, Request, Source, SourceKind};
 
 /// Record pairs to an MCAP file
 ///
@@ -110,13 +110,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
     let began = Instant::now();
+    let pairs = opened.source.pairs();
     let (outcome, ran) = recordings::record(opened, &output, format(args), quiet);
+    let reached_end = reached_end(source, &outcome, pairs);
     let is_kept = output.exists();
     // Decided before anything is printed: a closed or full standard output costs no recording.
-    match (&ran, is_kept) {
-        (Ok(()), _) => outputs.commit(),
-        (Err(_), true) => outputs.keep_both(),
-        (Err(_), false) => drop(outputs),
+    match (ran.is_ok() && reached_end.is_ok(), is_kept) {
+        (true, _) => outputs.commit(),
+        (false, true) => outputs.keep_both(),
+        (false, false) => drop(outputs),
     }
     let kept = is_kept.then(|| output.display().to_string());
     let printed = match outcome.losses.grabber.as_ref().filter(|_| !quiet) {
@@ -138,7 +140,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print_error(format_args!("{source}: {note}"));
         }
     }
+    reached_end?;
     Ok(complete(&ending)?)
+}
+
+/// Fails for a source that was interrupted before its end; cameras and live topics have no other.
+fn reached_end(source: &str, outcome: &Outcome, pairs: Option<u64>) -> svl::Result<()> {
+    if SourceKind::without_files(source).is_some_and(SourceKind::is_live) {
+        return Ok(());
+    }
+    outcome.reached_end(pairs)
 }
 
 /// Writes the pairs to standard output instead of a file.
@@ -153,8 +164,10 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
     }
     let mut opened = source::open(request(args, source), quiet)?;
     opened.source = Box::new(limited(opened.source, args));
+    let pairs = opened.source.pairs();
     let (outcome, ran) = recordings::stream(opened, quiet);
     ran?;
+    reached_end(source, &outcome, pairs)?;
     Ok(complete(&RunEnding::new(
         outcome.missing(),
         args.options.allow_loss,

@@ -4,7 +4,6 @@ use super::Args;
 use super::verify::{Earlier, Verification};
 use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::viewer::RerunChoice;
-use anyhow::bail;
 use std::collections::BTreeMap;
 use std::path::Path;
 use svl::losses::{RunEnding, RunState};
@@ -15,8 +14,7 @@ use svl::recording::AlgorithmCells;
 use svl::report::{Row, Summary, shell_word};
 use svl::run::{Outcome, complete, ending};
 use svl::sink::RerunTarget;
-use svl::{Error, Result};
-use svl::{counted, joined};
+use svl::{Result, counted, joined};
 
 /// Newest rows that the summary of live topics has: the topics have no end.
 pub(super) const LIVE_ROWS: usize = 3000;
@@ -32,7 +30,6 @@ pub(super) struct Replayed {
     ran: Result<()>,
     /// Result of the sinks.
     finished: Result<()>,
-    interrupted: bool,
     ending: RunEnding,
     rows: Vec<Row>,
     summary: Option<Summary>,
@@ -48,22 +45,14 @@ impl Replayed {
         rows: Vec<Row>,
         args: &Args,
     ) -> Self {
-        // Live topics have no other end.
-        let interrupted = outcome.interrupted && !is_live;
-        let stopped = interrupted.then(|| {
-            let done = counted(outcome.frames, "pair");
-            Err(Error::Invalid(format!("interrupted after {done}")))
-        });
-        let ran_to_end = stopped.as_ref().unwrap_or(&ran);
         Self {
             title,
             name,
             is_live,
-            ending: ending(ran_to_end, outcome.missing(), args.options.allow_loss),
+            ending: ending(&ran, outcome.missing(), args.options.allow_loss),
             outcome,
             ran,
             finished,
-            interrupted,
             rows,
             summary: None,
             verification: None,
@@ -75,7 +64,7 @@ impl Replayed {
         if self.outcome.frames == 0 && self.ran.is_err() {
             return;
         }
-        if self.ran.is_ok() && self.finished.is_ok() && !self.interrupted {
+        if self.ran.is_ok() && self.finished.is_ok() {
             outputs.commit();
         } else {
             outputs.keep_both();
@@ -128,9 +117,6 @@ impl Replayed {
     pub(super) fn check(self, args: &Args) -> anyhow::Result<()> {
         self.ran?;
         self.finished?;
-        if let (true, Some(why)) = (self.interrupted, &self.ending.incomplete) {
-            bail!("{why}; what was written is kept");
-        }
         if let Some(verification) = self.verification {
             let proved = verification.proved()?;
             if !args.json {

@@ -11,11 +11,12 @@
 //! half as many threads as a row has blocks.
 
 use super::CostVolume;
+use crate::error::Result;
 use crate::kernel::{
     ChosenRow, Isa, Lanes, OUTSIDE, PathBlock, Penalties, RowPaths, Totals, VolumeShape,
     choose_row, finish_paths, follow_paths, follow_rows,
 };
-use crate::stereo::{Gray, Reason};
+use crate::stereo::{Gray, Reason, buffer};
 use parking_lot::{Mutex, MutexGuard};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -83,17 +84,17 @@ impl Aggregation {
     pub const BYTES: usize = 3 * size_of::<Lanes<u8>>();
 
     /// For costs of that shape, on the threads of rayon's current pool.
-    pub fn new(shape: VolumeShape) -> Self {
-        let sums = vec![Lanes::splat(0); shape.stride() * shape.height];
-        Self {
+    pub fn new(shape: VolumeShape) -> Result<Self> {
+        let sums = || buffer(Lanes::splat(0), shape.stride() * shape.height);
+        Ok(Self {
             shape,
-            along: sums.clone(),
-            sums,
+            along: sums()?,
+            sums: sums()?,
             sweeps: [false, true].map(|upwards| Sweep::new(shape, upwards)),
             workers: (0..rayon::current_num_threads())
                 .map(|_| Worker::new(shape))
-                .collect(),
-        }
+                .collect::<Result<_>>()?,
+        })
     }
 
     /// Aggregates `costs`, those of the left image `image`, and chooses the disparities. Other
@@ -284,14 +285,14 @@ impl Drop for ReleaseOnPanic<'_> {
 }
 
 impl Worker {
-    fn new(shape: VolumeShape) -> Self {
+    fn new(shape: VolumeShape) -> Result<Self> {
         let beside = vec![OUTSIDE; PathBlock::slots(&shape)];
-        Self {
-            along: RowPaths::new(shape),
-            totals: Totals::new(shape),
+        Ok(Self {
+            along: RowPaths::new(shape)?,
+            totals: Totals::new(shape)?,
             before: beside.clone(),
             after: beside,
-        }
+        })
     }
 }
 
@@ -346,14 +347,14 @@ fn in_order<T>(
 
 impl Chosen {
     /// For costs of that shape.
-    pub fn new(shape: VolumeShape) -> Self {
+    pub fn new(shape: VolumeShape) -> Result<Self> {
         let pixels = shape.width * shape.height;
-        Self {
+        Ok(Self {
             shape,
-            left: vec![0; pixels],
-            why: vec![Reason::Border; pixels],
-            right: vec![ChosenRow::NONE; shape.padded() * shape.height],
-        }
+            left: buffer(0, pixels)?,
+            why: buffer(Reason::Border, pixels)?,
+            right: buffer(ChosenRow::NONE, shape.padded() * shape.height)?,
+        })
     }
 
     /// The disparities of row `y` of the left image, in 16ths of a pixel; 0 at the *border*.

@@ -1,8 +1,9 @@
 //! An image in blocks of rows, transposed for the kernels that use rows as lanes.
 
 use super::each_row;
+use crate::error::Result;
 use crate::kernel::{Isa, Lanes, transpose};
-use crate::stereo::Gray;
+use crate::stereo::{Gray, buffer};
 
 /// The blocks of an image, top to bottom; rows below the image are zero.
 pub struct Blocks {
@@ -15,11 +16,11 @@ impl Blocks {
     pub const ROWS: usize = Lanes::COUNT;
 
     /// For images of that size.
-    pub fn new(width: usize, height: usize) -> Self {
-        Self {
+    pub fn new(width: usize, height: usize) -> Result<Self> {
+        Ok(Self {
             width,
-            columns: vec![Lanes::splat(0); width * height.div_ceil(Self::ROWS)],
-        }
+            columns: buffer(Lanes::splat(0), width * height.div_ceil(Self::ROWS))?,
+        })
     }
 
     /// Loads the pixels of `image`.

@@ -3,11 +3,12 @@
 //! image's borders are replicated.
 
 use super::each_row;
+use crate::error::Result;
 use crate::kernel::{
     CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH, Isa, Lanes, OUTSIDE, VolumeShape, census_costs,
     census_row,
 };
-use crate::stereo::Gray;
+use crate::stereo::{Gray, buffer};
 use std::ops::Range;
 
 /// The cost of every disparity of every pixel.
@@ -29,17 +30,17 @@ struct Census {
 
 impl CostVolume {
     /// For images of that size. At least one disparity of the range must lead into the image.
-    pub fn new(shape: VolumeShape) -> Self {
+    pub fn new(shape: VolumeShape) -> Result<Self> {
         let mut outside = vec![OUTSIDE; shape.padded() + 2 * CENSUS_MARGIN];
         // ORed into the costs, so that the inner loop has no test for the image's borders.
         outside[CENSUS_MARGIN..][..shape.width].fill(0);
-        Self {
+        Ok(Self {
             shape,
-            left: Census::new(&shape),
-            right: Census::new(&shape),
+            left: Census::new(&shape)?,
+            right: Census::new(&shape)?,
             outside,
-            costs: vec![Lanes::splat(0); shape.stride() * shape.height],
-        }
+            costs: buffer(Lanes::splat(0), shape.stride() * shape.height)?,
+        })
     }
 
     /// Computes the costs of a pair.
@@ -74,13 +75,13 @@ impl CostVolume {
 }
 
 impl Census {
-    fn new(shape: &VolumeShape) -> Self {
+    fn new(shape: &VolumeShape) -> Result<Self> {
         let stride = shape.padded() + 2 * CENSUS_MARGIN;
-        Self {
+        Ok(Self {
             stride,
-            padded: vec![0; (shape.width + 2 * CENSUS_REACH[0]) * shape.height],
-            bytes: vec![0; stride * CENSUS_BYTES * shape.height],
-        }
+            padded: buffer(0, (shape.width + 2 * CENSUS_REACH[0]) * shape.height)?,
+            bytes: buffer(0, stride * CENSUS_BYTES * shape.height)?,
+        })
     }
 
     fn load(&mut self, isa: Isa, image: &Gray) {

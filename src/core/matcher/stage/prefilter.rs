@@ -3,9 +3,10 @@
 //! x-Sobel).
 
 use super::each_row;
+use crate::error::Result;
 use crate::kernel::{Isa, PREFILTER_CAP, Sads, log_row, sobel_row};
 use crate::matcher::{Parameter, Range};
-use crate::stereo::Gray;
+use crate::stereo::{Gray, buffer};
 
 /// Edge operator of the prefilter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,13 +50,13 @@ pub struct EdgeImage {
 
 impl EdgeImage {
     /// For images of that size.
-    pub fn new(width: usize, height: usize) -> Self {
+    pub fn new(width: usize, height: usize) -> Result<Self> {
         let stride = width + Sads::COUNT;
-        Self {
+        Ok(Self {
             width,
             stride,
-            data: vec![PREFILTER_CAP as u8; stride * height],
-        }
+            data: buffer(PREFILTER_CAP as u8, stride * height)?,
+        })
     }
 
     /// Filters `image`, which must have this object's size.

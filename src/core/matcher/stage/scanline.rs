@@ -2,7 +2,9 @@
 //! Pixel-to-Pixel Stereo*, 1998).
 
 use super::Blocks;
+use crate::error::Result;
 use crate::kernel::{Isa, Lanes, ScanlinePaths, find_paths};
+use crate::stereo::buffer;
 
 /// Costs and rewards of a path through the pixels of a row besides its dissimilarities, in grey
 /// levels.
@@ -26,13 +28,13 @@ pub struct Scanlines {
 
 impl Scanlines {
     /// For a band of `rows` rows of `width` pixels.
-    pub fn new(width: usize, rows: usize, max_disparity: u8, costs: PathCosts) -> Self {
-        Self {
+    pub fn new(width: usize, rows: usize, max_disparity: u8, costs: PathCosts) -> Result<Self> {
+        Ok(Self {
             costs,
             width,
-            paths: ScanlinePaths::new(width, max_disparity),
-            found: vec![Lanes::splat(0); width * rows.div_ceil(Blocks::ROWS)],
-        }
+            paths: ScanlinePaths::new(width, max_disparity)?,
+            found: buffer(Lanes::splat(0), width * rows.div_ceil(Blocks::ROWS))?,
+        })
     }
 
     /// Matches the band's rows, `rows` of the image.

@@ -1,8 +1,9 @@
 //! Speckle filter: small regions whose disparity differs from their surroundings are outliers
 //! (Hirschmüller 2008, section 2.5.1).
 
+use crate::error::Result;
 use crate::matcher::{Parameter, Range};
-use crate::stereo::{DisparityMap, Reason};
+use crate::stereo::{DisparityMap, Reason, buffer};
 
 /// Removes small regions of a map, with its scratch.
 ///
@@ -41,16 +42,19 @@ impl Speckles {
     };
 
     /// For maps of that many pixels; `None` if `size` is 0.
-    pub fn new(pixels: usize, size: i32, range_px: f64) -> Option<Self> {
-        let scratch = || vec![0; pixels];
-        (size > 0).then(|| Self {
+    pub fn new(pixels: usize, size: i32, range_px: f64) -> Result<Option<Self>> {
+        if size <= 0 {
+            return Ok(None);
+        }
+        let scratch = || buffer(0, pixels);
+        Ok(Some(Self {
             size: size as u32,
             range_px: range_px as f32,
-            runs: scratch(),
-            starts: scratch(),
-            parents: scratch(),
-            sizes: scratch(),
-        })
+            runs: scratch()?,
+            starts: scratch()?,
+            parents: scratch()?,
+            sizes: scratch()?,
+        }))
     }
 
     /// Rejects the valid pixels of regions that are too small.

@@ -117,7 +117,7 @@ impl Method for V4 {
             left: Gray::filled(width, height, 0)?,
             right: Gray::filled(width, height, 0)?,
             textured: Plane::filled(width, height, false)?,
-            left_blocks: Blocks::new(width, height),
+            left_blocks: Blocks::new(width, height)?,
             proposals: Proposals::new((width, height), self.range, self.tolerance)?,
             band_rows,
             checks: (0..bands)

@@ -70,7 +70,9 @@ impl Proposals {
             tolerance,
             sums: Plane::filled(width, height, NO_SUM)?,
             band_rows,
-            tables: vec![WindowTable::new(width, tolerance.rows); height.div_ceil(band_rows)],
+            tables: (0..height.div_ceil(band_rows))
+                .map(|_| WindowTable::new(width, tolerance.rows))
+                .collect::<Result<_>>()?,
             proposed: Plane::filled(width, height, Proposal::NONE)?,
             accepted: Plane::filled(width, height, Proposal::NONE)?,
         })

@@ -1,10 +1,11 @@
 //! Both images at half size, their censuses, and the penalties of steps: by row, and by column.
 
+use crate::error::Result;
 use crate::kernel::{
     Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, quarter_row,
     small_census_row, step_penalties, transpose_plane,
 };
-use crate::stereo::Gray;
+use crate::stereo::{Gray, buffer};
 
 const REACH: usize = SMALL_CENSUS_REACH;
 const PLANES: usize = SMALL_CENSUS_PLANES;
@@ -39,12 +40,12 @@ pub(super) fn padded(pixels: usize) -> usize {
 
 impl TwoWayPlane {
     /// Planes of `size`, with room before the first pixel by row.
-    fn new((width, height): (usize, usize), margin: usize) -> Self {
+    fn new((width, height): (usize, usize), margin: usize) -> Result<Self> {
         let pixels = padded(width) * padded(height);
-        Self {
-            rows: vec![0; margin + pixels],
-            columns: vec![0; pixels],
-        }
+        Ok(Self {
+            rows: buffer(0, margin + pixels)?,
+            columns: buffer(0, pixels)?,
+        })
     }
 
     fn transpose(&mut self, isa: Isa, (width, height): (usize, usize), margin: usize) {
@@ -55,16 +56,17 @@ impl TwoWayPlane {
 
 impl HalfImage {
     /// For images of twice `size`, whose censuses are shifted by up to `shift` pixels.
-    pub(super) fn new(size: (usize, usize), shift: usize) -> Self {
+    pub(super) fn new(size: (usize, usize), shift: usize) -> Result<Self> {
         let stride = padded(size.0) + 2 * REACH;
         let margin = padded(shift);
-        Self {
+        let census = || TwoWayPlane::new(size, margin);
+        Ok(Self {
             size,
-            half: vec![0; stride * size.1],
+            half: buffer(0, stride * size.1)?,
             smooth: vec![0; 2 * size.0 + 3],
-            census: std::array::from_fn(|_| TwoWayPlane::new(size, margin)),
+            census: [census()?, census()?, census()?],
             margin,
-        }
+        })
     }
 
     fn stride(&self) -> usize {
@@ -158,11 +160,11 @@ impl HalfImage {
 }
 
 impl StepCosts {
-    pub(super) fn new(size: (usize, usize)) -> Self {
-        Self {
-            down: vec![0; padded(size.0) * size.1],
-            across: TwoWayPlane::new(size, 0),
-        }
+    pub(super) fn new(size: (usize, usize)) -> Result<Self> {
+        Ok(Self {
+            down: buffer(0, padded(size.0) * size.1)?,
+            across: TwoWayPlane::new(size, 0)?,
+        })
     }
 
     /// Loads the penalties from the left image and the table of differences.

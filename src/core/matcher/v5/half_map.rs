@@ -3,8 +3,9 @@
 use super::census::{HalfImage, padded};
 use super::sums::StripSums;
 use crate::depth::decision::{fill_empty_rows, fill_row};
+use crate::error::Result;
 use crate::kernel::{Isa, RowWinners, WinnerTest, choose_winners, test_winners, winner_fractions};
-use crate::stereo::{DisparityMap, Reason};
+use crate::stereo::{DisparityMap, Reason, buffer};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -65,7 +66,7 @@ fn stride(width: usize, count: usize) -> usize {
 
 impl HalfMap {
     /// The map of `count` disparities, with or without what the weighing of gaps reads.
-    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Self {
+    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Result<Self> {
         let (width, height) = size;
         // More bands than threads, so that a thread that finishes early finds another.
         let bands = match rayon::current_num_threads() {
@@ -73,29 +74,33 @@ impl HalfMap {
             threads => 2 * threads,
         };
         let band_rows = height.div_ceil(bands).next_multiple_of(TILE);
-        let scratch = || BandScratch {
-            sums: vec![u8::MAX; TILE * count * stride(width, count)],
-            winners: RowWinners::new(padded(width)),
-            passing: vec![0; width + 2],
-            row: (
-                vec![0.0; 2 * width + 1],
-                vec![Reason::Border; 2 * width + 1],
-            ),
+        let scratch = || {
+            Ok(BandScratch {
+                sums: buffer(u8::MAX, TILE * count * stride(width, count))?,
+                winners: RowWinners::new(padded(width)),
+                passing: vec![0; width + 2],
+                row: (
+                    vec![0.0; 2 * width + 1],
+                    vec![Reason::Border; 2 * width + 1],
+                ),
+            })
         };
         let pixels = width * height;
-        Self {
+        Ok(Self {
             size,
             count,
-            bins: vec![0; pixels],
-            own: vec![0; pixels],
-            why: vec![Reason::Border; pixels],
-            winners: std::array::from_fn(|_| vec![0; pixels]),
+            bins: buffer(0, pixels)?,
+            own: buffer(0, pixels)?,
+            why: buffer(Reason::Border, pixels)?,
+            winners: [buffer(0, pixels)?, buffer(0, pixels)?, buffer(0, pixels)?],
             keeps_winners,
-            seen: vec![0; pixels],
-            filled: vec![0; pixels],
-            bands: (0..height.div_ceil(band_rows)).map(|_| scratch()).collect(),
+            seen: buffer(0, pixels)?,
+            filled: buffer(0, pixels)?,
+            bands: (0..height.div_ceil(band_rows))
+                .map(|_| scratch())
+                .collect::<Result<_>>()?,
             band_rows,
-        }
+        })
     }
 
     pub(super) fn size(&self) -> (usize, usize) {

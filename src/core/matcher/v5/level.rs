@@ -3,6 +3,7 @@
 use super::census::{HalfImage, StepCosts};
 use super::half_map::HalfMap;
 use super::sums::StripSums;
+use crate::error::Result;
 use crate::kernel::{Isa, STEPS, WinnerTest};
 use crate::matcher::stage::both;
 
@@ -16,14 +17,14 @@ pub(super) struct MatchLevel {
 
 impl MatchLevel {
     /// As [`HalfMap::new`].
-    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Self {
-        let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
-        Self {
-            steps: StepCosts::new(size),
-            sums: StripSums::new(size, count, images[1].margin),
-            map: HalfMap::new(size, count, keeps_winners),
+    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Result<Self> {
+        let images = [HalfImage::new(size, 0)?, HalfImage::new(size, count - 1)?];
+        Ok(Self {
+            steps: StepCosts::new(size)?,
+            sums: StripSums::new(size, count, images[1].margin)?,
+            map: HalfMap::new(size, count, keeps_winners)?,
             images,
-        }
+        })
     }
 
     /// Loads both images by those functions, and the penalties of steps.

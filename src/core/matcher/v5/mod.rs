@@ -200,10 +200,13 @@ impl V5 {
     }
 
     /// Makes memory for half images of `size`, unless there is some.
-    fn reserve(&mut self, size: (usize, usize), make: impl FnOnce() -> Scratch) {
+    fn reserve(&mut self, size: (usize, usize), has_gaps: bool) -> Result<()> {
         // Freed before the new memory is allocated, so that both sizes are never held at once.
         self.scratch.take_if(|scratch| scratch.size != size);
-        self.scratch.get_or_insert_with(make);
+        if self.scratch.is_none() {
+            self.scratch = Some(Scratch::new(size, self.count, has_gaps)?);
+        }
+        Ok(())
     }
 
     /// Matches at half size, and at quarter size for gaps; `lap` is called after each stage.
@@ -411,8 +414,7 @@ impl Matcher for V5 {
             let rows = output.disparity.rows_mut();
             rows.for_each(|mut row| row.clear(Reason::Border));
         } else {
-            let (count, has_gaps) = (self.count, self.gaps.is_some());
-            self.reserve(size, || Scratch::new(size, count, has_gaps));
+            self.reserve(size, self.gaps.is_some())?;
             self.follow(pair, &mut |stage| output.clock.lap(stage));
             if let Some(Scratch { half, gaps, .. }) = &mut self.scratch {
                 if let (Some(gaps), Some(network)) = (gaps, &self.gaps) {
@@ -438,14 +440,17 @@ impl Matcher for V5 {
 }
 
 impl Scratch {
-    fn new(size: (usize, usize), count: usize, has_gaps: bool) -> Self {
+    fn new(size: (usize, usize), count: usize, has_gaps: bool) -> Result<Self> {
         // Disparities at quarter size, of at least one pixel.
         let has_gaps = has_gaps && size.0 >= 2 && size.1 >= 2;
-        Self {
+        Ok(Self {
             size,
-            half: MatchLevel::new(size, count, has_gaps),
-            gaps: has_gaps.then(|| Gaps::new(size, (count - 1) / 2 + 1)),
-        }
+            half: MatchLevel::new(size, count, has_gaps)?,
+            gaps: match has_gaps {
+                true => Some(Gaps::new(size, (count - 1) / 2 + 1)?),
+                false => None,
+            },
+        })
     }
 }
 
@@ -466,17 +471,20 @@ impl GapSampler {
 
     /// Shows the pixels of a pair to a function, in blocks: measurements, and the place of each
     /// lane in the half image.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
     pub fn sample(
         &mut self,
         pair: RectifiedPair<'_>,
         take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
-    ) {
+    ) -> Result<()> {
         let (width, height) = pair.size();
-        let (size, count) = ((width / 2, height / 2), self.v5.count);
+        let size = (width / 2, height / 2);
         if size.0 < 2 || size.1 < 2 {
-            return;
+            return Ok(());
         }
-        self.v5.reserve(size, || Scratch::new(size, count, true));
+        self.v5.reserve(size, true)?;
         self.v5.follow(pair, &mut |_| {});
         if let Some(Scratch { half, gaps, .. }) = &mut self.v5.scratch
             && let Some(gaps) = gaps
@@ -484,5 +492,6 @@ impl GapSampler {
         {
             gaps.sample(self.v5.isa, half, take);
         }
+        Ok(())
     }
 }

@@ -1,8 +1,10 @@
 //! The sums of four paths: strips of columns and strips of rows, one task for each.
 
 use super::census::{HalfImage, StepCosts, TwoWayPlane, padded};
+use crate::error::Result;
 use crate::kernel::{Isa, Lanes, PathCost, StripPlace, follow_strip, sum_strips};
 use crate::matcher::stage::both;
+use crate::stereo::buffer;
 use rayon::prelude::*;
 
 const N: usize = Lanes::COUNT;
@@ -23,20 +25,24 @@ struct Strip {
 }
 
 impl Strip {
-    fn new(place: StripPlace, count: usize) -> Self {
-        let lanes = |n: usize| vec![Lanes::splat(u8::MAX); n];
-        Self {
+    fn new(place: StripPlace, count: usize) -> Result<Self> {
+        let lanes = |n: usize| buffer(Lanes::splat(u8::MAX), n);
+        Ok(Self {
             place,
-            costs: lanes(place.length * count),
-            line: lanes(count + 1),
-            sums: lanes(place.length * count),
-        }
+            costs: lanes(place.length * count)?,
+            line: lanes(count + 1)?,
+            sums: lanes(place.length * count)?,
+        })
     }
 }
 
 impl StripSums {
     /// For images of `size` and `count` disparities; `margin` is that of the right censuses.
-    pub(super) fn new((width, height): (usize, usize), count: usize, margin: usize) -> Self {
+    pub(super) fn new(
+        (width, height): (usize, usize),
+        count: usize,
+        margin: usize,
+    ) -> Result<Self> {
         let column = |x: usize| StripPlace {
             length: height,
             start: x,
@@ -58,11 +64,11 @@ impl StripSums {
         let columns = (0..width).step_by(N).map(column);
         let rows = (0..height).step_by(N).map(row);
         let strips = columns.chain(rows).map(|place| Strip::new(place, count));
-        Self {
+        Ok(Self {
             count,
-            strips: strips.collect(),
+            strips: strips.collect::<Result<_>>()?,
             columns: width.div_ceil(N),
-        }
+        })
     }
 
     /// Follows the paths of all strips, with the cost of a disparity that leads out of the right

@@ -5,7 +5,9 @@ mod candidates;
 mod lines;
 
 use super::level::MatchLevel;
+use crate::error::Result;
 use crate::kernel::{GapCandidates, GapNetwork, GapVotes, HYPOTHESES, Isa, weigh_hypotheses};
+use crate::stereo::buffer;
 use candidates::{Band, GapStep, LANES, Measured, Quality, STEPS, lattice, measure_row};
 use lines::{Line, NearestSeen};
 use rayon::prelude::*;
@@ -51,7 +53,7 @@ fn places(range: &Range<usize>, step: usize) -> Range<usize> {
 
 impl Gaps {
     /// For half images of `size`, at least 2 x 2, and `count` disparities at quarter size.
-    pub(super) fn new(size: (usize, usize), count: usize) -> Self {
+    pub(super) fn new(size: (usize, usize), count: usize) -> Result<Self> {
         let (width, height) = lattice(size);
         let none = PixelVotes {
             bins: [0; HYPOTHESES],
@@ -59,17 +61,17 @@ impl Gaps {
             agreed: 0,
         };
         let pixels = width * height;
-        Self {
-            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count, true),
-            quality: vec![Quality::default(); size.0 * size.1],
-            along_rows: vec![NearestSeen::default(); pixels],
-            along_columns: vec![NearestSeen::default(); pixels],
-            votes: vec![none; pixels],
+        Ok(Self {
+            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count, true)?,
+            quality: buffer(Quality::default(), size.0 * size.1)?,
+            along_rows: buffer(NearestSeen::default(), pixels)?,
+            along_columns: buffer(NearestSeen::default(), pixels)?,
+            votes: buffer(none, pixels)?,
             bands: (0..height.div_ceil(BAND))
                 .map(|_| Band::new(size.0))
                 .collect(),
             width,
-        }
+        })
     }
 
     /// Measures the parts of the hypotheses, at half size.
