@@ -192,15 +192,8 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::from_recordings(&files, Vec::new())?);
-        let table_labels = FrameLabels::read(&table, args.kind)?;
-        if let Some(sequence) = table_labels.untied() {
-            let (table, path) = (table.display(), path.display());
-            tracing::warn!(
-                "{table}: has no pair_hash for frame {sequence}: taken as labels of {path}, \
-                 unchecked; `svl label` writes it with every label"
-            );
-        }
-        labels.push(Some((path.clone(), table_labels)));
+        let table = FrameLabels::read(&table, args.kind)?;
+        labels.push(Some((path.clone(), table)));
     }
     let named = args.labelled[0].display().to_string();
     runs::change(&mut scenarios, &args.source, &named)?;
