@@ -48,7 +48,7 @@ const HEADINGS: &[(&str, &str)] = &[
     (
         "Output",
         "output force rows cells why preview stixels evidence error_map figure figures table \
-         samples compress ros2 publish dense near camera_height rerun drives sort \
+         compress ros2 publish dense near camera_height rerun drives sort \
          columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
@@ -60,7 +60,7 @@ const HEADINGS: &[(&str, &str)] = &[
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
     sample shape tolerance figures publish dense near camera_height drives times \
-    prune junit print_scenario script scaling no_mean epochs samples test_seeds \
+    prune junit print_scenario script scaling no_mean epochs test_seeds \
     trials pairs";
 
 /// The command whose page has the options of sources, which others name.
