@@ -45,11 +45,11 @@ impl LabelledRuns {
 /// range of disparities.
 pub fn windows(
     kind: FilterKind,
-    features: Features,
     range_px: f64,
     labelled: Vec<LabelledRuns>,
     console: &dyn Console,
 ) -> Result<(WindowSamples, FittedTo)> {
+    let features = kind.spec().features;
     let recordings = labelled.iter().map(|own| own.runs.len()).sum();
     let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
     let register = PairRegister::default();

@@ -133,7 +133,10 @@ impl RunSource {
     #[must_use]
     pub fn registered(self, scenario: &str, register: &PairRegister, seeks: bool) -> Self {
         let name = self.title(scenario);
-        let simulated = self.seed.map(|_| name.clone()).or_else(|| self.simulated.clone());
+        let simulated = self
+            .seed
+            .map(|_| name.clone())
+            .or_else(|| self.simulated.clone());
         let run = (name, simulated);
         self.around(|source| Box::new(RegisteredSource::new(source, register, run, seeks)))
     }

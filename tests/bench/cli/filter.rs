@@ -26,7 +26,7 @@ static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     assert_says(
         &said,
         &[
-            "filter floor: 8 hidden neurons, windows of 64, amplitude with the mean",
+            "filter floor: 8 hidden neurons, windows of 64, amplitude",
             "training          3 recordings: ",
             "validation        1 recording: ",
             "false acceptance",

@@ -112,7 +112,10 @@ fn keys_turn_type_undo_and_compare() {
     let text = tune(&fixture, args, keys).done();
     assert_says(&text, &["bm:block_size=11", " columns            4 (5)"]);
     let end = tune(&fixture, args, "down right wait q").done();
-    assert_eq!(end, "v3:max_disparity=81  (began as v3)\nbm:block_size=11\n");
+    assert_eq!(
+        end,
+        "v3:max_disparity=81  (began as v3)\nbm:block_size=11\n"
+    );
 }
 
 #[test]
