@@ -96,8 +96,8 @@ fn labelled_cells_are_scored() {
     let added = extended.strip_prefix(edited.as_str()).unwrap();
     let pair = scored_pair(&fixture, 3);
     let expected = format!(
-        "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\ndescription = \"\"\nframes = [3, \
-         3]\npair = {{ frame = 3, hash = \"{pair}\" }}\n\n[[checkpoint.cell]]\nat = [0, \
+        "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\nframes = [3, \
+         3]\n\n[checkpoint.pair]\nframe = 3\nhash = \"{pair}\"\n\n[[checkpoint.cell]]\nat = [0, \
          0]\ndistance_m = 1.5\ntolerance_m = 0.2\n"
     );
     assert_eq!(added, expected);

@@ -85,7 +85,7 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
 
 /// The label, and below it the report of the algorithm.
 fn texts(tool: &Labelling, at: (usize, usize), cell: Rect, buffer: &mut Buffer) {
-    let label = tool.draft.cells.get(&[at.1, at.0]).map(ToString::to_string);
+    let label = tool.draft.label(at.into()).map(String::from);
     let reported = tool.reported.as_ref().map(|reported| {
         let [mark, _] = mark(tool.verdict(at));
         reported.words(at) + mark
@@ -121,7 +121,7 @@ fn lines(tool: &Labelling, frame: &Frame) -> Vec<String> {
         name => name,
     };
     let (column, row) = tool.picked;
-    let label = tool.draft.cells.get(&[row, column]);
+    let label = tool.draft.label([column, row]);
     let mut lines = vec![
         format!("checkpoint {}: {name}", tool.file.next_number()),
         format!("frames {first} to {last}"),
