@@ -221,7 +221,7 @@ fn a_checkpoint_names_its_recording_among_several() {
     label(&fixture, "two.mcap -o both.toml", ". f n \"a\" enter w q").done();
     let added = fixture.text("both.toml");
     let added = added.strip_prefix(text).unwrap();
-    assert_says(added, &["file = \"two.mcap\"\nframes = [1, 1]\n"]);
+    assert_says(added, &["frames = [1, 1]\nfile = \"two.mcap\"\n"]);
     let scenario = Scenario::read(&fixture.path("both.toml")).unwrap();
     scenario.recordings().unwrap();
     label(&fixture, "run.mcap -o both.toml --grid 5x3", "q")
