@@ -200,8 +200,6 @@ impl FrameLabels {
     }
 }
 
-/// The number of the window with that name; `None` for no name, which is the whole frame.
-
 /// The number of the window with that name.
 fn parse_window(kind: FilterKind, name: &str) -> std::result::Result<usize, String> {
     let mut windows = 0..FrameLabels::windows(kind);
