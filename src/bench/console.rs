@@ -4,7 +4,7 @@ use crate::run::Monitor;
 use crate::sink::LiveTable;
 use svl_core::interrupt;
 
-/// The terminal of a program, or none ([`Silent`]).
+/// The terminal of a program.
 pub trait Console: Sync {
     /// Begins to show the progress of `work` of `total` steps, if that number is known.
     fn bar(&self, work: &str, unit: Unit, total: Option<u64>) -> Box<dyn Bar>;
@@ -54,37 +54,6 @@ pub trait Bar: Send + Sync {
 
     /// Prints something above it.
     fn suspend(&self, print: &mut dyn FnMut());
-}
-
-/// A console that shows nothing.
-pub struct Silent;
-
-impl Console for Silent {
-    fn bar(&self, _: &str, _: Unit, _: Option<u64>) -> Box<dyn Bar> {
-        Box::new(Self)
-    }
-
-    fn note(&self, _: &str) {}
-
-    fn warnings(&self) -> Vec<String> {
-        Vec::new()
-    }
-
-    fn begin_warnings(&self) -> usize {
-        0
-    }
-}
-
-impl Bar for Silent {
-    fn set(&self, _: u64) {}
-
-    fn step(&self) {}
-
-    fn show(&self, _: String) {}
-
-    fn suspend(&self, print: &mut dyn FnMut()) {
-        print();
-    }
 }
 
 /// Shows the progress of a run, and ends the run on Ctrl-C.

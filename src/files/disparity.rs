@@ -1,4 +1,4 @@
-//! Disparity maps as files: PFM, npz, KITTI's 16-bit PNG, and data sets' scaled grey images.
+//! Disparity maps as files: PFM, npz and KITTI's 16-bit PNG.
 
 use super::image::{decode, encode};
 use super::{known, npz, pfm, write_pfm, write_png};
@@ -6,31 +6,6 @@ use image::{DynamicImage, ExtendedColorType};
 use std::path::Path;
 use svl_core::stereo::{DisparityMap, Plane};
 use svl_core::{Error, Result};
-
-/// Reads a grey image, 8 or 16 bits, whose value is `scale` times the disparity; 0 means unknown if
-/// `zero_unknown` is true; unknown becomes `+∞`. Palette images are read by their grey, not by
-/// their index.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`].
-pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Result<Plane<f32>> {
-    let image = decode(path)?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let disparity = |v: f32| {
-        if v == 0.0 && zero_unknown {
-            f32::INFINITY
-        } else {
-            v / scale
-        }
-    };
-    let values: Vec<u16> = match image {
-        // Only 16-bit grey keeps all its bits; everything else is 8 bits by convention.
-        DynamicImage::ImageLuma16(grey) => grey.into_raw(),
-        other => other.into_luma8().iter().map(|&v| v.into()).collect(),
-    };
-    let values = values.into_iter().map(|v| disparity(f32::from(v)));
-    Plane::from_vec(width, height, values.collect())
-}
 
 /// KITTI's 16-bit images contain 256 times the disparity.
 const KITTI_SCALE: f32 = 256.0;
@@ -182,6 +157,7 @@ pub fn write_why(path: &Path, map: &DisparityMap) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::read_disparity_steps;
 
     #[test]
     fn kitti_codes() {
@@ -245,7 +221,7 @@ mod tests {
         row.accept(1, 12.25);
         row.accept(2, 80.0);
         write_disparity(&path, &map).unwrap();
-        let back = read_scaled_disparity(&path, 256.0, true).unwrap();
+        let back = read_disparity_steps(&path, 256.0, false).unwrap();
         assert_eq!(back.row(0), [f32::INFINITY, 12.25, 80.0]);
     }
 }

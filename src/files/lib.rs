@@ -21,9 +21,7 @@ pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
 pub use depth::{read_depth, read_disparity_steps, read_points};
-pub use disparity::{
-    has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
-};
+pub use disparity::{has_ending, read_estimate, read_truth, write_disparity, write_why};
 pub use image::{IMAGE_ENDINGS, read_image};
 pub use image::{decode_bytes, gray_of};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};

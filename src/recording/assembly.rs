@@ -260,22 +260,19 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
         exposure,
         ..
     } = sync;
+    let geometry = match geometry {
+        PairGeometry::Raw => Geometry::Raw,
+        PairGeometry::Rectified => Geometry::Rectified(rig),
+    };
     Ok(Frame {
         sequence,
         stamp_ns,
         name,
-        pair,
-        geometry: match geometry {
-            PairGeometry::Raw => Geometry::Raw,
-            PairGeometry::Rectified => Geometry::Rectified(rig),
-        },
-        calibration: None,
-        recorded: None,
         pose: left.pose,
         truth,
-        maps: Vec::new(),
         color,
         exposure,
+        ..Frame::new(pair, geometry)
     })
 }
 

@@ -85,7 +85,7 @@ struct UnpackedMessages<R>(R);
 impl<R: EventReader> EventReader for UnpackedMessages<R> {
     fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
         let mut event = self.0.next()?;
-        if let Some(FileEvent::Message { data, .. }) = &mut event
+        if let Some(FileEvent::Message(_, _, data)) = &mut event
             && let Ok(Some(unpacked)) = unpack_message(data)
         {
             *data = Cow::Owned(unpacked);

@@ -81,7 +81,7 @@ impl Index {
                     index.attachments.push((name, start));
                 }
                 // Only in files without chunks.
-                Ok(Some(FileEvent::Message { .. })) => {}
+                Ok(Some(FileEvent::Message(..))) => {}
                 Ok(None) => return Ok(index),
                 Err(Error::Damaged { reason, .. }) => {
                     index.damage = Some(reason);

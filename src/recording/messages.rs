@@ -37,11 +37,8 @@ impl Channel {
 
 /// One message, metadata record or attachment, or the header of a file.
 pub(super) enum FileEvent<'a> {
-    Message {
-        channel: &'a Channel,
-        log_time: u64,
-        data: Cow<'a, [u8]>,
-    },
+    /// A message with its channel and log time.
+    Message(&'a Channel, u64, Cow<'a, [u8]>),
     Metadata(Metadata),
     Attachment {
         /// Start of its record.
@@ -508,11 +505,7 @@ impl Messages {
         Ok(match self.record(opcode)? {
             Record::Message { header, data } => {
                 let channel = self.channel(header.channel_id);
-                channel.map(|(channel, _)| FileEvent::Message {
-                    channel,
-                    log_time: header.log_time,
-                    data,
-                })
+                channel.map(|(channel, _)| FileEvent::Message(channel, header.log_time, data))
             }
             Record::Metadata(metadata) => Some(FileEvent::Metadata(metadata)),
             Record::Attachment { header, data, .. } => Some(FileEvent::Attachment {

@@ -287,11 +287,7 @@ impl Reader {
                     .map_or(Ok(None), |damage| Err(self.counted(damage)));
             }
             match self.messages.next() {
-                Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                })) => {
+                Ok(Some(FileEvent::Message(channel, log_time, data))) => {
                     let taken = self.source.take_in(channel, log_time, &data);
                     let topic = &channel.topic;
                     let bad = |reason| {

@@ -96,12 +96,7 @@ fn recover_ros1(from: &McapFile, to: &Path) -> Result<Recovery> {
     let mut copy = AppendFile::create(to.to_owned(), ROS1, &library)?;
     let (mut recovery, mut ids) = (Recovery::default(), HashMap::new());
     // The error at the end is the first of the losses.
-    while let Ok(Some(FileEvent::Message {
-        channel,
-        log_time,
-        data,
-    })) = messages.next()
-    {
+    while let Ok(Some(FileEvent::Message(channel, log_time, data))) = messages.next() {
         let topic = &channel.topic;
         let channel_id = match ids.get(topic) {
             Some(id) => *id,

@@ -85,11 +85,7 @@ impl Recording {
         let mut messages = file.messages()?;
         let mut found = Vec::new();
         while let Some(event) = messages.next().map_err(|error| self.located(error))? {
-            if let FileEvent::Message {
-                channel,
-                log_time,
-                data,
-            } = event
+            if let FileEvent::Message(channel, log_time, data) = event
                 // By schema, not by topic: names of algorithms are part of the topic.
                 && channel.schema == schema
             {
@@ -160,11 +156,7 @@ impl StoredResults {
     fn read(&mut self) -> Result<Option<PairResult>> {
         loop {
             let (channel, log_time, data) = match self.events.next() {
-                Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                })) => (channel, log_time, data),
+                Ok(Some(FileEvent::Message(channel, log_time, data))) => (channel, log_time, data),
                 Ok(Some(_)) => continue,
                 // Damage is reported with the pairs.
                 Ok(None) | Err(Error::Damaged { .. }) => return Ok(None),

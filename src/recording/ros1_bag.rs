@@ -436,11 +436,7 @@ impl EventReader for Ros1Messages {
             if let Some((id, log_time, data)) = self.next_in_chunk() {
                 let data = Cow::Borrowed(&self.chunk[data]);
                 let channel = &self.channels[&id];
-                return Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                }));
+                return Ok(Some(FileEvent::Message(channel, log_time, data)));
             }
             match self.next_chunk() {
                 Ok(true) => {}

@@ -134,11 +134,11 @@ impl EventReader for SqliteMessages {
             self.last = id;
             // A message without a topic cannot be an image.
             if let Some(channel) = self.channels.get(&topic) {
-                return Ok(Some(FileEvent::Message {
+                return Ok(Some(FileEvent::Message(
                     channel,
-                    log_time: u64::try_from(stamp).unwrap_or(0),
-                    data: Cow::Borrowed(&self.data),
-                }));
+                    u64::try_from(stamp).unwrap_or(0),
+                    Cow::Borrowed(&self.data),
+                )));
             }
         }
         Ok(None)
@@ -175,7 +175,7 @@ mod tests {
             let (mut messages, mut found) = (file.messages().unwrap(), Vec::new());
             loop {
                 match messages.next() {
-                    Ok(Some(FileEvent::Message { log_time, data, .. })) => {
+                    Ok(Some(FileEvent::Message(_, log_time, data))) => {
                         found.push((log_time, data[0], data.len()))
                     }
                     Ok(_) => return (found, None),

@@ -256,11 +256,7 @@ impl SummaryScan {
                 }
                 self.found.attachments.push((name, data.len() as u64));
             }
-            FileEvent::Message {
-                channel,
-                log_time,
-                data,
-            } => self.count(channel, log_time, &data),
+            FileEvent::Message(channel, log_time, data) => self.count(channel, log_time, &data),
         }
     }
 

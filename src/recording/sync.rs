@@ -1,7 +1,6 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
 use super::Encoded;
-use std::borrow::Cow;
 use svl_core::stereo::{Exposure, Frame, Geometry, Truth, TruthKind};
 
 pub(super) const SCHEMA: &str = "svl.StereoSync";
@@ -93,16 +92,7 @@ impl StereoSync {
     }
 
     pub(super) fn encode(&self) -> Encoded {
-        let definition = Cow::Borrowed(DEFINITION.as_bytes());
-        // Numbers and a string under fixed keys always serialise.
-        let data = serde_json::to_vec(self).expect("plain data");
-        Encoded {
-            schema: SCHEMA,
-            schema_encoding: "jsonschema",
-            definition,
-            encoding: "json",
-            data,
-        }
+        Encoded::json(SCHEMA, DEFINITION, self)
     }
 
     pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Self, String> {

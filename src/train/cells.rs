@@ -121,7 +121,6 @@ impl CellTraining {
             training: self,
             scenarios: self.scenario_table(),
             kinds: KindCells::table(&self.kinds),
-            confidences: KindCells::confidence_table(&self.kinds),
             charts: [
                 PlotView {
                     title: "Reliability".into(),
@@ -211,7 +210,6 @@ struct TrainingView<'a> {
     training: &'a CellTraining,
     scenarios: Table,
     kinds: Table,
-    confidences: Table,
     charts: [PlotView; 3],
     images: [(); 0],
     identity: Vec<(String, String)>,

@@ -72,10 +72,7 @@ impl LearnedGaps {
             }
             let (run, judge) = run.open(scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &self.register, true);
-            let seed_name = run
-                .seed
-                .map(|seed| format!("{} seed {seed}", scenario.name));
-            let name = seed_name.unwrap_or_else(|| run.name());
+            let name = run.title(&scenario.name);
             let mut sampler = GapSampler::new(svl_core::kernel::isa()?)?;
             let frame_samples = CollectSink::new(move |judged| {
                 if are_scenes && !share.has(judged.frame.sequence) {

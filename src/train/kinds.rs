@@ -5,7 +5,7 @@ use crate::fit::filter::RocCurve;
 use crate::fit::{CellFit, CellSample};
 use serde::Serialize;
 use svl_core::Result;
-use svl_core::depth::decision::{self, VerdictTable, probability};
+use svl_core::depth::decision::{VerdictTable, probability};
 use svl_report::page::PlotView;
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_report::table::{Table, TableColumn};
@@ -35,22 +35,8 @@ pub struct KindCells {
     pub held_out: Option<TableFigures>,
     /// By the algorithm's table.
     pub present: TableFigures,
-    /// Wrong fraction of the known cells if the first table knows as many as the second.
-    pub wrong_at_equal: Option<f64>,
     /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
     pub curve: Vec<(f64, f64)>,
-    /// Results of cells that are known from some usual probabilities on.
-    pub by_confidence: Vec<ConfidenceCells>,
-}
-
-/// The cells of a kind that are known from a probability on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ConfidenceCells {
-    pub confidence: f64,
-    /// By a table fitted without their part of the runs.
-    pub without_run: ReportedCells,
-    /// By a table fitted without their kind, if there is one.
-    pub without_kind: Option<ReportedCells>,
 }
 
 /// Fractions of all cells.
@@ -77,9 +63,6 @@ pub struct TableFigures {
 
 /// Points of a curve.
 const POINTS: usize = 50;
-
-/// Probabilities from which cells may be known.
-const CONFIDENCES: [f64; 5] = [0.75, 0.8, 0.85, 0.9, 0.95];
 
 /// Ends of the ranges of probability.
 const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
@@ -161,16 +144,6 @@ impl KindCells {
             let wrong = ranked[..known].iter().filter(|cell| !cell.sample.right);
             wrong.count() as f64 / known.max(1) as f64
         };
-        let equal = ranked.iter().filter(|cell| cell.sample.known).count();
-        let by_confidence = CONFIDENCES.map(|confidence| {
-            let least = decision::least_score(confidence);
-            let without_kind = || ReportedCells::new(&ranked, all, |cell| without(cell) >= least);
-            ConfidenceCells {
-                confidence,
-                without_run: ReportedCells::new(&ranked, all, |cell| cell.held_out >= least),
-                without_kind: is_held_out.then(without_kind),
-            }
-        });
         let points = 1..=if is_held_out { POINTS } else { 0 };
         let points = points.map(|point| ranked.len() * point / POINTS);
         Self {
@@ -178,11 +151,9 @@ impl KindCells {
             cells: all,
             held_out,
             present,
-            wrong_at_equal: is_held_out.then(|| wrong_share(equal)),
             curve: points
                 .map(|known| (known as f64 / all as f64, wrong_share(known)))
                 .collect(),
-            by_confidence: by_confidence.into(),
         }
     }
 
@@ -194,8 +165,6 @@ impl KindCells {
             let columns = heads.map(|head| TableColumn::new(group, head));
             table.columns.extend(columns);
         }
-        let equal = TableColumn::new("equal known", "wrong");
-        table.columns.push(equal);
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
         for kind in kinds {
             let figures = |table_figures: Option<&TableFigures>| {
@@ -209,36 +178,10 @@ impl KindCells {
                     format!("{:.3}", table_figures.area),
                 ]
             };
-            let equal = kind.wrong_at_equal;
-            let equal = equal.map_or_else(String::new, |wrong| format!("{:.2}", 100.0 * wrong));
             let cells = std::iter::once(kind.cells.to_string())
                 .chain(figures(kind.held_out.as_ref()))
-                .chain(figures(Some(&kind.present)))
-                .chain([equal]);
+                .chain(figures(Some(&kind.present)));
             table.push(&kind.name, cells);
-        }
-        table
-    }
-
-    /// The figures of all kinds by confidence.
-    pub(super) fn confidence_table(kinds: &[Self]) -> Table {
-        let mut table = Table::new("Confidence", "kind").with_columns(["known from"]);
-        let heads = ["right, %", "wrong, %"];
-        for group in ["without their runs", "without its kind"] {
-            let columns = heads.map(|head| TableColumn::new(group, head));
-            table.columns.extend(columns);
-        }
-        for kind in kinds {
-            for by_confidence in &kind.by_confidence {
-                let percent = |share: f64| format!("{:.2}", 100.0 * share);
-                let figures = |by_confidence: ReportedCells| {
-                    [percent(by_confidence.right), percent(by_confidence.wrong)]
-                };
-                let cells = std::iter::once(format!("{:.2}", by_confidence.confidence))
-                    .chain(figures(by_confidence.without_run))
-                    .chain(by_confidence.without_kind.map(figures).unwrap_or_default());
-                table.push(&kind.name, cells);
-            }
         }
         table
     }
@@ -372,7 +315,7 @@ mod tests {
             (present.known, present.wrong, present.area),
             (1.0, 0.5, 0.5)
         );
-        assert_eq!((arena.wrong_at_equal, arena_without.area), (Some(0.5), 1.0));
+        assert_eq!(arena_without.area, 1.0);
         // Predicted 95.3 and 98.2 % of two right ones, 4.7 and 1.8 % of two wrong ones.
         assert!((arena_without.calibration_error - 0.0325).abs() < 1e-3);
         // One half is predicted, and one half right.
@@ -381,23 +324,12 @@ mod tests {
         assert_eq!((worlds_without.known, worlds_without.wrong), (0.5, 1.0));
         assert_eq!(worlds_without.area, 0.0);
         assert_eq!(arena.curve.last(), Some(&(1.0, 0.5)));
-        // 2 is 0.88 as log odds: all are known from 0.85 on, and none from 0.9 on.
-        let [.., at_85, at_90, _] = &worlds.by_confidence[..] else {
-            panic!("{worlds:?}");
-        };
-        let reported = |cells: ReportedCells| (cells.right, cells.wrong);
-        assert_eq!((at_85.confidence, at_90.confidence), (0.85, 0.9));
-        assert_eq!(reported(at_85.without_run), (0.5, 0.5));
-        assert_eq!(reported(at_90.without_run), (0.0, 0.0));
-        assert_eq!(at_85.without_kind.map(reported), Some((0.0, 0.5)));
         // Without a table that was fitted to other kinds there are no such figures.
         let scenario = LearnedScenario {
             cells: 6,
             ..scenarios[0].clone()
         };
         let one = &KindCells::all(&cells(|_| 0, false), &[scenario], 1735)[0];
-        assert_eq!((one.held_out, one.wrong_at_equal), (None, None));
-        assert!(one.curve.is_empty() && one.by_confidence[0].without_kind.is_none());
-        assert_eq!(reported(one.by_confidence[0].without_run), (0.5, 0.5));
+        assert!(one.held_out.is_none() && one.curve.is_empty());
     }
 }

@@ -9,9 +9,9 @@ use svl_bench::run::{Matchers, frames_through};
 use svl_bench::runs::runs;
 use svl_bench::sink::{CollectSink, RunStart};
 use svl_bench::source::{PairRegister, Source};
-use svl_core::depth::decision::{Feature, SafeChoice, VerdictTable};
+use svl_core::depth::decision::{SafeChoice, VerdictTable};
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{CellEvidence, FittedTo};
+use svl_core::stereo::FittedTo;
 use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 use svl_score::scenario::{Scenario, ScenarioSource};
@@ -52,7 +52,7 @@ pub struct LearnedCells {
     /// The runs that are fitted to and whose pairs follow each other.
     pub runs: Vec<CellRun>,
     /// Runs and scenes.
-    pub groups: Vec<String>,
+    groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
     register: PairRegister,
     /// By registered run: true if it is no part of the fit.
@@ -274,40 +274,4 @@ fn weight(cells: usize) -> f64 {
 fn scale(weights: &mut [f64]) {
     let scale = weights.len() as f64 / weights.iter().sum::<f64>();
     weights.iter_mut().for_each(|weight| *weight *= scale);
-}
-
-/// The samples as CSV: run or scene, the evidence, whether the cell was right and known.
-///
-/// # Errors
-/// [`Error::Invalid`] with the error of the csv crate.
-pub fn samples_csv(samples: &[CellSample], groups: &[String]) -> Result<Vec<u8>> {
-    let invalid = |e: csv::Error| Error::Invalid(e.to_string());
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    let head = ["group", "report", "target"];
-    csv.write_record(
-        head.into_iter()
-            .chain(Feature::ALL.map(Feature::name))
-            .chain(["right", "known"]),
-    )
-    .map_err(invalid)?;
-    for sample in samples {
-        let numbers = |evidence: CellEvidence| {
-            [evidence.report, evidence.target]
-                .into_iter()
-                .chain(evidence.features)
-        };
-        let text = |n: i64| match n {
-            CellEvidence::NOT_MEASURED => String::new(),
-            n => n.to_string(),
-        };
-        let numbers: Vec<_> = match sample.evidence {
-            Some(evidence) => numbers(evidence).map(text).collect(),
-            None => vec![String::new(); 2 + Feature::ALL.len()],
-        };
-        let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());
-        let group = std::iter::once(groups[sample.group].clone());
-        csv.write_record(group.chain(numbers).chain(ends))
-            .map_err(invalid)?;
-    }
-    csv.into_inner().map_err(|e| Error::Invalid(e.to_string()))
 }

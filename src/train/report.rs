@@ -22,7 +22,6 @@ pub struct FilterTraining {
     pub categories: [&'static str; 2],
     pub window: usize,
     pub scaling: &'static str,
-    pub mean: bool,
     pub hidden: usize,
     pub seed: u64,
     pub recordings: usize,
@@ -92,7 +91,6 @@ impl FilterTraining {
             categories: samples.kind.spec().categories,
             window: features.window,
             scaling: features.scaling.name(),
-            mean: features.mean,
             hidden: fit.hidden,
             seed: fit.seed,
             recordings: samples.parts.len(),
@@ -260,10 +258,9 @@ impl Display for FilterTraining {
     /// Lines of at most 80 columns.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let [is, is_not] = self.categories;
-        let mean = if self.mean { "with" } else { "without" };
         writeln!(
             f,
-            "filter {}: {} hidden neurons, windows of {}, {} {mean} the mean",
+            "filter {}: {} hidden neurons, windows of {}, {}",
             self.filter, self.hidden, self.window, self.scaling
         )?;
         for (name, part) in [

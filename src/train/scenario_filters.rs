@@ -75,7 +75,7 @@ fn model(
         .into_iter()
         .map(|training| LabelledRuns::open(training, None, console));
     let runs = runs.collect::<Result<_>>()?;
-    let (mut samples, fitted) = windows(kind, spec.features, settings.range_px, runs, console)?;
+    let (mut samples, fitted) = windows(kind, settings.range_px, runs, console)?;
     let (model, training) = train(&mut samples, &fitted, &settings, console)?;
     if training.interrupted {
         return Err(Error::Invalid(format!(

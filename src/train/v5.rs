@@ -26,8 +26,6 @@ pub struct TrainingScenario {
 pub struct TrainedV5 {
     pub model: V5Model,
     pub training: V5Training,
-    /// The cells that the table of the median was fitted to.
-    pub learned: LearnedCells,
 }
 
 /// Figures of a training.
@@ -134,7 +132,6 @@ pub fn train_v5(
             time: time.map(|time| time.figures),
         },
         model,
-        learned,
     })
 }
 

@@ -45,11 +45,11 @@ impl LabelledRuns {
 /// range of disparities.
 pub fn windows(
     kind: FilterKind,
-    features: Features,
     range_px: f64,
     labelled: Vec<LabelledRuns>,
     console: &dyn Console,
 ) -> Result<(WindowSamples, FittedTo)> {
+    let features = kind.spec().features;
     let recordings = labelled.iter().map(|own| own.runs.len()).sum();
     let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
     let register = PairRegister::default();
@@ -64,10 +64,7 @@ pub fn windows(
         for run in runs {
             let (run, judge) = run.open(&scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &register, true);
-            let seed_name = run
-                .seed
-                .map(|seed| format!("{} seed {seed}", scenario.name));
-            let name = seed_name.unwrap_or_else(|| run.name());
+            let name = run.title(&scenario.name);
             let manifest = Manifest::new(&scenario.name, &[])?;
             let read = (features, range_px);
             let look = frame_windows(read, group, labels.clone(), samples.empty());

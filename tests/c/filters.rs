@@ -14,7 +14,6 @@ pub fn files(folder: &Path) -> [(FilterModel, CString); 2] {
         let features = Features {
             window: 64,
             scaling: Scaling::Log,
-            mean: true,
         };
         let weights = vec![0.0; 7 * features.count()];
         let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);

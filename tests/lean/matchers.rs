@@ -158,7 +158,6 @@ fn filter_model(kind: FilterKind, range_px: Option<f64>) -> Arc<FilterModel> {
     let features = Features {
         window: 64,
         scaling: Scaling::Log,
-        mean: true,
     };
     let weights = vec![0.0; 7 * features.count()];
     let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);

@@ -60,7 +60,5 @@ side = int(facts["window"])
 window = read_pgm(image)[int(y):int(y) + side, int(x):int(x) + side].astype(np.float64)
 amplitudes = np.abs(np.fft.fft2(window)).ravel()[:side * side // 2 + 1]
 features = {"amplitude": amplitudes / side**2, "log": np.log1p(amplitudes)}[facts["scaling"]]
-if facts["mean"] == "removed":
-    features[0] = 0
 by, score = forward(tensors, features)
 print(json.dumps({"by": by, "score": score, "amplitudes": amplitudes.tolist()}))

@@ -2,7 +2,7 @@
 
 use super::opened::Opened;
 use super::request::Request;
-use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource};
+use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource, wraps};
 use parking_lot::Mutex;
 use std::io::ErrorKind;
 use std::sync::Arc;
@@ -65,18 +65,12 @@ type Digest = Arc<Mutex<Xxh3Default>>;
 
 /// Digest of the inputs of a source's frames.
 struct DigestedSource {
-    source: Limited,
+    source: Box<dyn Source>,
     digest: Digest,
 }
 
 impl Source for DigestedSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut self.source)
-    }
+    wraps!(source);
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
@@ -128,38 +122,39 @@ impl RunSource {
         }
     }
 
+    /// Its name among the runs of a scenario.
+    pub fn title(&self, scenario: &str) -> String {
+        let seed = self.seed.map(|seed| format!("{scenario} seed {seed}"));
+        seed.unwrap_or_else(|| self.name())
+    }
+
     /// The run without the pairs that runs before it have. `seeks`: false if all its pairs have to
     /// be registered.
     #[must_use]
     pub fn registered(self, scenario: &str, register: &PairRegister, seeks: bool) -> Self {
-        let seed_name = self.seed.map(|seed| format!("{scenario} seed {seed}"));
-        let name = seed_name.clone().unwrap_or_else(|| self.name());
-        let simulated = seed_name.or(self.simulated);
-        let source = Box::new(self.source);
-        let source = RegisteredSource::new(source, register, (name, simulated), seeks);
-        let start_ns = Some(self.start_ns);
-        Self {
-            digest: self.digest,
-            stress: self.stress,
-            latency: self.latency,
-            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
-        }
+        let name = self.title(scenario);
+        let simulated = self
+            .seed
+            .map(|_| name.clone())
+            .or_else(|| self.simulated.clone());
+        let run = (name, simulated);
+        self.around(|source| Box::new(RegisteredSource::new(source, register, run, seeks)))
+    }
+
+    /// The run with a source around its own.
+    fn around(self, wrap: impl FnOnce(Box<dyn Source>) -> Box<dyn Source>) -> Self {
+        let mut source = Limited::new(wrap(Box::new(self.source)), PairRange::default(), None);
+        source.first();
+        Self { source, ..self }
     }
 
     /// The run with a digest of its pairs, geometry and truth, before any perturbation.
     #[must_use]
     pub fn digested(self) -> Self {
         let digest = Digest::default();
-        let source = DigestedSource {
-            source: self.source,
-            digest: Arc::clone(&digest),
-        };
-        let start_ns = Some(self.start_ns);
-        Self {
-            digest: Some(digest),
-            latency: self.latency,
-            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
-        }
+        let own = Some(Arc::clone(&digest));
+        let run = self.around(|source| Box::new(DigestedSource { source, digest }));
+        Self { digest: own, ..run }
     }
 
     /// The digest of the frames read so far; empty if it is not digested.
@@ -186,13 +181,10 @@ impl RunSource {
         let name = self.record.as_ref().map_or("", |record| &record.name);
         hasher.update(name.as_bytes());
         let seed = self.seed.unwrap_or(hasher.digest());
-        let source = StressedSource::new(Box::new(self.source), stress, seed);
-        let start_ns = Some(self.start_ns);
+        let run = self.around(|source| Box::new(StressedSource::new(source, stress, seed)));
         Self {
             stress: Some(stress),
-            digest: self.digest,
-            latency: self.latency,
-            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
+            ..run
         }
     }
 

@@ -6,7 +6,7 @@ use crate::console::{Bar, Console, Unit};
 use crate::run::{Matchers, Monitor, Pace};
 use crate::runs::{self, runs};
 use crate::sink::{Outbox, RunStart, Sink, TableSink, finish};
-use crate::source::{PairRegister, Source};
+use crate::source::PairRegister;
 use std::sync::Arc;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::Frame;
@@ -167,10 +167,7 @@ fn parts(
     for run in runs {
         let (run, judge) = run.open(scenario, console, None)?;
         let run = run.registered(&scenario.name, register, skips);
-        let (seed, mut name) = (run.seed, run.name());
-        if let Some(seed) = seed {
-            name = format!("{} seed {seed}", scenario.name);
-        }
+        let (seed, name) = (run.seed, run.title(&scenario.name));
         let each = wanted.div_ceil(count);
         let bar = console.bar(&format!("read {name}"), Unit::Pairs, Some(each as u64));
         let sampler = Sampler::new(Box::new(run), each, MAX_FRAME_BYTES / count);

@@ -41,14 +41,11 @@ const HEADINGS: &[(&str, &str)] = &[
         "near_m shape tolerance stress repeat check gate fail_on allow_loss protocol \
          max_disparity verify",
     ),
-    (
-        "Training",
-        "tables_only fit_seed epochs hidden scaling no_mean",
-    ),
+    ("Training", "tables_only fit_seed epochs hidden"),
     (
         "Output",
         "output force rows cells why preview stixels evidence error_map figure figures table \
-         samples compress ros2 publish dense near camera_height rerun drives sort \
+         compress ros2 publish dense near camera_height rerun drives sort \
          columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
@@ -60,7 +57,7 @@ const HEADINGS: &[(&str, &str)] = &[
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
     sample shape tolerance figures publish dense near camera_height drives times \
-    prune junit print_scenario script scaling no_mean epochs samples test_seeds \
+    prune junit print_scenario script epochs test_seeds \
     trials pairs";
 
 /// The command whose page has the options of sources, which others name.

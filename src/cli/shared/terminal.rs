@@ -185,12 +185,18 @@ pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
         ),
         _ => format!("lost       {} at byte {at_byte}: {reason}", size(*bytes)),
     };
-    let mut lines: Vec<_> = losses.iter().take(MAX_LISTED).map(part).collect();
-    if losses.len() > MAX_LISTED {
-        lines.push(format!(
-            "           and {} more; --json lists them",
-            losses.len() - MAX_LISTED
-        ));
+    listed(losses.iter(), part)
+}
+
+/// The first [`MAX_LISTED`] as lines, and how many more there are.
+pub(crate) fn listed<T>(
+    all: impl ExactSizeIterator<Item = T>,
+    line: impl Fn(T) -> String,
+) -> Vec<String> {
+    let more = all.len().saturating_sub(MAX_LISTED);
+    let mut lines: Vec<_> = all.take(MAX_LISTED).map(line).collect();
+    if more > 0 {
+        lines.push(format!("           and {more} more; --json lists them"));
     }
     lines
 }

@@ -65,7 +65,6 @@ pub const FILTERS: &[FilterSpec] = &[
         features: Features {
             window: 64,
             scaling: Scaling::Amplitude,
-            mean: true,
         },
         acceptance_cost: 2.0,
         decay: 0.01,
@@ -79,7 +78,6 @@ pub const FILTERS: &[FilterSpec] = &[
         features: Features {
             window: 128,
             scaling: Scaling::Log,
-            mean: true,
         },
         acceptance_cost: 1.0,
         decay: 0.1,

@@ -118,8 +118,6 @@ impl FilterModel {
         say("filter", kind.name().to_owned());
         say("window", features.window.to_string());
         say("scaling", features.scaling.name().to_owned());
-        let mean = if features.mean { "kept" } else { "removed" };
-        say("mean", mean.to_owned());
         say("hidden", network.hidden().to_string());
         if let Some(px) = range_px {
             say("range_px", px.to_string());
@@ -149,17 +147,9 @@ impl FilterModel {
     /// Hash of everything that determines its decisions.
     pub fn hash(&self) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
-        let Features {
-            window,
-            scaling,
-            mean,
-        } = self.features;
+        let Features { window, scaling } = self.features;
         let range_px = self.range_px.unwrap_or_default();
-        let text = format!(
-            "{} {window} {} {mean} {range_px}",
-            self.kind,
-            scaling.name()
-        );
+        let text = format!("{} {window} {} {range_px}", self.kind, scaling.name());
         hasher.update(text.as_bytes());
         let (out_weights, out_bias) = self.network.output();
         let rows = self.network.rows().flatten();
@@ -217,11 +207,6 @@ fn take_features(facts: &mut ModelFacts) -> std::result::Result<Features, String
     Ok(Features {
         window,
         scaling: scaling.ok_or("its scaling is neither 'amplitude' nor 'log'")?,
-        mean: match take(facts, "mean")?.as_str() {
-            "kept" => true,
-            "removed" => false,
-            _ => return Err("its mean is neither 'kept' nor 'removed'".into()),
-        },
     })
 }
 
@@ -251,7 +236,6 @@ mod tests {
         let features = Features {
             window: 8,
             scaling: Scaling::Log,
-            mean: false,
         };
         let weights: Vec<_> = (0..66).map(|i| i as f32 * 0.1).collect();
         let network = Network::new(33, &weights, vec![0.5, -1.0], vec![2.0, 3.0], 0.25);

@@ -174,7 +174,6 @@ mod tests {
         let features = Features {
             window,
             scaling: Scaling::Amplitude,
-            mean: true,
         };
         let mut weights = vec![0.0; features.count()];
         weights[0] = 0.01;

@@ -14,8 +14,6 @@ pub struct Features {
     /// Side of the square window, pixels; even.
     pub window: usize,
     pub scaling: Scaling,
-    /// True if the mean grey value is one of them; else it is 0.
-    pub mean: bool,
 }
 
 /// Scaling of amplitudes, for grey values 0..=255 and a window of side N.
@@ -131,9 +129,6 @@ impl Spectrum {
                 .iter_mut()
                 .for_each(|value| *value = math::ln_1p(*value)),
         }
-        if !features.mean {
-            values[0] = 0.0;
-        }
         padding.fill(0.0);
     }
 }
@@ -182,11 +177,10 @@ mod tests {
     #[test]
     fn features_are_scaled_and_padded() {
         let image = noise(16, 16);
-        let scaled = |scaling, mean| {
+        let scaled = |scaling| {
             let features = Features {
                 window: 16,
                 scaling,
-                mean,
             };
             let mut out = vec![9.0; features.stride()];
             Spectrum::new(16).features(features, &image, [0, 0], &mut out);
@@ -196,10 +190,9 @@ mod tests {
             );
             out
         };
-        let (plain, log) = (scaled(Scaling::Amplitude, true), scaled(Scaling::Log, true));
+        let (plain, log) = (scaled(Scaling::Amplitude), scaled(Scaling::Log));
         let mean = image.pixels().map(f32::from).sum::<f32>() / 256.0;
         assert!((plain[0] - mean).abs() < 1e-3);
         assert!((log[5] - (256.0 * plain[5]).ln_1p()).abs() < 1e-4);
-        assert_eq!(scaled(Scaling::Log, false)[0], 0.0);
     }
 }

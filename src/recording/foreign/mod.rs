@@ -134,11 +134,9 @@ impl Foreign {
             // rig. The bit depth is also decided before the first pair.
             while !first.are_enough(&foreign) {
                 match messages.next() {
-                    Ok(Some(FileEvent::Message {
-                        channel,
-                        log_time,
-                        data,
-                    })) => first.take_in(&mut foreign, channel, log_time, &data),
+                    Ok(Some(FileEvent::Message(channel, log_time, data))) => {
+                        first.take_in(&mut foreign, channel, log_time, &data)
+                    }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
                 }
@@ -379,16 +377,11 @@ impl PairSource for Foreign {
         let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
-            name: None,
-            pair,
-            geometry,
             calibration: calibration.map(Arc::new),
             pose,
-            truth: None,
-            maps: Vec::new(),
             color,
             exposure,
-            recorded: None,
+            ..Frame::new(pair, geometry)
         });
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
     }

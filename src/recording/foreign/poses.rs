@@ -274,11 +274,7 @@ impl PoseReader {
         let mut is_read = self.is_read(frame, purpose, until_ns);
         while !self.has_ended && !is_read {
             match self.messages.next() {
-                Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                })) => {
+                Ok(Some(FileEvent::Message(channel, log_time, data))) => {
                     if Transforms::reads(channel) {
                         // An unreadable one is reported if it is needed for the truth.
                         drop(self.fixed.add(channel, &data));

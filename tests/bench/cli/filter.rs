@@ -1,4 +1,4 @@
-//! `svl train filter`, `svl label frames|windows`, and filters in a run.
+//! `svl train filter`, `svl label windows`, and filters in a run.
 
 use super::fixture::{Fixture, assert_says};
 use crate::common::{is_nightly, python};
@@ -26,7 +26,7 @@ static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     assert_says(
         &said,
         &[
-            "filter floor: 8 hidden neurons, windows of 64, amplitude with the mean",
+            "filter floor: 8 hidden neurons, windows of 64, amplitude",
             "training          3 recordings: ",
             "validation        1 recording: ",
             "false acceptance",
@@ -219,7 +219,7 @@ fn labels_of(fixture: &Fixture, table: &str) -> String {
 }
 
 #[test]
-fn a_person_labels_windows_and_frames() {
+fn a_person_labels_windows() {
     let fixture = Fixture::new();
     fixture.run("record --frames 6 -o run.mcap");
     let label = |what: &str, keys: &str| {
@@ -243,11 +243,12 @@ fn a_person_labels_windows_and_frames() {
     stopped.failed(1, &["the labels are kept"]);
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
 
-    label("frames --kind too-close", "b b a s a u q").done();
-    let table = "sequence,window,label\n0,,clear\n1,,clear\n2,,too-close\n";
+    label("windows --kind too-close", "B a b A u A s s b q").done();
+    let table = "sequence,window,label\n0,0x0,clear\n0,1x0,clear\n1,0x0,too-close\n1,1x0,clear\n\
+                 2,0x0,too-close\n2,1x0,too-close\n4,0x0,clear\n";
     assert_eq!(labels_of(&fixture, "run.too-close.csv"), table);
     let table = fixture.text("run.too-close.csv");
-    fixture.write("run.too-close.csv", table + "9,,clear,0\n");
+    fixture.write("run.too-close.csv", table + "9,0x0,clear,0\n");
     fixture.fails(
         "-q train filter run.mcap --kind too-close -o t.safetensors => 1: run.too-close.csv | \
          frame 9",
@@ -276,8 +277,8 @@ fn labels_are_given_in_a_terminal() {
 fn labels_are_of_the_recording_that_was_labelled() {
     let fixture = Fixture::new();
     fixture.run("record --frames 4 -o run.mcap");
-    fixture.write("keys", "b a b q");
-    let label = "label frames run.mcap --kind floor --script keys";
+    fixture.write("keys", "B a b q");
+    let label = "label windows run.mcap --kind floor --script keys";
     fixture.run(label);
     let table = fixture.text("run.floor.csv");
     // Pairs are identified as in the tables of a report.
@@ -298,17 +299,10 @@ fn labels_are_of_the_recording_that_was_labelled() {
         {train} => 1: 1 recording | three or more"
     ));
 
-    let contradictory = table.clone() + "1,,other,\n";
-    fixture.write("run.floor.csv", contradictory);
-    let both = "run.floor.csv: line 5: frame 1 is 'other', and not in line 3";
+    let hash = table.lines().last().unwrap().rsplit(',').next().unwrap();
+    fixture.write("run.floor.csv", format!("{table}0,0x0,floor,{hash}\n"));
+    let both = "run.floor.csv: line 19: frame 0, window 0x0 is 'floor', and not in an earlier";
     fixture.fails(&format!("{train} => 1: {both}\n{label} => 1: {both}"));
-    // A table of an earlier version does not identify its recording.
-    fixture.write("run.floor.csv", "sequence,window,label\n0,,floor\n");
-    let warned = fixture.svl(train.trim_start_matches("-q "));
-    assert_says(
-        &warned.stderr,
-        &["run.floor.csv: has no pair_hash for frame 0"],
-    );
 }
 
 #[test]
@@ -347,9 +341,7 @@ fn frames_of_both_kinds_are_not_labelled_by_truth() {
     fixture.write_pair("p/left/1.pgm", "p/right/1.pgm", (320, 240), 4);
     fixture.fails(
         "
-        label frames run.mcap --kind floor --from-truth -q => 1: its 3 frames show floor and \
-         other | svl label windows run.mcap --kind floor --from-truth
-        label frames p --kind floor --from-truth -q => 1: p: only recordings of the arena
+        label windows p --kind floor --from-truth -q => 1: p: only recordings of the arena
         ",
     );
     let said = fixture.run("label windows run.mcap --kind floor --from-truth -q");
@@ -370,7 +362,7 @@ fn invalid_trainings_and_filters_are_refused_in_one_line() {
         .unwrap();
         fixture.write("keys", "a q");
         fixture.run(&format!(
-            "label frames {run}.mcap --kind floor --script keys"
+            "label windows {run}.mcap --kind floor --script keys"
         ));
     }
     fixture.write("mine.safetensors", "mine");
@@ -381,7 +373,7 @@ fn invalid_trainings_and_filters_are_refused_in_one_line() {
         -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: has \
          3 pairs of a.mcap
         -q train filter short.toml --seeds 1..3 --kind too-close -o t.safetensors => 1: at least 20
-        label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
+        label windows v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv
         replay run.mcap --filter mine.safetensors => 1: mine.safetensors | not a safetensors file
         replay run.mcap --filter cut.safetensors => 1: cut.safetensors | corrupt

@@ -96,8 +96,8 @@ fn labelled_cells_are_scored() {
     let added = extended.strip_prefix(edited.as_str()).unwrap();
     let pair = scored_pair(&fixture, 3);
     let expected = format!(
-        "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\ndescription = \"\"\nframes = [3, \
-         3]\npair = {{ frame = 3, hash = \"{pair}\" }}\n\n[[checkpoint.cell]]\nat = [0, \
+        "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\nframes = [3, \
+         3]\n\n[checkpoint.pair]\nframe = 3\nhash = \"{pair}\"\n\n[[checkpoint.cell]]\nat = [0, \
          0]\ndistance_m = 1.5\ntolerance_m = 0.2\n"
     );
     assert_eq!(added, expected);
@@ -221,7 +221,7 @@ fn a_checkpoint_names_its_recording_among_several() {
     label(&fixture, "two.mcap -o both.toml", ". f n \"a\" enter w q").done();
     let added = fixture.text("both.toml");
     let added = added.strip_prefix(text).unwrap();
-    assert_says(added, &["file = \"two.mcap\"\nframes = [1, 1]\n"]);
+    assert_says(added, &["frames = [1, 1]\nfile = \"two.mcap\"\n"]);
     let scenario = Scenario::read(&fixture.path("both.toml")).unwrap();
     scenario.recordings().unwrap();
     label(&fixture, "run.mcap -o both.toml --grid 5x3", "q")

@@ -96,7 +96,7 @@ fn png_output_is_kittis() {
     fixture.run("match l.pgm r.pgm -o d.pfm");
     fixture.run("match l.pgm r.pgm -o d.png");
     let pfm = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
-    let png = svl::files::read_scaled_disparity(&fixture.path("d.png"), 256.0, true).unwrap();
+    let png = svl::files::read_disparity_steps(&fixture.path("d.png"), 256.0, false).unwrap();
     assert!(
         pfm.pixels()
             .zip(png.pixels())
@@ -137,7 +137,7 @@ fn real_scenes_equal_the_expected_output() {
         let file =
             |ending: &str| expected.with_file_name(format!("{}.{ending}", scene.replace('/', "_")));
         // Expected files hold d + 1, 0 = none.
-        let truth = svl::files::read_scaled_disparity(&file("disp.png"), 1.0, true).unwrap();
+        let truth = svl::files::read_disparity_steps(&file("disp.png"), 1.0, false).unwrap();
         let ours = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
         assert_eq!(ours.size(), truth.size());
         let unequal = ours

@@ -267,7 +267,6 @@ const COMMANDS: &str = "
     train v5 short.toml --seeds a -o t.safetensors
     train v5 short.toml --seeds 1..5000 -o t.safetensors
     train v5 short.toml --seeds 4..5 -o mine.safetensors
-    train v5 short.toml --seeds 4..5 -o t.safetensors --samples t.html
     train v5 short.toml --seeds 4..5 -o t.txt
     train v5 short.toml --seeds 4..5 -o mine.safetensors
     train v5 short.toml --seeds 4..5 --epochs 0 -o t.safetensors

@@ -178,22 +178,18 @@ impl Scene {
         let (pair, color) = depth
             .pair(self.images()?)
             .map_err(|e| Error::format(&self.left, e.to_string()))?;
+        let geometry = Geometry::Rectified(self.rig(pair.size())?);
         Ok(Frame {
             sequence,
             stamp_ns: SceneSource::STAMPS.stamp_ns(sequence),
             name: Some(self.name.clone()),
             truth: truth::read(|name| self.file(name), pair.size())?,
-            maps: Vec::new(),
-            geometry: Geometry::Rectified(self.rig(pair.size())?),
-            calibration: None,
-            recorded: None,
-            pair,
             color,
-            pose: None,
             exposure: Exposure {
                 trigger_id: sequence,
                 ..Exposure::default()
             },
+            ..Frame::new(pair, geometry)
         })
     }
 

@@ -5,7 +5,7 @@ use super::files;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{MapDensity, Plane, Truth, TruthKind, Visibility, cross_check};
 use svl_core::{Error, Result};
-use svl_files::{read_mask, read_pfm, read_scaled_disparity};
+use svl_files::{read_disparity_steps, read_mask, read_pfm};
 
 /// The truth of a scene whose images have this size, if there is one. `file` finds a file of the
 /// scene by its name. Visibility comes from the scene's mask, or else from the right truth or the
@@ -83,7 +83,7 @@ impl Form {
     fn read(&self, path: &Path, size: (usize, usize)) -> Result<Plane<f32>> {
         let disparity = match (self, self.scale(size.1)) {
             (Self::Pfm, _) => read_pfm(path)?,
-            (_, Some((scale, zero_unknown))) => read_scaled_disparity(path, scale, zero_unknown)?,
+            (_, Some((scale, zero_unknown))) => read_disparity_steps(path, scale, !zero_unknown)?,
             (_, None) => {
                 let what = format!("the scale of disparities {} rows high is unknown", size.1);
                 let cure =

@@ -160,13 +160,7 @@ impl FolderSource {
             sequence,
             stamp_ns: *stamp_ns,
             name: Some(String::from_utf8_lossy(&files.key).into_owned()),
-            pair,
-            geometry: self.geometry,
-            calibration: None,
-            recorded: None,
             pose: self.poses[number],
-            truth: None,
-            maps: Vec::new(),
             color,
             exposure: Exposure {
                 trigger_id: sequence,
@@ -174,6 +168,7 @@ impl FolderSource {
                 drops: self.unpaired,
                 ..Exposure::default()
             },
+            ..Frame::new(pair, self.geometry)
         })
     }
 }

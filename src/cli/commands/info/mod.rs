@@ -4,7 +4,7 @@ mod first_pairs;
 
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{
-    MAX_LISTED, losses, missing, print, print_json, size, width, wrapped,
+    MAX_LISTED, listed, losses, missing, print, print_json, size, width, wrapped,
 };
 use std::path::PathBuf;
 use svl::manifest::Manifest;
@@ -188,12 +188,9 @@ fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
     let lost = lost.iter();
     lines
         .extend(lost.map(|(topic, n)| format!("lost       {} of {topic}", counted(*n, "message"))));
-    let listed = others.iter().take(MAX_LISTED);
-    lines.extend(listed.map(|(topic, schema)| format!("other      {topic}, {schema}")));
-    if others.len() > MAX_LISTED {
-        let more = others.len() - MAX_LISTED;
-        lines.push(format!("           and {more} more; --json lists them"));
-    }
+    lines.extend(listed(others.iter(), |(topic, schema)| {
+        format!("other      {topic}, {schema}")
+    }));
     lines
 }
 
@@ -456,20 +453,13 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
         seconds(longest)
     )];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
-    let listed = summary.gaps.iter().take(MAX_LISTED);
-    lines.extend(listed.map(|gap| {
+    lines.extend(listed(summary.gaps.iter(), |gap| {
         format!(
             "           {} after {}",
             seconds(gap.length_ns),
             after(gap.after_ns)
         )
     }));
-    if summary.gaps.len() > MAX_LISTED {
-        lines.push(format!(
-            "           and {} more; --json lists them",
-            summary.gaps.len() - MAX_LISTED
-        ));
-    }
     lines
 }
 
@@ -490,7 +480,7 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
     let mut lines = vec![format!(
         "clock      the stamps of the left images jump {many}"
     )];
-    lines.extend(jumps.iter().take(MAX_LISTED).map(|jump| {
+    lines.extend(listed(jumps.iter(), |jump| {
         let way = if jump.by_ns < 0 { "back" } else { "ahead" };
         format!(
             "           {way} by {} after {}",
@@ -498,10 +488,6 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
             seconds(jump.after_ns)
         )
     }));
-    if jumps.len() > MAX_LISTED {
-        let more = jumps.len() - MAX_LISTED;
-        lines.push(format!("           and {more} more; --json lists them"));
-    }
     lines
 }
 

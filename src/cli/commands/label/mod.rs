@@ -20,32 +20,24 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Label {
     Checkpoints(checkpoints::Args),
-    /// Label whole frames for the training of a filter
-    ///
-    /// A label says whether the frame shows what the filter detects, and holds for all its windows.
-    #[command(after_help = EXAMPLES)]
-    Frames(windows::Args),
     /// Label the windows of frames for the training of a filter
-    #[command(after_help = EXAMPLES)]
-    Windows(windows::Args),
-}
-
-const EXAMPLES: &str = "\
+    #[command(after_help = "\
 Examples:
   svl label windows run.mcap --kind floor          writes run.floor.csv
-  svl label frames run.mcap --kind too-close
   svl label windows arena-1.mcap --kind floor --from-truth
   svl train filter run*.mcap --kind floor -o floor.safetensors
 
-Keys: a it shows it, b it does not, s skip, Backspace back, u undo, q quit;
-? shows all. The table beside the recording is written at every key: the same
-command resumes where it ended. It can be edited by hand. Its pair_hash
-identifies the labelled pairs: another recording of that name is refused.";
+Keys: a it shows it, b it does not, A and B all windows of the frame, s skip,
+Backspace back, u undo, q quit; ? shows all. The table beside the recording is
+written at every key: the same command resumes where it ended. It can be edited
+by hand. Its pair_hash identifies the labelled pairs: another recording of that
+name is refused.")]
+    Windows(windows::Args),
+}
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {
         Label::Checkpoints(args) => checkpoints::run(args, quiet),
-        Label::Frames(args) => windows::run(args, false, quiet),
-        Label::Windows(args) => windows::run(args, true, quiet),
+        Label::Windows(args) => windows::run(args, quiet),
     }
 }

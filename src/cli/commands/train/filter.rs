@@ -5,7 +5,7 @@ use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
-use svl::filter::{Features, FilterKind, Scaling};
+use svl::filter::FilterKind;
 use svl::fit::filter::FrameLabels;
 use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
@@ -51,12 +51,6 @@ pub(crate) struct Args {
     /// one with the least validation error is kept [default: floor 55, too-close 100]
     #[arg(long, value_name = "LIST", value_parser = sizes)]
     hidden: Option<Sizes>,
-    /// Scaling of amplitudes [default: floor amplitude, too-close log]
-    #[arg(long, value_name = "amplitude|log", value_parser = scaling)]
-    scaling: Option<Scaling>,
-    /// Leave the mean grey value out
-    #[arg(long)]
-    no_mean: bool,
     /// Seed of the initial weights and of the order of the windows
     #[arg(long, value_name = "N", default_value_t = 1)]
     fit_seed: u64,
@@ -119,23 +113,13 @@ fn sizes(text: &str) -> Result<Sizes, String> {
     }
 }
 
-fn scaling(text: &str) -> Result<Scaling, String> {
-    Scaling::from_name(text).ok_or_else(|| "expected amplitude or log".to_owned())
-}
-
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let page = args.output.with_extension("html");
     let mut outputs = Outputs::claim(args.force, [], [args.output.as_path(), &page])?;
     let spec = args.kind.spec();
-    let features = Features {
-        scaling: args.scaling.unwrap_or(spec.features.scaling),
-        mean: spec.features.mean && !args.no_mean,
-        ..spec.features
-    };
     let terminal = &Terminal { quiet };
     let labelled = labelled(args, terminal)?;
-    let (mut samples, fitted) =
-        windows(args.kind, features, args.max_disparity, labelled, terminal)?;
+    let (mut samples, fitted) = windows(args.kind, args.max_disparity, labelled, terminal)?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.fit_seed]),
         Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.fit_seed]),
@@ -192,15 +176,8 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::from_recordings(&files, Vec::new())?);
-        let table_labels = FrameLabels::read(&table, args.kind)?;
-        if let Some(sequence) = table_labels.untied() {
-            let (table, path) = (table.display(), path.display());
-            tracing::warn!(
-                "{table}: has no pair_hash for frame {sequence}: taken as labels of {path}, \
-                 unchecked; `svl label` writes it with every label"
-            );
-        }
-        labels.push(Some((path.clone(), table_labels)));
+        let table = FrameLabels::read(&table, args.kind)?;
+        labels.push(Some((path.clone(), table)));
     }
     let named = args.labelled[0].display().to_string();
     runs::change(&mut scenarios, &args.source, &named)?;

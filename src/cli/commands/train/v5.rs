@@ -11,7 +11,7 @@ use svl::matcher::{Algorithm, V5Model, Value};
 use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
-use svl::train::{CellAlgorithms, TrainingScenario, samples_csv, train_v5};
+use svl::train::{CellAlgorithms, TrainingScenario, train_v5};
 
 /// Train the model of v5: the network of its gaps, and the tables of its probabilities
 ///
@@ -70,9 +70,6 @@ pub(crate) struct Args {
         value_parser = usage::within(1..=10_000_usize)
     )]
     epochs: usize,
-    /// Write the cells that were learned from
-    #[arg(long, value_name = "FILE.csv")]
-    samples: Option<PathBuf>,
     #[command(flatten)]
     source: SourceOptions,
     /// Print JSON
@@ -103,8 +100,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let page = args.output.with_extension("html");
     let paths: Vec<_> = args.scenarios.iter().chain(&args.test).collect();
     let inputs = paths.iter().map(|path| path.as_path());
-    let files = [&args.output, &page].into_iter().chain(&args.samples);
-    let mut outputs = Outputs::claim(args.force, inputs, files.map(PathBuf::as_path))?;
+    let mut outputs = Outputs::claim(args.force, inputs, [args.output.as_path(), &page])?;
     let settings = (!args.tables_only).then_some(GapSettings {
         seed: args.fit_seed,
         epochs: args.epochs,
@@ -132,11 +128,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     outputs.set_aside()?;
     write(&args.output, trained.model.to_bytes())?;
     write(&page, training.cells.page(manifest.entries())?)?;
-    if let Some(path) = &args.samples {
-        let learned = &trained.learned;
-        let samples = &learned.samples[..learned.fitted()];
-        write(path, samples_csv(samples, &learned.groups)?)?;
-    }
     outputs.commit();
     if args.json {
         print_json(training)

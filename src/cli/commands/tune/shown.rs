@@ -1,8 +1,6 @@
 //! The tool's view of a frame and of the sample.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 use svl::matcher::Algorithm;
 use svl::report::Row;
 use svl::report::compare::Change;
@@ -20,8 +18,6 @@ pub(super) struct Job {
     /// The one that is turned, the one that it is compared with. The grid and the cells of the
     /// first hold for both.
     pub(super) settings: [TunedSetting; 2],
-    /// When the key was pressed that asked for it, if one was.
-    pub(super) since: Option<Instant>,
 }
 
 /// The state that the tool shows.
@@ -36,9 +32,6 @@ pub(super) struct Shown {
     pub(super) says: Option<String>,
     /// Reason why a setting gave no result.
     pub(super) failure: Option<String>,
-    /// From keys to Rerun, microseconds; to the screen where there is no Rerun.
-    pub(super) delays: Arc<VecDeque<u64>>,
-    pub(super) has_viewer: bool,
     /// Settings that were run over the whole sample, by what they are written as, in that order.
     pub(super) tried: Arc<Vec<(String, Vec<Change>)>>,
 }
@@ -136,14 +129,6 @@ impl FrameView {
             pictures: LABELS.map(|label| find(label).and_then(|find| find.picture.clone())),
         }
     }
-}
-
-/// A quantile of delays in milliseconds, by nearest rank.
-pub(super) fn delay_ms(delays: &VecDeque<u64>, share: f64) -> Option<f64> {
-    let mut sorted: Vec<_> = delays.iter().copied().collect();
-    sorted.sort_unstable();
-    let us = svl::statistics::nearest_rank(&sorted, share)?;
-    Some(Duration::from_micros(us).as_secs_f64() * 1e3)
 }
 
 /// The algorithm as it runs, with its filters.

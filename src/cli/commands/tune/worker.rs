@@ -29,7 +29,7 @@ const MEASURED: Pace = Pace::Measured { rounds: 1 };
 /// Largest number of frames of cameras that make the sample.
 const MAX_SEEN: usize = 64;
 
-/// Largest number of delays and of settings that are remembered: those of a person's day.
+/// Largest number of settings that are remembered: those of a person's day.
 const MAX_REMEMBERED: usize = 10_000;
 
 struct State {
@@ -66,14 +66,10 @@ impl TuneWorker {
             viewer::viewer()?.tuning(target, &info)
         });
         let rerun = rerun.transpose()?;
-        let shown = Shown {
-            has_viewer: rerun.is_some(),
-            ..Shown::default()
-        };
         let shared: SharedState = Arc::new((
             Mutex::new(State {
                 job: None,
-                shown,
+                shown: Shown::default(),
                 is_idle: true,
                 stops: false,
             }),
@@ -269,7 +265,6 @@ impl Bench {
 
     fn say_viewer_is_gone(&self, error: &svl::Error) {
         let mut state = self.shared.0.lock();
-        state.shown.has_viewer = false;
         state.shown.says = Some(format!(
             "Rerun is gone, continuing without pictures: {error}"
         ));
@@ -313,14 +308,10 @@ impl Bench {
         self.compared = row
             .zip(seen)
             .map(|(row, seen)| (Arc::clone(&job.frame), row.clone(), seen.clone()));
-        let delay = job.since.map(|since| since.elapsed());
         let view = FrameView::new(&job.frame, &rows, &watched);
         let mut state = self.shared.0.lock();
         state.shown.frame = Some(view);
         state.shown.done = number;
-        if let Some(delay) = delay {
-            remember(delay, Arc::make_mut(&mut state.shown.delays));
-        }
         drop(state);
         let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
         let ms = times_ms(&rows);
@@ -445,14 +436,6 @@ impl Bench {
         sample.changes = changes;
         sample.ranked_by = ranked_by;
         sample.values = values;
-    }
-}
-
-/// Adds a delay, and forgets the oldest.
-fn remember(delay: Duration, delays: &mut VecDeque<u64>) {
-    delays.push_back(delay.as_micros() as u64);
-    if delays.len() > MAX_REMEMBERED {
-        delays.pop_front();
     }
 }
 

@@ -3,10 +3,14 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect, Size};
 use ratatui::style::{Color, Style};
+use ratatui::widgets::{Paragraph, Wrap};
 use svl::stereo::{Gray, GridShape};
 
 /// From dark to light.
 const RAMP: [char; 10] = [' ', '.', ':', '-', '=', '+', '*', '#', '%', '@'];
+
+/// Width of the text beside an image, characters.
+const PANEL: u16 = 28;
 
 /// The largest size, in characters about twice as high as wide, in which an image of `width` x
 /// `height` pixels keeps its proportions within `room`.
@@ -19,6 +23,24 @@ pub(crate) fn fitting((width, height): (usize, usize), room: Size) -> Size {
         fit(width * scale, room.width),
         fit(height * scale / 2.0, room.height),
     )
+}
+
+/// Draws an image, and lines of text to its right; returns the place of the image.
+pub(crate) fn draw_beside(
+    lines: &[String],
+    image: &Gray,
+    area: Rect,
+    shades: bool,
+    canvas: &mut ratatui::Frame<'_>,
+) -> Rect {
+    let room = Size::new(area.width.saturating_sub(PANEL), area.height);
+    let place = Rect::from((area.as_position(), fitting(image.size(), room)));
+    draw(image, place, shades, canvas.buffer_mut());
+    let left = place.right() + 1;
+    let panel = Rect::new(left, area.y, area.right().saturating_sub(left), area.height);
+    let words = Paragraph::new(lines.join("\n")).wrap(Wrap { trim: false });
+    canvas.render_widget(words, panel);
+    place
 }
 
 /// Draws the whole image into `area`; without shades by characters.

@@ -114,12 +114,7 @@ impl StampScan {
             let mut messages = file.messages()?;
             // Damage is reported with the pairs.
             while let Ok(Some(event)) = messages.next() {
-                let FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                } = event
-                else {
+                let FileEvent::Message(channel, log_time, data) = event else {
                     continue;
                 };
                 look(channel, log_time, &data);
@@ -374,11 +369,9 @@ impl Measurements {
         }
         while self.next <= number {
             match self.messages.next() {
-                Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                })) if channel.topic == self.selection.topic => {
+                Ok(Some(FileEvent::Message(channel, log_time, data)))
+                    if channel.topic == self.selection.topic =>
+                {
                     let this = self.next;
                     self.next += 1;
                     let head = kind::head(channel, &data).ok();

@@ -97,11 +97,7 @@ pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Ve
         while !unknown.is_empty()
             && let Ok(Some(event)) = messages.next()
         {
-            if let FileEvent::Message {
-                channel,
-                log_time,
-                data,
-            } = event
+            if let FileEvent::Message(channel, log_time, data) = event
                 && unknown.remove(&channel.topic)
                 && let Ok(kind) = kind::find(channel)
                 && kind.read(channel, log_time, &data).is_ok()

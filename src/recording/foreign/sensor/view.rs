@@ -133,12 +133,7 @@ impl SensorSetup {
             while !found.has_all(&wanted)
                 && let Ok(Some(event)) = messages.next()
             {
-                let FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                } = event
-                else {
+                let FileEvent::Message(channel, log_time, data) = event else {
                     continue;
                 };
                 if let Err(reason) = found.take_in(&wanted, channel, log_time, &data) {

@@ -223,7 +223,7 @@ fn feed(recording: &Recording, topic: &str, to: &SyncSender<Result<Session>>, st
             if stop.load(Ordering::Relaxed) {
                 return;
             }
-            let FileEvent::Message { channel, data, .. } = event else {
+            let FileEvent::Message(channel, _, data) = event else {
                 continue;
             };
             if channel.topic != topic {

@@ -353,7 +353,6 @@ mod tests {
         let features = Features {
             window: 4,
             scaling: Scaling::Amplitude,
-            mean: true,
         };
         let parts = vec![SamplePart::Training, SamplePart::Validation];
         let mut samples = WindowSamples::new(FilterKind::Floor, features, parts);

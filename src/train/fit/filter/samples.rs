@@ -114,7 +114,7 @@ impl WindowSamples {
         let windows = FilterWindows::new(self.kind, side, left.size(), GridShape::default())?;
         for (window, &at) in windows.corners().iter().enumerate() {
             let is = match labels {
-                WindowLabels::Given(labels) => labels.window_category(frame.sequence, window),
+                WindowLabels::Given(labels) => labels.get(frame.sequence, window),
                 WindowLabels::Truth { range_px } => frame
                     .truth
                     .as_ref()

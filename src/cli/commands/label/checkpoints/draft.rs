@@ -4,25 +4,46 @@
 use super::label::CellLabel;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use svl::score::LabelledPair;
 
 /// A checkpoint as far as it is labelled.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(super) struct Draft {
     pub(super) name: String,
     /// The first and the last of its frames, where they were set.
     pub(super) first: Option<u64>,
     pub(super) last: Option<u64>,
-    /// By `[row, column]`: in raster order.
-    pub(super) cells: BTreeMap<[usize; 2], CellLabel>,
-    /// The pairs at which the cells were labelled.
-    pub(super) pairs: BTreeMap<[usize; 2], LabelledPair>,
+    /// In raster order.
+    pub(super) cells: Vec<LabelledCell>,
+}
+
+/// A label, and the pair at which it was given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LabelledCell {
+    /// `[column, row]`.
+    pub(super) at: [usize; 2],
+    pub(super) label: CellLabel,
+    pair: LabelledPair,
 }
 
 impl Draft {
+    pub(super) fn label(&self, at: [usize; 2]) -> Option<CellLabel> {
+        let cell = self.cells.iter().find(|cell| cell.at == at);
+        cell.map(|cell| cell.label)
+    }
+
+    /// Labels a cell at a pair, or clears it.
+    pub(super) fn set(&mut self, at: [usize; 2], label: Option<CellLabel>, pair: LabelledPair) {
+        self.cells.retain(|cell| cell.at != at);
+        let cell = label.map(|label| LabelledCell { at, label, pair });
+        self.cells.extend(cell);
+        self.cells.sort_by_key(|cell| [cell.at[1], cell.at[0]]);
+    }
+
     /// True if nothing would be lost.
     pub(super) fn is_empty(&self) -> bool {
         self.cells.is_empty() && self.name.is_empty() && self.first.or(self.last).is_none()
@@ -40,7 +61,7 @@ impl Draft {
 
     /// The pairs at which its cells were labelled, each once, by frame.
     pub(super) fn labelled(&self) -> Vec<&LabelledPair> {
-        let mut pairs: Vec<_> = self.pairs.values().collect();
+        let mut pairs: Vec<_> = self.cells.iter().map(|cell| &cell.pair).collect();
         pairs.sort_by_key(|pair| pair.frame);
         pairs.dedup();
         pairs
@@ -92,22 +113,7 @@ struct DraftTable {
     source: String,
     /// The frame that was shown last.
     shown: u64,
-    #[serde(default)]
-    name: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    first: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    last: Option<u64>,
-    #[serde(default)]
-    cell: Vec<DraftCell>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DraftCell {
-    at: [usize; 2],
-    label: String,
-    pair: LabelledPair,
+    draft: Draft,
 }
 
 /// Largest draft that is read, bytes.
@@ -149,20 +155,7 @@ impl DraftFile {
         if table.source != self.source {
             bail!("{shown}: holds labels of {}; {cure}", table.source);
         }
-        let mut draft = Draft {
-            name: table.name,
-            first: table.first,
-            last: table.last,
-            ..Draft::default()
-        };
-        for DraftCell { at, label, pair } in table.cell {
-            let at = [at[1], at[0]];
-            draft
-                .cells
-                .insert(at, label.parse().ok().with_context(wrong)?);
-            draft.pairs.insert(at, pair);
-        }
-        Ok((table.shown, draft))
+        Ok((table.shown, table.draft))
     }
 
     /// Keeps the draft and the frame that is shown.
@@ -174,19 +167,10 @@ impl DraftFile {
         {
             return Ok(());
         }
-        let labelled = draft.cells.iter().zip(draft.pairs.values());
-        let cell = |((&[row, column], label), pair): ((&[usize; 2], &CellLabel), _)| DraftCell {
-            at: [column, row],
-            label: label.to_string(),
-            pair: LabelledPair::clone(pair),
-        };
         let table = DraftTable {
             source: self.source.clone(),
             shown,
-            name: draft.name.clone(),
-            first: draft.first,
-            last: draft.last,
-            cell: labelled.map(cell).collect(),
+            draft: draft.clone(),
         };
         replace(&self.path, &toml::to_string(&table)?, false)?;
         self.written = Some((shown, draft.clone()));
@@ -245,17 +229,15 @@ mod tests {
     }
 
     fn draft() -> Draft {
-        Draft {
+        let mut draft = Draft {
             name: "the \"shelf\"".into(),
             first: Some(3),
-            last: None,
-            cells: [
-                ([1, 0], "0.43".parse().unwrap()),
-                ([0, 4], "free".parse().unwrap()),
-            ]
-            .into(),
-            pairs: [([1, 0], pair(5)), ([0, 4], pair(7))].into(),
-        }
+            ..Draft::default()
+        };
+        draft.set([4, 0], "0.43".parse().ok(), pair(5));
+        draft.set([0, 1], "must".parse().ok(), pair(6));
+        draft.set([0, 1], "free".parse().ok(), pair(7));
+        draft
     }
 
     #[test]
@@ -267,6 +249,8 @@ mod tests {
         file.keep(7, &draft()).unwrap();
         let (mut file, found) = DraftFile::open(&scenario, "a.mcap").unwrap();
         assert_eq!(found, Some((7, draft())));
+        assert_eq!(draft().label([0, 1]), Some(CellLabel::FREE));
+        assert_eq!(draft().cells.len(), 2);
         let error = DraftFile::open(&scenario, "b.mcap")
             .err()
             .unwrap()
@@ -289,15 +273,14 @@ mod tests {
     #[test]
     fn ends_that_were_not_set_follow_the_labels() {
         let frames = |first, last, labelled_at: Option<u64>| {
-            let draft = Draft {
+            let mut draft = Draft {
                 first,
                 last,
-                pairs: labelled_at
-                    .map(|at| ([0, 0], pair(at)))
-                    .into_iter()
-                    .collect(),
                 ..Draft::default()
             };
+            if let Some(at) = labelled_at {
+                draft.set([0, 0], Some(CellLabel::Must), pair(at));
+            }
             draft.frames(50)
         };
         assert_eq!(frames(None, None, None), [50, 50]);

@@ -1,5 +1,6 @@
 //! The label of a cell, as it is typed, shown and written.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 use svl::score::CellExpectation;
@@ -8,7 +9,8 @@ use svl::score::CellExpectation;
 const MAX_DISTANCE_M: f64 = 1000.0;
 
 /// The expectation of a cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub(super) enum CellLabel {
     /// Measured or seen by a person.
     Seen(CellExpectation),
@@ -64,6 +66,20 @@ fn metres(text: &str) -> Result<f64, String> {
             "'{text}': a distance is above 0 m and at most {MAX_DISTANCE_M} m"
         )),
         Err(_) => Err(format!("'{text}' is not a distance; type {FORMS}")),
+    }
+}
+
+impl TryFrom<String> for CellLabel {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<CellLabel> for String {
+    fn from(label: CellLabel) -> Self {
+        label.to_string()
     }
 }
 

@@ -1,15 +1,15 @@
 //! The scenario that checkpoints are written to: begun for a source, or extended. Its text is kept
 //! to the byte: a checkpoint is appended.
 
-use super::draft::{Draft, replace};
+use super::draft::{Draft, LabelledCell, replace};
 use super::label::CellLabel;
 use crate::cli::shared::usage;
 use anyhow::bail;
-use std::fmt::Write;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
-use svl::score::{CellExpectation, LabelledPair, RunPart};
+use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, RunPart};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
 
@@ -161,7 +161,8 @@ impl ScenarioFile {
             text.push('\n');
         }
         text.push('\n');
-        text += &self.checkpoint(number, draft, shown)?;
+        let added = BTreeMap::from([("checkpoint", [self.checkpoint(number, draft, shown)])]);
+        text += &toml::to_string(&added)?;
         let scenario = Scenario::parse(&text, &self.path)?;
         scenario.recordings()?;
         if self.begun.is_some() && self.path.exists() {
@@ -175,59 +176,26 @@ impl ScenarioFile {
         Ok(number)
     }
 
-    fn checkpoint(&self, number: u32, draft: &Draft, shown: u64) -> anyhow::Result<String> {
+    fn checkpoint(&self, number: u32, draft: &Draft, shown: u64) -> Checkpoint {
         let (name, description) = draft.name.split_once(": ").unwrap_or((&draft.name, ""));
-        let [first, last] = draft.frames(shown);
-        let mut text = format!(
-            "[[checkpoint]]\nnumber = {number}\nname = {}\n",
-            quoted(name)
-        );
-        writeln!(text, "description = {}", quoted(description))?;
-        if let Some(file) = &self.file {
-            writeln!(text, "file = {}", quoted(file))?;
+        let cells = draft.cells.iter();
+        let must = cells.clone().filter(|cell| cell.label == CellLabel::Must);
+        let seen = |&LabelledCell { at, label, .. }: &LabelledCell| match label {
+            CellLabel::Seen(expectation) => Some(ExpectedCell { at, expectation }),
+            CellLabel::Must => None,
+        };
+        Checkpoint {
+            number,
+            name: name.to_owned(),
+            description: description.to_owned(),
+            place: CheckpointPlace::Frames(draft.frames(shown)),
+            file: self.file.clone(),
+            pairs: draft.labelled().into_iter().cloned().collect(),
+            cells: Vec::new(),
+            must: must.map(|cell| cell.at).collect(),
+            order: Vec::new(),
+            expected: cells.filter_map(seen).collect(),
         }
-        writeln!(text, "frames = [{first}, {last}]")?;
-        let pairs = draft.labelled().into_iter();
-        let pairs = pairs.map(|LabelledPair { frame, hash }| {
-            format!("{{ frame = {frame}, hash = {} }}", quoted(hash))
-        });
-        match &pairs.collect::<Vec<_>>()[..] {
-            [] => {}
-            [pair] => writeln!(text, "pair = {pair}")?,
-            pairs => writeln!(text, "pair = [\n  {},\n]", pairs.join(",\n  "))?,
-        }
-        let must = draft
-            .cells
-            .iter()
-            .filter(|(_, label)| **label == CellLabel::Must);
-        let must: Vec<_> = must
-            .map(|([row, column], _)| format!("[{column}, {row}]"))
-            .collect();
-        if !must.is_empty() {
-            writeln!(text, "must = [{}]", must.join(", "))?;
-        }
-        for ([row, column], label) in &draft.cells {
-            let CellLabel::Seen(expectation) = label else {
-                continue;
-            };
-            writeln!(text, "\n[[checkpoint.cell]]\nat = [{column}, {row}]")?;
-            match expectation {
-                CellExpectation::Distance {
-                    distance_m,
-                    tolerance_m,
-                    ..
-                } => {
-                    writeln!(text, "distance_m = {distance_m:?}")?;
-                    if let Some(tolerance_m) = tolerance_m {
-                        writeln!(text, "tolerance_m = {tolerance_m:?}")?;
-                    }
-                }
-                CellExpectation::Nearer(m) => writeln!(text, "nearer_m = {m:?}")?,
-                CellExpectation::Farther(m) => writeln!(text, "farther_m = {m:?}")?,
-                CellExpectation::Free => writeln!(text, "free = true")?,
-            }
-        }
-        Ok(text)
     }
 }
 
@@ -275,9 +243,4 @@ impl NewScenario<'_> {
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok(head.to_owned() + &scenario.to_toml(folder)?)
     }
-}
-
-/// A string of TOML.
-fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
 }

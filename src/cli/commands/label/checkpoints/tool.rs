@@ -57,13 +57,11 @@ impl Labelling {
 
     /// True if the reported cell is as the label expects.
     pub(super) fn verdict(&self, (column, row): (usize, usize)) -> Option<Verdict> {
-        let CellLabel::Seen(expectation) = *self.draft.cells.get(&[row, column])? else {
+        let at = [column, row];
+        let CellLabel::Seen(expectation) = self.draft.label(at)? else {
             return None;
         };
-        let expected = ExpectedCell {
-            at: [column, row],
-            expectation,
-        };
+        let expected = ExpectedCell { at, expectation };
         let cell = self.reported.as_ref()?.grid()?.cell(column, row);
         Some(expected.judge(cell, self.file.scenario().cells))
     }
@@ -77,22 +75,12 @@ impl Labelling {
     }
 
     fn label(&mut self, label: Option<CellLabel>, stepper: &mut Stepper<'_>) {
-        let (column, row) = self.picked;
         if label == Some(CellLabel::Must) && stepper.frame().truth.is_none() {
             stepper.say("must is compared with true distances, and this source has none");
             return;
         }
-        match label {
-            Some(label) => {
-                let pair = LabelledPair::new(stepper.frame());
-                self.draft.cells.insert([row, column], label);
-                self.draft.pairs.insert([row, column], pair);
-            }
-            None => {
-                self.draft.cells.remove(&[row, column]);
-                self.draft.pairs.remove(&[row, column]);
-            }
-        }
+        let pair = LabelledPair::new(stepper.frame());
+        self.draft.set(self.picked.into(), label, pair);
     }
 
     fn answer(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
@@ -194,14 +182,13 @@ impl Labelling {
     }
 
     fn command(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        let (column, row) = self.picked;
         let frame = stepper.frame().sequence;
         match key {
             Key::Left | Key::Right | Key::Up | Key::Down | Key::Click(..) => self.pick(key),
             Key::Char(c) if c.is_ascii_digit() => self.ask_cell(c),
             Key::Char('=') => {
-                let label = self.draft.cells.get(&[row, column]);
-                self.ask_cell(label.map(CellLabel::to_string).unwrap_or_default());
+                let label = self.draft.label(self.picked.into());
+                self.ask_cell(label.map(String::from).unwrap_or_default());
             }
             Key::Char('f') => self.label(Some(CellLabel::FREE), stepper),
             Key::Char('x') | Key::Delete | Key::Backspace => self.label(None, stepper),
@@ -245,11 +232,7 @@ impl Labelling {
     }
 
     fn note(&self, at: (usize, usize)) -> Option<CellNote> {
-        let label = self
-            .draft
-            .cells
-            .get(&[at.1, at.0])
-            .map(CellLabel::to_string);
+        let label = self.draft.label(at.into()).map(String::from);
         let reported = self.reported.as_ref().map(|reported| reported.words(at));
         let is_picked = at == self.picked;
         (label.is_some() || reported.is_some() || is_picked).then(|| {

@@ -4,15 +4,11 @@
 use super::tool::Labelling;
 use crate::cli::shared::stepper::picture;
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Rect, Size};
+use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
-use ratatui::widgets::{Paragraph, Wrap};
 use svl::counted;
 use svl::score::Verdict;
 use svl::stereo::Frame;
-
-/// Width of the text beside the image, characters.
-const PANEL: u16 = 28;
 
 /// Draws it all. Returns where the image is.
 pub(super) fn draw(
@@ -22,11 +18,9 @@ pub(super) fn draw(
     area: Rect,
     canvas: &mut ratatui::Frame<'_>,
 ) -> Rect {
-    let room = Size::new(area.width.saturating_sub(PANEL), area.height);
-    let size = picture::fitting(frame.pair.size(), room);
-    let image = Rect::from((area.as_position(), size));
+    let lines = lines(tool, frame);
+    let image = picture::draw_beside(&lines, frame.pair.left(), area, shades, canvas);
     let buffer = canvas.buffer_mut();
-    picture::draw(frame.pair.left(), image, shades, buffer);
     let shape = tool.shape();
     for at in shape.iter() {
         let cell = picture::cell(shape, at, image);
@@ -34,10 +28,6 @@ pub(super) fn draw(
         texts(tool, at, cell, buffer);
     }
     outline(picture::cell(shape, tool.picked, image), buffer);
-    let left = image.right() + 1;
-    let panel = Rect::new(left, area.y, area.right().saturating_sub(left), area.height);
-    let words = Paragraph::new(lines(tool, frame).join("\n")).wrap(Wrap { trim: false });
-    canvas.render_widget(words, panel);
     image
 }
 
@@ -95,7 +85,7 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
 
 /// The label, and below it the report of the algorithm.
 fn texts(tool: &Labelling, at: (usize, usize), cell: Rect, buffer: &mut Buffer) {
-    let label = tool.draft.cells.get(&[at.1, at.0]).map(ToString::to_string);
+    let label = tool.draft.label(at.into()).map(String::from);
     let reported = tool.reported.as_ref().map(|reported| {
         let [mark, _] = mark(tool.verdict(at));
         reported.words(at) + mark
@@ -131,7 +121,7 @@ fn lines(tool: &Labelling, frame: &Frame) -> Vec<String> {
         name => name,
     };
     let (column, row) = tool.picked;
-    let label = tool.draft.cells.get(&[row, column]);
+    let label = tool.draft.label([column, row]);
     let mut lines = vec![
         format!("checkpoint {}: {name}", tool.file.next_number()),
         format!("frames {first} to {last}"),

@@ -1,4 +1,4 @@
-//! `svl label frames` and `svl label windows`: the categorizer of the thesis (section 8.1.1).
+//! `svl label windows`: the categorizer of the thesis (section 8.1.1).
 
 mod tool;
 
@@ -24,7 +24,6 @@ use svl::stereo::GridShape;
 use svl::train::TrainSettings;
 use tool::Categorizer;
 
-/// Options that frames and windows have in common.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -32,7 +31,7 @@ pub(crate) struct Args {
     /// Filter that the labels are for: floor or too-close
     #[arg(long, value_name = "NAME")]
     kind: FilterKind,
-    /// Label by the ground truth of a simulated source; frames or windows of both kinds are skipped
+    /// Label by the ground truth of a simulated source; windows of both kinds are skipped
     #[arg(long)]
     from_truth: bool,
     /// Replace files that exist
@@ -49,14 +48,13 @@ pub(crate) struct Args {
     script: Option<PathBuf>,
 }
 
-/// Labels whole frames, or their windows.
-pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
     let path = FrameLabels::path(Path::new(name), args.kind);
     let request = args.input.request();
     if args.from_truth {
-        return from_truth(args, by_window, &request, &path, quiet);
+        return from_truth(args, &request, &path, quiet);
     }
     // Before anything takes time.
     let session = StepSession::new(args.script.as_deref())?;
@@ -74,7 +72,6 @@ pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<(
         labels,
         source: PathBuf::from(name),
         path,
-        by_window,
         window: 0,
         done: Vec::new(),
     };
@@ -87,13 +84,7 @@ pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<(
 }
 
 /// Labels every frame of a source by its truth.
-fn from_truth(
-    args: &Args,
-    by_window: bool,
-    request: &Request<'_>,
-    path: &Path,
-    quiet: bool,
-) -> anyhow::Result<()> {
+fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim(args.force, [], [path])?;
     let mut opened = source::open(request.clone(), quiet)?;
     let (kind, range_px) = (args.kind, args.max_disparity);
@@ -130,36 +121,20 @@ fn from_truth(
         let Some(windows) = windows else { continue };
         known = true;
         labels.tie(sequence, pair_hash);
-        let places: Vec<_> = if by_window {
-            (0..).map(Some).zip(windows).collect()
-        } else {
-            // A frame has a label only if all its windows have the same.
-            let first = windows.first().copied().flatten();
-            let all = first.filter(|_| windows.iter().all(|is| *is == first));
-            vec![(None, all)]
-        };
-        for (place, is) in places {
-            labels.set(sequence, place, is);
+        for (window, is) in windows.into_iter().enumerate() {
+            labels.set(sequence, window, is);
             both += u64::from(is.is_none());
         }
     }
     let [yes, no] = labels.counts();
     let [is, is_not] = kind.spec().categories;
-    let noun = if by_window { "window" } else { "frame" };
-    let both = counted(both, noun);
+    let both = counted(both, "window");
     if yes + no == 0 {
         let source = &args.input.source;
-        match (known, by_window) {
-            (false, _) => {
-                bail!("{source}: only recordings of the arena have a truth that knows what is {is}")
-            }
-            (_, true) => bail!("{source}: all of its {both} show {is} and {is_not} alike"),
-            (_, false) => bail!(
-                "{source}: its {both} show {is} and {is_not}, so none is one of them as a \
-                 whole; label their windows: svl label windows {source} --kind {kind} \
-                 --from-truth"
-            ),
+        if known {
+            bail!("{source}: all of its {both} show {is} and {is_not} alike");
         }
+        bail!("{source}: only recordings of the arena have a truth that knows what is {is}");
     }
     outputs.set_aside()?;
     write(path, labels.to_text())?;

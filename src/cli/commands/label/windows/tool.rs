@@ -1,11 +1,11 @@
-//! The categorizer: a key per category for each window or frame.
+//! The categorizer: a key per category for each window.
 
 use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, picture};
 use anyhow::Context;
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Rect, Size};
+use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
-use ratatui::widgets::{Paragraph, Wrap};
+use std::ops::Range;
 use std::path::PathBuf;
 use svl::counted;
 use svl::filter::FilterWindows;
@@ -17,65 +17,47 @@ use svl::stereo::{Frame, GridShape};
 const KEYS: &[(&str, &str)] = &[
     ("a", "it shows what the filter detects"),
     ("b", "it does not"),
+    ("A B", "the same of all windows of the frame"),
     ("s", "skip: neither"),
     ("arrows", "pick a window"),
     ("Backspace", "back to the one before"),
     ("u", "undo the last label"),
 ];
 
-/// Width of the text beside the image, characters.
-const PANEL: u16 = 28;
-
 /// State of the labelling session.
 pub(super) struct Categorizer {
     pub(super) labels: FrameLabels,
     pub(super) source: PathBuf,
     pub(super) path: PathBuf,
-    /// True if windows are labelled, not whole frames.
-    pub(super) by_window: bool,
     pub(super) window: usize,
     /// Labels that were set, with the labels before.
     pub(super) done: Vec<Labelled>,
 }
 
-/// A label that was given.
+/// Labels that a key gave to windows of a frame.
 pub(super) struct Labelled {
     sequence: u64,
-    window: Option<usize>,
-    before: Option<bool>,
+    /// The windows with their labels before.
+    before: Vec<(usize, Option<bool>)>,
 }
 
 impl Categorizer {
-    fn place(&self) -> Option<usize> {
-        self.by_window.then_some(self.window)
-    }
-
     fn windows(&self) -> usize {
         FrameLabels::windows(self.labels.kind)
     }
 
-    fn label(&mut self, is: bool, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let (sequence, window) = (stepper.frame().sequence, self.place());
-        if let Some(other) = self.labels.contrary(sequence, window, is) {
-            let label = self.labels.category(!is);
-            let labelled = match other {
-                Some(_) => "a window of this frame is",
-                None => "this frame as a whole is",
-            };
-            let table = self.path.display();
-            stepper.say(format!(
-                "{labelled} labelled {label}; remove that line of {table} first"
-            ));
-            return Ok(());
-        }
-        let before = self.labels.get(sequence, window);
-        self.done.push(Labelled {
-            sequence,
-            window,
-            before,
-        });
-        self.labels.set(sequence, window, Some(is));
+    fn label(
+        &mut self,
+        windows: Range<usize>,
+        is: bool,
+        stepper: &mut Stepper<'_>,
+    ) -> anyhow::Result<()> {
+        let sequence = stepper.frame().sequence;
         self.labels.tie(sequence, stepper.frame().pair.hash());
+        self.window = windows.end - 1;
+        let before = windows.map(|window| (window, self.labels.set(sequence, window, Some(is))));
+        let before = before.collect();
+        self.done.push(Labelled { sequence, before });
         self.save()?;
         self.next(stepper);
         Ok(())
@@ -89,7 +71,7 @@ impl Categorizer {
     }
 
     fn next(&mut self, stepper: &mut Stepper<'_>) {
-        if self.by_window && self.window + 1 < self.windows() {
+        if self.window + 1 < self.windows() {
             self.window += 1;
         } else {
             self.window = 0;
@@ -98,34 +80,27 @@ impl Categorizer {
     }
 
     fn back(&mut self, stepper: &mut Stepper<'_>) {
-        if self.by_window && self.window > 0 {
+        if self.window > 0 {
             self.window -= 1;
         } else {
             let at = stepper.frame().sequence;
             stepper.step(-1);
             if stepper.frame().sequence != at {
-                self.window = if self.by_window {
-                    self.windows() - 1
-                } else {
-                    0
-                };
+                self.window = self.windows() - 1;
             }
         }
     }
 
     fn undo(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let Some(Labelled {
-            sequence,
-            window,
-            before,
-        }) = self.done.pop()
-        else {
+        let Some(Labelled { sequence, before }) = self.done.pop() else {
             stepper.say("there is nothing to undo");
             return Ok(());
         };
-        self.labels.set(sequence, window, before);
         stepper.go_to(sequence);
-        self.window = window.unwrap_or_default();
+        self.window = before.first().map_or(0, |(window, _)| *window);
+        for (window, label) in before {
+            self.labels.set(sequence, window, label);
+        }
         self.save()
     }
 
@@ -146,17 +121,14 @@ impl Categorizer {
         let kind = self.labels.kind;
         let [is, is_not] = kind.spec().categories;
         let [yes, no] = self.labels.counts();
-        let here = match self.place() {
-            Some(window) => format!("window {}", FrameLabels::window_name(kind, window)),
-            None => "the frame".to_owned(),
-        };
-        let label = self.labels.get(frame.sequence, self.place());
+        let window = FrameLabels::window_name(kind, self.window);
+        let label = self.labels.get(frame.sequence, self.window);
         let label = label.map_or("no label", |is| self.labels.category(is));
         vec![
             format!("filter {kind}"),
             format!("{yes} {is}, {no} {is_not}"),
             String::new(),
-            format!("{here}: {label}"),
+            format!("window {window}: {label}"),
             String::new(),
             format!("a {is}, b {is_not}"),
             "s skip, u undo".to_owned(),
@@ -186,12 +158,14 @@ impl StepTool for Categorizer {
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
         match key {
-            Key::Char('a') => self.label(true, stepper)?,
-            Key::Char('b') => self.label(false, stepper)?,
+            Key::Char(c @ ('a' | 'b')) => {
+                self.label(self.window..self.window + 1, c == 'a', stepper)?;
+            }
+            Key::Char(c @ ('A' | 'B')) => self.label(0..self.windows(), c == 'A', stepper)?,
             Key::Char('s') => self.next(stepper),
             Key::Char('u') => self.undo(stepper)?,
             Key::Backspace => self.back(stepper),
-            Key::Left | Key::Right | Key::Up | Key::Down if self.by_window => self.pick(key),
+            Key::Left | Key::Right | Key::Up | Key::Down => self.pick(key),
             Key::Char('q') => return Ok(Reaction::Quit),
             _ => return Ok(Reaction::Ignored),
         }
@@ -210,25 +184,19 @@ impl StepTool for Categorizer {
         canvas: &mut ratatui::Frame<'_>,
     ) {
         let frame = stepper.frame();
-        let room = Size::new(area.width.saturating_sub(PANEL), area.height);
-        let size = picture::fitting(frame.pair.size(), room);
-        let image = Rect::from((area.as_position(), size));
+        let lines = self.lines(frame);
+        let image = picture::draw_beside(&lines, frame.pair.left(), area, shades, canvas);
         let buffer = canvas.buffer_mut();
-        picture::draw(frame.pair.left(), image, shades, buffer);
         if let Ok(windows) = windows(self, frame) {
             for (window, &corner) in windows.corners().iter().enumerate() {
                 let side = self.labels.kind.spec().features.window;
                 let place = on_screen(corner, side, frame.pair.size(), image);
-                let is_picked = self.by_window && window == self.window;
-                let label = self.labels.window_category(frame.sequence, window);
+                let is_picked = window == self.window;
+                let label = self.labels.get(frame.sequence, window);
                 let label = label.map(|is| self.labels.category(is));
                 outline(place, is_picked, label.unwrap_or_default(), buffer);
             }
         }
-        let left = image.right() + 1;
-        let panel = Rect::new(left, area.y, area.right().saturating_sub(left), area.height);
-        let words = Paragraph::new(self.lines(frame).join("\n")).wrap(Wrap { trim: false });
-        canvas.render_widget(words, panel);
     }
 }
 

@@ -2,14 +2,13 @@
 
 mod view;
 
-use super::shown::{Job, Shown, delay_ms, title};
+use super::shown::{Job, Shown, title};
 use super::worker::TuneWorker;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
 use crate::cli::shared::usage;
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 use svl::filter::FilterKind;
 use svl::outputs;
 use svl::scenario::Scenario;
@@ -150,39 +149,33 @@ impl Tuner {
         knobs[self.chosen.min(knobs.len() - 1)]
     }
 
-    fn ask(&self, stepper: &Stepper<'_>, since: Option<Instant>) {
+    fn ask(&self, stepper: &Stepper<'_>) {
         self.worker.ask(Job {
             frame: std::sync::Arc::clone(stepper.held_frame()),
             settings: self.pair().map(TunedSetting::clone),
-            since,
         });
     }
 
     /// Takes another state of the knobs, which can be undone.
-    fn change(&mut self, to: Knobs, stepper: &Stepper<'_>, since: Instant) {
+    fn change(&mut self, to: Knobs, stepper: &Stepper<'_>) {
         let before = std::mem::replace(&mut self.knobs, to);
         self.undo.push(before);
         if self.undo.len() > MAX_UNDONE {
             self.undo.remove(0);
         }
         self.redo.clear();
-        self.changed(stepper, since);
+        self.changed(stepper);
     }
 
-    fn changed(&mut self, stepper: &Stepper<'_>, since: Instant) {
+    fn changed(&mut self, stepper: &Stepper<'_>) {
         self.shows_compared = false;
         self.worst = None;
         self.chosen = self.chosen.min(self.pair()[0].knobs().len() - 1);
-        self.ask(stepper, Some(since));
+        self.ask(stepper);
     }
 
     /// Takes a new setting of the current algorithm; grid and cells hold for all.
-    fn set(
-        &mut self,
-        setting: svl::Result<TunedSetting>,
-        stepper: &mut Stepper<'_>,
-        since: Instant,
-    ) {
+    fn set(&mut self, setting: svl::Result<TunedSetting>, stepper: &mut Stepper<'_>) {
         let setting = match setting {
             Ok(setting) => setting,
             Err(error) => return stepper.say(error.to_string()),
@@ -192,15 +185,15 @@ impl Tuner {
             (other.grid, other.cells) = (setting.grid, setting.cells);
         }
         to.settings[to.current] = setting;
-        self.change(to, stepper, since);
+        self.change(to, stepper);
     }
 
-    fn turn(&mut self, up: bool, coarse: bool, stepper: &mut Stepper<'_>, since: Instant) {
+    fn turn(&mut self, up: bool, coarse: bool, stepper: &mut Stepper<'_>) {
         let turned = self.pair()[0].stepped(&self.knob(), up, coarse);
-        self.set(turned, stepper, since);
+        self.set(turned, stepper);
     }
 
-    fn undone(&mut self, is_redo: bool, stepper: &mut Stepper<'_>, since: Instant) {
+    fn undone(&mut self, is_redo: bool, stepper: &mut Stepper<'_>) {
         let (from, to) = if is_redo {
             (&mut self.redo, &mut self.undo)
         } else {
@@ -211,7 +204,7 @@ impl Tuner {
             return stepper.say(format!("there is nothing to {what}"));
         };
         to.push(std::mem::replace(&mut self.knobs, other));
-        self.changed(stepper, since);
+        self.changed(stepper);
     }
 
     /// Goes to the next worse frame, or to the next better one.
@@ -243,7 +236,7 @@ impl Tuner {
         }
     }
 
-    fn answered(&mut self, key: Key, stepper: &mut Stepper<'_>, since: Instant) {
+    fn answered(&mut self, key: Key, stepper: &mut Stepper<'_>) {
         let edit = match &mut self.asks {
             Some(Asks::Value(edit) | Asks::File(edit)) => edit,
             None => return,
@@ -266,7 +259,7 @@ impl Tuner {
             }
             _ => {
                 let typed = self.pair()[0].typed(&self.knob(), &text);
-                self.set(typed, stepper, since);
+                self.set(typed, stepper);
             }
         }
     }
@@ -370,30 +363,17 @@ impl Tuner {
         for words in &self.written {
             let _ = writeln!(text, "{words}");
         }
-        let delays = &self.shown.delays;
-        if let (Some(p50), Some(p95)) = (delay_ms(delays, 0.5), delay_ms(delays, 0.95)) {
-            let to = if self.shown.has_viewer {
-                "Rerun"
-            } else {
-                "the result"
-            };
-            let keys = svl::counted(delays.len() as u64, "key");
-            let _ = writeln!(
-                text,
-                "from a key to {to}: p50 {p50:.1} ms, p95 {p95:.1} ms, of {keys}"
-            );
-        }
         text
     }
 
-    fn go_to_next_algorithm(&mut self, stepper: &mut Stepper<'_>, since: Instant) {
+    fn go_to_next_algorithm(&mut self, stepper: &mut Stepper<'_>) {
         let mut to = self.knobs.clone();
         to.current = (to.current + 1) % to.settings.len();
         match to.settings.len() {
             1 => stepper.say("there is one algorithm; name more with --algo"),
             _ => {
                 self.chosen = 0;
-                self.change(to, stepper, since);
+                self.change(to, stepper);
             }
         }
     }
@@ -409,24 +389,23 @@ impl StepTool for Tuner {
     }
 
     fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        self.ask(stepper, None);
+        self.ask(stepper);
         Ok(())
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        let since = Instant::now();
         if self.asks.is_some() {
-            self.answered(key, stepper, since);
+            self.answered(key, stepper);
             return Ok(Reaction::Taken);
         }
         let knobs = self.pair()[0].knobs().len();
         match key {
             Key::Up => self.chosen = self.chosen.checked_sub(1).unwrap_or(knobs - 1),
             Key::Down => self.chosen = (self.chosen + 1) % knobs,
-            Key::Left | Key::ScrollDown => self.turn(false, false, stepper, since),
-            Key::Right | Key::ScrollUp => self.turn(true, false, stepper, since),
-            Key::FarLeft => self.turn(false, true, stepper, since),
-            Key::FarRight => self.turn(true, true, stepper, since),
+            Key::Left => self.turn(false, false, stepper),
+            Key::Right => self.turn(true, false, stepper),
+            Key::FarLeft => self.turn(false, true, stepper),
+            Key::FarRight => self.turn(true, true, stepper),
             Key::Char(c) if c.is_ascii_digit() || c == '-' => self.ask_value(c.to_string()),
             Key::Enter => {
                 let value = self.pair()[0].value(&self.knob()).written();
@@ -435,13 +414,13 @@ impl StepTool for Tuner {
             Key::Char('r') => {
                 let (knob, begun) = (self.knob(), &self.begun[self.knobs.current]);
                 let reset = self.pair()[0].with(&knob, &begun.value(&knob));
-                self.set(reset, stepper, since);
+                self.set(reset, stepper);
             }
             Key::Char('R') => {
                 let begun = self.begun[self.knobs.current].clone();
-                self.set(Ok(begun), stepper, since);
+                self.set(Ok(begun), stepper);
             }
-            Key::Tab => self.go_to_next_algorithm(stepper, since),
+            Key::Tab => self.go_to_next_algorithm(stepper),
             Key::Char('[') => self.go_to_worst(true, stepper),
             Key::Char(']') => self.go_to_worst(false, stepper),
             Key::Char('m') => self.shows_all_metrics = !self.shows_all_metrics,
@@ -449,11 +428,11 @@ impl StepTool for Tuner {
             Key::Char('c') => {
                 let mut to = self.knobs.clone();
                 to.compared[to.current] = to.settings[to.current].clone();
-                self.change(to, stepper, since);
+                self.change(to, stepper);
                 stepper.say("compared with this setting from now on");
             }
-            Key::Char('u') => self.undone(false, stepper, since),
-            Key::Redo => self.undone(true, stepper, since),
+            Key::Char('u') => self.undone(false, stepper),
+            Key::Redo => self.undone(true, stepper),
             Key::Char('w') => self.ask_file(),
             Key::Click(column, row) => {
                 let at = Position::new(column, row);
