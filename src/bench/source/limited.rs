@@ -2,7 +2,7 @@
 
 use super::{Source, wraps};
 use svl_core::stereo::{Frame, Losses};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 use svl_score::scenario::PairRange;
 
 /// A source limited to a range of its pairs, and to N of these. Frames keep their
@@ -21,14 +21,56 @@ pub struct Limited {
     in_range: u64,
     taken: u64,
     skipped: u64,
-    /// Stamp of the last pair that was read.
-    last_ns: Option<u64>,
-    has_jumped: bool,
+    clock: RangeClock,
 }
 
-/// Stamps that go back by more than this, or ahead by more than that, are of a clock that jumps.
-const MAX_BACK_NS: u64 = 500_000_000;
-const MAX_STEP_NS: u64 = 10_000_000_000;
+/// A step between pairs that is longer than this, and many times the longest before, is a jump.
+const STEP_NS: u64 = 1_000_000_000;
+const STEPS: u64 = 10;
+
+/// The stamps of the pairs that were read: a clock that jumps hides pairs from a range of time.
+#[derive(Default)]
+struct RangeClock {
+    /// Stamp of the last pair, and the latest one.
+    last_ns: Option<u64>,
+    latest_ns: u64,
+    longest_step_ns: u64,
+    /// The first jump back: the pair, and its length.
+    back: Option<(u64, u64)>,
+    /// Pairs outside the range whose stamps are before an earlier pair's.
+    hidden: u64,
+    /// The pair behind the end of the range, if a jump led there: the pair, and its length.
+    ahead: Option<(u64, u64)>,
+    is_reported: bool,
+}
+
+impl RangeClock {
+    /// True if the stamp is before that of an earlier pair.
+    fn advance(&mut self, frame: &Frame) -> bool {
+        let (stamp_ns, last_ns) = (frame.stamp_ns, self.last_ns.replace(frame.stamp_ns));
+        let step_ns = stamp_ns.abs_diff(last_ns.unwrap_or(stamp_ns));
+        if last_ns.is_some_and(|last_ns| stamp_ns < last_ns) {
+            self.back.get_or_insert((frame.sequence, step_ns));
+        }
+        let is_jump = step_ns > STEPS * self.longest_step_ns.max(STEP_NS);
+        self.ahead = is_jump.then_some((frame.sequence, step_ns));
+        self.longest_step_ns = self.longest_step_ns.max(step_ns);
+        let is_back = stamp_ns < self.latest_ns;
+        self.latest_ns = self.latest_ns.max(stamp_ns);
+        is_back
+    }
+
+    /// The pairs that a jump back hides, in words.
+    fn hidden_words(&self) -> Option<String> {
+        let (pair, ns) = self.back.filter(|_| self.hidden > 0)?;
+        Some(format!(
+            "the clock of its stamps jumps back by {:.3} s at pair {pair}, so {} later in the file \
+             are outside --from and --to, and left out; `svl info` lists the jumps",
+            ns as f64 / 1e9,
+            counted(self.hidden, "pair")
+        ))
+    }
+}
 
 impl Limited {
     pub fn new(source: Box<dyn Source>, range: PairRange, frames: Option<u64>) -> Self {
@@ -44,8 +86,7 @@ impl Limited {
             in_range: 0,
             taken: 0,
             skipped: 0,
-            last_ns: None,
-            has_jumped: false,
+            clock: RangeClock::default(),
         }
     }
 
@@ -69,9 +110,10 @@ impl Limited {
         }
         while let Some(frame) = self.source.next()? {
             let start_ns = *self.start_ns.get_or_insert(frame.stamp_ns);
-            self.warn_of_jump(&frame);
+            let is_back = self.clock.advance(&frame);
             let time_ns = frame.stamp_ns.saturating_sub(start_ns);
             if self.to_ns.is_some_and(|to_ns| time_ns >= to_ns) {
+                self.report(true);
                 return Ok(None);
             }
             // A range begins at the first pair.
@@ -83,15 +125,19 @@ impl Limited {
                     return Ok(Some(frame));
                 }
             }
+            self.clock.hidden += u64::from(is_back && (is_before || time_ns < self.from_ns));
             self.skipped += 1;
         }
         let end_s = self.from_ns as f64 / 1e9;
         if self.start_ns.is_some() && self.in_range == 0 {
             let name = self.source.name();
+            let hidden = self.clock.hidden_words();
+            let hidden = hidden.map_or(String::new(), |words| format!(": {words}"));
             return Err(Error::Invalid(format!(
-                "{name}: has no pair after {end_s} s"
+                "{name}: has no pair after {end_s} s{hidden}"
             )));
         }
+        self.report(false);
         Ok(None)
     }
 
@@ -99,18 +145,24 @@ impl Limited {
         self.from_ns > 0 || self.to_ns.is_some()
     }
 
-    /// Warns once of a clock that jumps, as it moves pairs out of a range of time.
-    fn warn_of_jump(&mut self, frame: &Frame) {
-        let stamp_ns = frame.stamp_ns;
-        let last_ns = self.last_ns.replace(stamp_ns).unwrap_or(stamp_ns);
-        let is_jump = stamp_ns + MAX_BACK_NS < last_ns || stamp_ns > last_ns + MAX_STEP_NS;
-        if is_jump && self.is_timed() && !std::mem::replace(&mut self.has_jumped, true) {
+    /// Warns once of pairs that a clock that jumps hides.
+    fn report(&mut self, is_at_end: bool) {
+        if !self.is_timed() || std::mem::replace(&mut self.clock.is_reported, true) {
+            return;
+        }
+        let name = self.source.name();
+        if let Some(words) = self.clock.hidden_words() {
+            tracing::warn!("{name}: {words}");
+        }
+        if let Some((pair, ns)) = self.clock.ahead.filter(|_| is_at_end) {
+            let read = self.taken + self.skipped + 1;
+            let all = self.source.pairs().filter(|all| *all > read);
+            let behind = all.map(|all| format!(", with {} behind it", counted(all - read, "pair")));
             tracing::warn!(
-                "{}: its stamps jump by {:.3} s at pair {}: --from and --to count from the first \
-                 pair's stamp, and pairs outside are left out; `svl info` lists the jumps",
-                self.source.name(),
-                stamp_ns.wrapping_sub(last_ns).cast_signed() as f64 / 1e9,
-                frame.sequence
+                "{name}: --to ends the reading at pair {pair}{}: its stamp is {:.3} s after that \
+                 of the pair before, by a gap or a clock that jumps; `svl info` lists both",
+                behind.unwrap_or_default(),
+                ns as f64 / 1e9
             );
         }
     }
@@ -301,8 +353,12 @@ mod tests {
         }
     }
 
-    /// The stamps that are in a range, and true if a jump was warned of.
-    fn in_range(stamps: &[u64], from_s: Option<f64>, to_s: Option<f64>) -> (Vec<u64>, bool) {
+    /// The stamps that are in a range, the pairs that a jump hides, and the jump at its end.
+    fn in_range(
+        stamps: &[u64],
+        from_s: Option<f64>,
+        to_s: Option<f64>,
+    ) -> (Vec<u64>, Option<String>, Option<(u64, u64)>) {
         let range = PairRange {
             from_s,
             to_s,
@@ -312,31 +368,64 @@ mod tests {
         let mut source = Limited::new(Box::new(source), range, None);
         let frames = std::iter::from_fn(|| source.next().unwrap());
         let stamps = frames.map(|frame| frame.stamp_ns / 100_000_000).collect();
-        (stamps, source.has_jumped)
+        (stamps, source.clock.hidden_words(), source.clock.ahead)
     }
 
     #[test]
-    fn a_clock_that_jumps_is_warned_of() {
+    fn pairs_that_a_jump_back_hides_are_counted() {
         let stamps = [100, 101, 102, 103, 50, 51, 52, 101, 102];
-        let (taken, warned) = in_range(&stamps, None, Some(0.25));
-        let first = [100, 101, 102];
-        assert_eq!(taken, first, "the first pair beyond --to ends the range");
-        assert!(!warned, "the jump is behind the range");
-        let stamps = [100, 101, 50, 51, 52, 101, 102];
-        let (taken, warned) = in_range(&stamps, None, Some(0.25));
-        let later = [100, 101, 101, 102];
-        assert_eq!(taken, later, "those before the first are in no range");
-        assert!(warned);
+        let (taken, words, _) = in_range(&stamps, None, Some(0.25));
         assert_eq!(
-            in_range(&stamps, Some(0.1), None),
-            (vec![101, 101, 102], true)
+            taken,
+            [100, 101, 102],
+            "the first pair beyond --to ends the range"
         );
+        assert_eq!(words, None);
+        let stamps = [100, 101, 50, 51, 52, 101, 102];
+        let (taken, words, _) = in_range(&stamps, None, Some(0.25));
+        assert_eq!(
+            taken,
+            [100, 101, 101, 102],
+            "those before the first are in no range"
+        );
+        let words = words.unwrap();
+        assert!(
+            words
+                .starts_with("the clock of its stamps jumps back by 5.100 s at pair 5, so 3 pairs"),
+            "{words}"
+        );
+        let (taken, words, _) = in_range(&stamps, Some(0.1), None);
+        assert_eq!((taken, words.is_some()), (vec![101, 101, 102], true));
         // Without a range of time, all are used.
-        assert_eq!(in_range(&stamps, None, None), (stamps.to_vec(), false));
-        // Pairs that are a little out of order are no jump.
-        assert!(!in_range(&[100, 102, 101], None, Some(0.5)).1);
-        let (taken, warned) = in_range(&[100, 101, 90_000, 90_001], None, Some(5.0));
-        assert_eq!((taken, warned), (vec![100, 101], true));
+        assert_eq!(in_range(&stamps, None, None).0, stamps);
+        // Those before --from are not hidden by a jump.
+        assert_eq!(in_range(&[100, 101, 102], Some(0.2), None).1, None);
+    }
+
+    #[test]
+    fn a_range_that_a_jump_ahead_ends_says_so() {
+        let (taken, _, ahead) = in_range(&[100, 101, 90_000, 90_001], None, Some(5.0));
+        assert_eq!(
+            (taken, ahead),
+            (vec![100, 101], Some((5, 8_989_900_000_000)))
+        );
+        let (_, _, ahead) = in_range(&[100, 101, 102], None, Some(0.2));
+        assert_eq!(ahead, None);
+    }
+
+    #[test]
+    fn a_range_without_a_pair_names_the_jump() {
+        let range = PairRange {
+            from_s: Some(1.0),
+            ..PairRange::default()
+        };
+        let source = Jumping(vec![100, 20, 21], 0);
+        let error = Limited::new(Box::new(source), range, None).next();
+        let error = error.unwrap_err().to_string();
+        assert!(
+            error.contains("after 1 s: the clock of its stamps jumps back by 8.000 s"),
+            "{error}"
+        );
     }
 
     #[test]

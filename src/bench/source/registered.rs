@@ -9,6 +9,10 @@ use svl_core::matcher::Algorithm;
 use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
 use svl_core::{Error, Result, counted};
 
+/// Stamps from this on are of a clock (1973), not counted from the first pair: recordings share
+/// them only if they show the same moments.
+const MIN_CLOCK_NS: u64 = 100_000_000_000_000_000;
+
 /// The pairs of the runs of a command. Clones share it.
 #[derive(Clone, Default)]
 pub struct PairRegister(Arc<Mutex<RegisteredPairs>>);
@@ -19,10 +23,11 @@ struct RegisteredPairs {
     runs: Vec<(String, Option<String>)>,
     /// The run that each pair belongs to.
     owners: HashMap<PairId, usize>,
+    by_stamps: HashMap<[u64; 2], Vec<usize>>,
     /// The first run with these pixels, whatever their stamps.
     by_pixels: HashMap<u128, usize>,
-    /// Runs that share pixels, which the user was warned of.
-    same_pixels: BTreeSet<[usize; 2]>,
+    /// Runs that share stamps or pixels, which the user was warned of.
+    same_moments: BTreeSet<[usize; 2]>,
     /// Pairs of a run that belong to an earlier one.
     copies: BTreeMap<[usize; 2], u64>,
     learned: Vec<LearnedNumbers>,
@@ -96,10 +101,29 @@ impl PairRegister {
 }
 
 impl RegisteredPairs {
-    /// Warns once of two runs with equal pixels and other stamps.
-    fn warn_of_same_pixels(&mut self, run: usize, id: PairId) {
+    /// Warns once of two runs that share stamps or pixels of pairs which are no copies. Stamps of
+    /// simulations are alike in all, so that only those of one seed are of the same moments.
+    fn warn_of_same_moments(&mut self, run: usize, id: PairId) {
+        let others = self.by_stamps.entry(id.stamps_ns).or_default();
+        if others.last() != Some(&run) {
+            others.push(run);
+        }
+        for &other in others.iter().filter(|other| **other != run) {
+            let [(name, simulated), (first, first_simulated)] =
+                [&self.runs[run], &self.runs[other]];
+            let is_same = match simulated {
+                Some(_) => simulated == first_simulated,
+                None => id.stamps_ns[0] >= MIN_CLOCK_NS,
+            };
+            if is_same && self.same_moments.insert([run, other]) {
+                tracing::warn!(
+                    "{name}: has pairs with the stamps of pairs of {first}, but other pixels: what \
+                     both recordings show counts twice"
+                );
+            }
+        }
         let other = *self.by_pixels.entry(id.pixels).or_insert(run);
-        if other != run && self.same_pixels.insert([run, other]) {
+        if other != run && self.same_moments.insert([run, other]) {
             let [(name, _), (first, _)] = [&self.runs[run], &self.runs[other]];
             tracing::warn!(
                 "{name}: has pairs with the pixels of pairs of {first}, but other stamps: if one \
@@ -176,7 +200,7 @@ impl RegisteredSource {
             *pairs.copies.entry([self.run, owner]).or_default() += 1;
             return false;
         }
-        pairs.warn_of_same_pixels(self.run, id);
+        pairs.warn_of_same_moments(self.run, id);
         pairs.warn_of_training(self.run, frame);
         true
     }

@@ -176,6 +176,26 @@ fn scores_on_what_was_fitted_to_are_warned_of() {
 }
 
 #[test]
+fn recordings_of_the_same_moments_are_warned_of() {
+    let fixture = Fixture::new();
+    fixture.write_euroc("60.0");
+    for (recording, shift) in [("a.mcap", 3), ("b.mcap", 4)] {
+        for (camera, shift) in [("cam0", 0), ("cam1", shift)] {
+            let csv =
+                "#timestamp [ns],filename\n1700000000000000000,a.pgm\n1700000000050000000,b.pgm\n";
+            fixture.write(&format!("mav0/{camera}/data.csv"), csv);
+            let image = |name: &str| format!("mav0/{camera}/data/{name}.pgm");
+            fixture.write_pair(&image("a"), "other.pgm", (64, 48), shift);
+            fixture.write_pair("other.pgm", &image("b"), (64, 48), shift);
+        }
+        fixture.run(&format!("record . --calib none -q -o {recording}"));
+    }
+    let ran = fixture.svl("score a.mcap b.mcap --algo v3:max_disparity=8 --rerun none -o r");
+    let words = ["b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels"];
+    assert_says(&ran.stderr, &words);
+}
+
+#[test]
 fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
     let fixture = Fixture::new();
     // The second pair of the first bag cannot be read.
