@@ -32,6 +32,9 @@ pub(crate) enum Key {
     Interrupt,
     /// The left mouse button, on that column and row of the screen.
     Click(u16, u16),
+    /// The wheel of the mouse.
+    ScrollUp,
+    ScrollDown,
     /// The terminal has that many columns and rows now, or has to be redrawn.
     Resize(u16, u16),
     /// Nothing: time goes on.
@@ -61,6 +64,8 @@ const NAMES: &[(&str, Key)] = &[
     ("ctrl-r", Key::Redo),
     ("ctrl-c", Key::Interrupt),
     ("tick", Key::Tick),
+    ("scroll-up", Key::ScrollUp),
+    ("scroll-down", Key::ScrollDown),
     ("wait", Key::Wait),
     ("screen", Key::Screen),
 ];
@@ -167,6 +172,11 @@ fn key(event: Event) -> Option<Key> {
         Event::Mouse(event) if event.kind == MouseEventKind::Down(MouseButton::Left) => {
             Some(Key::Click(event.column, event.row))
         }
+        Event::Mouse(event) => match event.kind {
+            MouseEventKind::ScrollUp => Some(Key::ScrollUp),
+            MouseEventKind::ScrollDown => Some(Key::ScrollDown),
+            _ => None,
+        },
         Event::Resize(columns, rows) => Some(Key::Resize(columns, rows)),
         _ => None,
     }

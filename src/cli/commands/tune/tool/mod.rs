@@ -402,8 +402,8 @@ impl StepTool for Tuner {
         match key {
             Key::Up => self.chosen = self.chosen.checked_sub(1).unwrap_or(knobs - 1),
             Key::Down => self.chosen = (self.chosen + 1) % knobs,
-            Key::Left => self.turn(false, false, stepper),
-            Key::Right => self.turn(true, false, stepper),
+            Key::Left | Key::ScrollDown => self.turn(false, false, stepper),
+            Key::Right | Key::ScrollUp => self.turn(true, false, stepper),
             Key::FarLeft => self.turn(false, true, stepper),
             Key::FarRight => self.turn(true, true, stepper),
             Key::Char(c) if c.is_ascii_digit() || c == '-' => self.ask_value(c.to_string()),
