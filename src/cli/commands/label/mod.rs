@@ -27,11 +27,11 @@ Examples:
   svl label windows arena-1.mcap --kind floor --from-truth
   svl train filter run*.mcap --kind floor -o floor.safetensors
 
-Keys: a it shows it, b it does not, A and B all windows of the frame, s skip,
-Backspace back, u undo, q quit; ? shows all. The table beside the recording is
-written at every key: the same command resumes where it ended. It can be edited
-by hand. Its pair_hash identifies the labelled pairs: another recording of that
-name is refused.")]
+Keys: a shows it, b does not, A and B all windows of the frame, s skip,
+Backspace back, u undo, q quit; ? shows all. The table beside the recording
+is written at every key: the same command resumes where it ended. It can be
+edited by hand. Its pair_hash identifies the labelled pairs: another recording
+of that name is refused.")]
     Windows(windows::Args),
 }
 
