@@ -1,6 +1,7 @@
 //! JUnit's XML, in which CI servers show passes and failures.
 
 use quick_xml::escape::escape;
+use std::collections::HashMap;
 use std::fmt::Write;
 
 /// One limit or comparison.
@@ -18,7 +19,7 @@ pub enum TestResult {
     Skipped(String),
 }
 
-/// A document of one suite.
+/// A document of one suite. Of equal names the later ones have a number.
 pub fn junit(suite: &str, cases: &[TestCase]) -> String {
     let count = |is_counted: fn(&TestResult) -> bool| {
         cases.iter().filter(|case| is_counted(&case.result)).count()
@@ -31,7 +32,14 @@ pub fn junit(suite: &str, cases: &[TestCase]) -> String {
         count(|result| matches!(result, TestResult::Failed(_))),
         count(|result| matches!(result, TestResult::Skipped(_))),
     );
+    let mut seen: HashMap<&str, usize> = HashMap::new();
     for TestCase { name, result } in cases {
+        let count = seen.entry(name).or_default();
+        *count += 1;
+        let name = match *count {
+            1 => name.clone(),
+            n => format!("{name} ({n})"),
+        };
         let name = escape(name.as_str());
         let inside = match result {
             TestResult::Passed(words) if words.is_empty() => String::new(),
@@ -54,6 +62,18 @@ pub fn junit(suite: &str, cases: &[TestCase]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equal_names_are_numbered() {
+        let case = |name: &str| TestCase {
+            name: name.to_owned(),
+            result: TestResult::Passed(String::new()),
+        };
+        let text = junit("s", &[case("a"), case("b"), case("a")]);
+        for name in ["\"a\"", "\"b\"", "\"a (2)\""] {
+            assert_eq!(text.matches(&format!("name={name}>")).count(), 1, "{text}");
+        }
+    }
 
     #[test]
     fn names_are_escaped_and_results_counted() {

@@ -305,7 +305,8 @@ impl Summary {
     /// The meanings of a table's metrics.
     fn metric_notes(&self, table: &mut Table, metrics: &[&Metric]) {
         // Obstacles have a distance, so they are counted where there is a calibration.
-        let rule = self.rule.for_rig(self.kind() == RunKind::Distances);
+        let has_distances = matches!(self.kind(), RunKind::Distances | RunKind::Courses);
+        let rule = self.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {
                 (&column.group[..], &column.head[..]) == (metric.group, metric.head)

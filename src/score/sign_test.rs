@@ -5,7 +5,8 @@ use crate::bootstrap::TestMethod;
 
 /// Limit of the probability below which a difference is called real.
 const MAX_P: f64 = 0.05;
-/// With fewer courses even a change of all of them may be chance: 2 / 2⁵ is above the limit.
+/// With fewer courses that differ, even if all do so in one direction, it may be chance: 2 / 2⁵ is
+/// above the limit.
 const MIN_COURSES: usize = 6;
 
 /// The test of drives over the courses of both reports.

@@ -11,7 +11,7 @@ use svl::report::compare::{
     AlgorithmChange, Change, Comparison, ComparisonPage, Judgement, ScoredRun,
 };
 use svl::report::{TestCase, TestResult, junit};
-use svl::score::{ColumnChoice, Metric, MetricUnit};
+use svl::score::{Better, ColumnChoice, Metric, MetricUnit};
 use svl::sink::find_left;
 
 /// Compare reports: changes of metrics, with confidence intervals
@@ -66,7 +66,7 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(long)]
     force: bool,
-    /// Print ten lines of Markdown, for a pull request
+    /// Print at most ten lines of Markdown per comparison, for a pull request
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
     /// Print JSON
@@ -81,7 +81,14 @@ struct FailOn(Option<&'static Metric>);
 fn fail_on(text: &str) -> Result<FailOn, String> {
     match text.split_once(':') {
         None if text == "worse" => Ok(FailOn(None)),
-        Some(("worse", name)) => Metric::named(name, |_| true).map(Some).map(FailOn),
+        Some(("worse", name)) => {
+            let metric = Metric::named(name, |_| true)?;
+            if metric.better == Better::Neither {
+                let cure = "name one that has, as `svl columns metrics` says";
+                return Err(format!("'{name}' has no better direction; {cure}"));
+            }
+            Ok(FailOn(Some(metric)))
+        }
         _ => Err("expected worse, or worse:METRIC".to_owned()),
     }
 }
@@ -94,7 +101,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         bail!("name two reports or more")
     };
     for other in &mut *others {
-        other.name_runs_as(base);
+        other.align_with(base);
     }
     let (mut comparisons, mut not_compared) = (Vec::new(), Vec::new());
     for other in &*others {

@@ -93,6 +93,7 @@ impl AlgorithmChange {
             blocks: pairs.len(),
             metrics: metrics.collect(),
             checkpoints: Vec::new(),
+            has_partial_checkpoints: false,
             courses: Some(CourseChanges::new(&pairs)),
         }
     }
@@ -131,6 +132,8 @@ impl Change {
         let judgement = match metric.better {
             _ if are_alike => Judgement::Equal,
             _ if pairs.len() < sign_test::METHOD.fewest_blocks => Judgement::TooFew,
+            // Even if all that differ do so in one direction, it may be chance.
+            _ if (1..sign_test::METHOD.fewest_blocks).contains(&(up + down)) => Judgement::TooFew,
             _ if !sign_test::is_real([up, down]) => Judgement::Unclear,
             Better::More if up > down => Judgement::Better,
             Better::Less if up < down => Judgement::Better,
@@ -284,7 +287,7 @@ impl Comparison {
         let tested = self.tested_words();
         parts.push(match conclusion {
             Conclusion::TooFewCourses => format!(
-                "too few courses to tell: an exact sign test needs {} of both reports",
+                "an exact sign test needs {} courses of both reports that differ",
                 self.method.fewest_blocks
             ),
             Conclusion::NoChange => format!("nothing of that is real {tested}, by a sign test"),

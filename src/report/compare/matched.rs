@@ -11,7 +11,7 @@ pub(super) struct MatchedLabels<'a> {
     pub both: Vec<(&'a str, &'a str)>,
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
-    /// Those of both reports whose namesake is compared with another.
+    /// Those of both reports that in one of them are not compared, as `map` names the namesake.
     pub left_out: Vec<String>,
 }
 
@@ -40,7 +40,9 @@ impl<'a> MatchedLabels<'a> {
                 both.extend(equal);
             }
         }
-        let is_taken = |label: &str| both.iter().any(|(a, b)| *a == label && *b == label);
+        let is_taken = |label: &str| {
+            both.iter().any(|(a, _)| *a == label) && both.iter().any(|(_, b)| *b == label)
+        };
         let only = |labels: &[&str], others: &[&str], side: fn(&(&'a str, &'a str)) -> &'a str| {
             let is_left = |label: &&&str| {
                 !others.contains(*label) && both.iter().all(|pair| side(pair) != **label)

@@ -101,6 +101,8 @@ pub struct AlgorithmChange {
     pub metrics: Vec<Change>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<CheckpointChange>,
+    /// True if checkpoints of both runs are not compared, as they have not the same pairs.
+    pub has_partial_checkpoints: bool,
     /// Of drives: the courses of both reports, which the numbers of pairs then count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub courses: Option<CourseChanges>,
@@ -403,6 +405,7 @@ impl AlgorithmChange {
         };
         let checkpoints = base.checkpoints(label, &runs).into_iter();
         let mut checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
+        let has_both = base.has_checkpoints(label) && other.has_checkpoints(other_label);
         // Equal numbers of unequal results are a coincidence, as wide as the interval.
         if equal_results < pairs.len() {
             metrics.iter_mut().for_each(Change::withdraw_equal);
@@ -430,6 +433,7 @@ impl AlgorithmChange {
             },
             blocks: resamples.blocks(),
             metrics,
+            has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
             courses: None,
         })

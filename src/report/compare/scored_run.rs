@@ -5,7 +5,7 @@ use crate::build::COURSES;
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{CoursePlan, DriveRow};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
-use crate::samples::{RunKey, run_key};
+use crate::samples::{RunKey, is_scene, run_key};
 use crate::shots::LeftImages;
 use crate::sources::Sources;
 use serde::Deserialize;
@@ -31,14 +31,18 @@ pub struct ScoredRun {
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
     courses: Vec<CoursePlan>,
-    /// The names of its recordings by those that it is compared under.
-    own_names: BTreeMap<String, String>,
+    /// Its runs by those that it is compared under, and the numbers of its scenes likewise.
+    own_runs: BTreeMap<OwnedRun, OwnedRun>,
+    own_scenes: BTreeMap<u64, u64>,
     /// Its table of cells, if it is there.
     cells: Option<PathBuf>,
 }
 
 /// Seed and recording of a pair, and its number there.
 pub(super) type PairKey<'a> = (RunKey<'a>, u64);
+
+/// Seed and recording of a run.
+type OwnedRun = (Option<u64>, Option<String>);
 
 /// The part of `summary.json` that is read.
 #[derive(Deserialize)]
@@ -130,48 +134,86 @@ impl ScoredRun {
             checkpoints,
             drives,
             courses,
-            own_names: BTreeMap::new(),
+            own_runs: BTreeMap::new(),
+            own_scenes: BTreeMap::new(),
             cells,
         })
     }
 
-    /// Names recordings as the other report does, which has the same pairs under another name: each
-    /// as the one with the most pairs in common, of several its own name.
-    pub fn name_runs_as(&mut self, base: &Self) {
+    /// Names runs and numbers scenes as the other report does, where they have the same pairs.
+    pub fn align_with(&mut self, base: &Self) {
+        self.name_runs_as(base);
+        self.number_scenes_as(base);
+    }
+
+    /// Names each run as the one with the most pairs in common, of several its own name: a recording
+    /// may have another name, or be of a seed of the arena.
+    fn name_runs_as(&mut self, base: &Self) {
+        let owned = |row: &Row| (row.seed, row.run.clone());
+        let in_run = |row: &&Row| !is_scene(row);
         let mut by_pair = BTreeMap::new();
-        for row in &base.rows {
-            if let Some(name) = &row.run {
-                by_pair.insert((row.sequence, row.stamp_ns, row.pair_hash.as_str()), name);
-            }
-        }
-        let mut common: BTreeMap<&str, BTreeMap<&str, u64>> = BTreeMap::new();
-        for row in &self.rows {
+        for row in base.rows.iter().filter(in_run) {
             let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
-            if let Some((own, name)) = row.run.as_ref().zip(by_pair.get(&pair)) {
-                *common.entry(own).or_default().entry(name).or_default() += 1;
+            by_pair.insert(pair, owned(row));
+        }
+        let mut common: BTreeMap<OwnedRun, BTreeMap<&OwnedRun, u64>> = BTreeMap::new();
+        for row in self.rows.iter().filter(in_run) {
+            let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
+            if let Some(run) = by_pair.get(&pair) {
+                let runs = common.entry(owned(row)).or_default();
+                *runs.entry(run).or_default() += 1;
             }
         }
         let mut renamed = BTreeMap::new();
-        for (own, names) in &common {
-            let rank = |(name, pairs): &(&&str, &u64)| (**pairs, **name == *own);
-            let best = names.iter().max_by_key(rank).map(|(name, _)| *name);
-            renamed.extend(best.map(|name| ((*own).to_owned(), name.to_owned())));
+        for (own, runs) in &common {
+            let rank = |(run, pairs): &(&&OwnedRun, &u64)| (**pairs, **run == own);
+            let best = runs.iter().max_by_key(rank).map(|(run, _)| *run);
+            renamed.extend(best.map(|run| (own.clone(), run.clone())));
         }
         // All keep their names if two would have the same.
-        let own: BTreeSet<String> = self.rows.iter().filter_map(|row| row.run.clone()).collect();
-        let new = |name: &String| renamed.get(name).unwrap_or(name).clone();
-        let all: BTreeSet<String> = own.iter().map(new).collect();
+        let own: BTreeSet<OwnedRun> = self.rows.iter().filter(in_run).map(owned).collect();
+        let new = |run: &OwnedRun| renamed.get(run).unwrap_or(run).clone();
+        let all: BTreeSet<OwnedRun> = own.iter().map(new).collect();
         if all.len() < own.len() {
             return;
         }
-        self.own_names = own.iter().map(|own| (new(own), own.clone())).collect();
-        let rows = self.rows.iter_mut().map(|row| &mut row.run);
-        let failures = self.failures.iter_mut().map(|row| &mut row.run);
-        let checkpoints = self.checkpoints.iter_mut().map(|row| &mut row.run);
-        for run in rows.chain(failures).chain(checkpoints).flatten() {
-            if let Some(name) = renamed.get(run) {
-                run.clone_from(name);
+        self.own_runs = own.iter().map(|own| (new(own), own.clone())).collect();
+        let rows = self.rows.iter_mut().filter(|row| !is_scene(row));
+        let rows = rows.map(|row| (&mut row.seed, &mut row.run));
+        let failures = self.failures.iter_mut();
+        let failures = failures.map(|row| (&mut row.seed, &mut row.run));
+        let checkpoints = self.checkpoints.iter_mut();
+        let checkpoints = checkpoints.map(|row| (&mut row.seed, &mut row.run));
+        for (seed, run) in rows.chain(failures).chain(checkpoints) {
+            if let Some(name) = renamed.get(&(*seed, run.clone())) {
+                (*seed, *run) = name.clone();
             }
+        }
+    }
+
+    /// Numbers scenes as the other report does: a folder that got another scene numbers the later
+    /// ones anew.
+    fn number_scenes_as(&mut self, base: &Self) {
+        let scenes = base.rows.iter().filter(|row| is_scene(row));
+        let key = |row: &Row| (row.name.clone(), row.pair_hash.clone());
+        let by_scene: HashMap<_, _> = scenes.map(|row| (key(row), row.sequence)).collect();
+        let behind = by_scene.values().max().map_or(0, |last| last + 1);
+        let scenes = self.rows.iter_mut().filter(|row| is_scene(row));
+        for row in scenes {
+            let same = by_scene.get(&key(row)).copied();
+            let own = row.sequence;
+            row.sequence = same.unwrap_or(behind + own);
+            self.own_scenes.insert(row.sequence, own);
+        }
+        let new: HashMap<_, _> = self
+            .own_scenes
+            .iter()
+            .map(|(new, own)| (*own, *new))
+            .collect();
+        // Failures have no name: scenes are in no recording and of no seed.
+        let failures = self.failures.iter_mut();
+        for row in failures.filter(|row| row.run.is_none() && row.seed.is_none()) {
+            row.sequence = *new.get(&row.sequence).unwrap_or(&row.sequence);
         }
     }
 
@@ -197,10 +239,16 @@ impl ScoredRun {
         LeftImages::find(&self.report)
     }
 
-    /// The key of a row's pair in the tables of its folder, where recordings have their own names.
+    /// The key of a row's pair in the tables of its folder, where runs have their own names and
+    /// scenes their own numbers.
     pub(super) fn own_key<'a>(&'a self, row: &'a Row) -> PairKey<'a> {
-        let own = |run: &'a String| self.own_names.get(run).unwrap_or(run).as_str();
-        ((row.seed, row.run.as_ref().map(own)), row.sequence)
+        if is_scene(row) {
+            let sequence = self.own_scenes.get(&row.sequence);
+            return (run_key(row), *sequence.unwrap_or(&row.sequence));
+        }
+        let own = self.own_runs.get(&(row.seed, row.run.clone()));
+        let run = own.map_or_else(|| run_key(row), |(seed, run)| (*seed, run.as_deref()));
+        (run, row.sequence)
     }
 
     /// Hands on the cells of an algorithm pair by pair, in the order of its table.
@@ -315,6 +363,10 @@ impl ScoredRun {
             Some((&course.outlines, course.goal_m))
         });
         own == other
+    }
+
+    pub(super) fn has_checkpoints(&self, label: &str) -> bool {
+        self.checkpoints.iter().any(|row| row.algorithm == label)
     }
 
     /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.

@@ -194,7 +194,14 @@ impl Comparison {
                 "errors of distances: {folder} has no cells.csv; `svl report {folder}` makes it"
             )
         });
-        let lines = alone.chain(left_out).chain(cells);
+        let checkpoints = self
+            .algorithms
+            .iter()
+            .any(|own| own.has_partial_checkpoints);
+        let checkpoints = checkpoints.then(|| {
+            "checkpoints, which are counted over whole runs: score the same pairs".to_owned()
+        });
+        let lines = alone.chain(left_out).chain(cells).chain(checkpoints);
         let lines = lines.map(|words| format!("not compared: {words}"));
         let cure = (!self.proposed_maps.is_empty()).then(|| {
             let options = map_options(&self.proposed_maps);
@@ -290,7 +297,7 @@ impl AlgorithmChange {
         let worse = self.worse_besides();
         let shown = worse.iter().take(MAX_BESIDES);
         let shown: Vec<_> = shown
-            .map(|(name, change)| format!("{name} {}", signed(change.metric, change.difference)))
+            .map(|(name, change)| format!("{name} {}", change.difference_words()))
             .collect();
         let more = match worse.len().saturating_sub(MAX_BESIDES) {
             0 => String::new(),
@@ -329,10 +336,15 @@ impl Change {
     /// The values and the difference.
     pub(super) fn words(&self) -> String {
         let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
-        format!(
-            "{base} → {other} ({})",
-            signed(self.metric, self.difference)
-        )
+        format!("{base} → {other} ({})", self.difference_words())
+    }
+
+    fn difference_words(&self) -> String {
+        let difference = signed(self.metric, self.difference);
+        match self.metric.better {
+            Better::Zero => format!("{difference} in magnitude"),
+            _ => difference,
+        }
     }
 
     /// The difference in widths of its interval.

@@ -1,6 +1,6 @@
 //! `svl compare`.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::{Fixture, assert_says, datasets};
 
 /// A short arena scored by each of these algorithms, once for all tests, in a folder of that
 /// number.
@@ -183,7 +183,7 @@ fn pairs_that_fail_anew_are_worse() {
     score("alone", "exit 1", &[]);
     for (other, pairs, limit) in [
         ("b", "1 pair", "worse"),
-        ("b", "1 pair", "worse:coverage"),
+        ("b", "1 pair", "worse:wrong"),
         ("c", "5 pairs", "worse"),
         ("alone", "5 pairs", "worse"),
     ] {
@@ -471,6 +471,82 @@ fn other_pairs_before_each_pair_explain_a_history() {
     let text = plain(fixture.run("compare 0 2"));
     assert!(!text.contains("has a history"), "{text}");
     assert_says(&text, &["equal to the bit"]);
+}
+
+#[test]
+fn a_seed_of_the_arena_is_compared_with_its_recording() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 40);
+    let score = "-q --rerun none --algo v3 -o";
+    fixture.run(&format!("score short.toml --seeds 1 {score} seed"));
+    let recordings = std::fs::read_dir(fixture.path("recordings")).unwrap();
+    let mut files = recordings.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let file = files.find(|name| name.contains("seed1")).unwrap();
+    std::fs::copy(
+        fixture.path(&format!("recordings/{file}")),
+        fixture.path("own.mcap"),
+    )
+    .unwrap();
+    fixture.run(&format!("score own.mcap {score} own"));
+    for folders in ["seed own", "own seed"] {
+        let json = fixture.json(&format!("compare {folders} --json"));
+        let own = &json[0]["algorithms"][0];
+        assert_eq!(
+            (&own["pairs"], &own["equal_results"]),
+            (&40.into(), &40.into()),
+            "{own}"
+        );
+        let bias = own["metrics"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|m| m["metric"] == "rmse");
+        assert!(
+            bias.is_some(),
+            "errors are those of the cells of each report: {own}"
+        );
+    }
+}
+
+#[test]
+fn scenes_are_compared_by_their_names() {
+    let Some(data) = datasets() else { return };
+    let fixture = Fixture::new();
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/middlebury.toml");
+    let score = |scenes: &str, out: &str| {
+        let data = data.canonicalize().unwrap();
+        fixture.run(&format!(
+            "score {scenario} --data {} --scenes {scenes} --algo v3 -q --rerun none -o {out}",
+            data.display()
+        ));
+    };
+    score("tsukuba venus", "two");
+    score("venus", "one");
+    for folders in ["two one", "one two"] {
+        let json = fixture.json(&format!("compare {folders} --json"));
+        let own = &json[0]["algorithms"][0];
+        assert_eq!(
+            (&own["pairs"], &own["equal_results"]),
+            (&1.into(), &1.into()),
+            "{own}"
+        );
+    }
+}
+
+#[test]
+fn checkpoints_over_other_pairs_are_not_compared_and_said_to_be() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 40);
+    for (out, every) in [("0", 1), ("1", 2)] {
+        let options = format!("--algo v3 --every {every} -q --rerun none -o {out}");
+        fixture.run(&format!("score short.toml {options}"));
+    }
+    let words = ["not compared: checkpoints, which are counted over whole runs"];
+    assert_says(&fixture.run("compare 0 1"), &words);
+    assert!(!fixture.run("compare 0 0").contains(words[0]));
+    fixture
+        .svl("compare 0 1 --fail-on worse:unknown")
+        .failed(2, &["'unknown' has no better direction"]);
 }
 
 #[test]

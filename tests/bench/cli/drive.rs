@@ -141,7 +141,7 @@ fn drives_are_compared_course_by_course() {
     assert_eq!(json[0]["conclusion"], "too-few-courses");
     // Collisions come first, and few courses are said to be few.
     let verdict = format!("too few courses: collisions 0 → {hits}, courses finished 2 → 0");
-    let few = "too few courses to tell: an exact sign test needs 6 of both reports";
+    let few = "an exact sign test needs 6 courses of both reports that differ";
     let lost = "not finished any more: courses ";
     assert_eq!(json[0]["verdict"].as_str().unwrap().find(&verdict), Some(0));
     assert_says(

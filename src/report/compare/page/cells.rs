@@ -196,6 +196,9 @@ fn obstacle(before: &CellRow, after: &CellRow) -> Option<&'static str> {
     match is {
         [(false, true), _] => Some("an obstacle is missed"),
         [_, (false, true)] => Some("a false obstacle"),
+        [(true, false), _] if after.verdict == Verdict::Unknown => {
+            Some("an obstacle is unknown, not missed any more")
+        }
         [(true, false), _] => Some("an obstacle is not missed any more"),
         [_, (true, false)] => Some("a false obstacle less"),
         _ => None,
