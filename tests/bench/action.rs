@@ -173,22 +173,39 @@ fn the_example_workflow_edits_its_own_comment() {
     let fixture = Fixture::new();
     fixture.write("summary.md", "| v3 |\n");
     // A `gh` that logs its arguments, and lists the comment that the file `found` names.
-    fixture.write("gh", "#!/bin/sh\necho \"$@\" >> calls\ncase $* in *paginate*) cat found;; esac\n");
+    fixture.write(
+        "gh",
+        "#!/bin/sh\necho \"$@\" >> calls\ncase $* in *paginate*) cat found;; esac\n",
+    );
     set_permissions(fixture.path("gh"), Permissions::from_mode(0o755)).unwrap();
-    for (found, call) in [("", "pr comment 3 "), ("7\n", "api -X PATCH repos/a/b/issues/comments/7 ")] {
+    for (found, call) in [
+        ("", "pr comment 3 "),
+        ("7\n", "api -X PATCH repos/a/b/issues/comments/7 "),
+    ] {
         fixture.write("found", found);
         fixture.write("calls", "");
-        let path = format!("{}:{}", fixture.path("").display(), std::env::var("PATH").unwrap());
+        let path = format!(
+            "{}:{}",
+            fixture.path("").display(),
+            std::env::var("PATH").unwrap()
+        );
         let status = Command::new("bash")
             .args(["-eo", "pipefail", "-c", comment])
             .current_dir(fixture.path(""))
-            .envs([("PATH", path.as_str()), ("NUMBER", "3"), ("REPOSITORY", "a/b")])
+            .envs([
+                ("PATH", path.as_str()),
+                ("NUMBER", "3"),
+                ("REPOSITORY", "a/b"),
+            ])
             .envs([("MARKDOWN", "summary.md"), ("RUNNER_TEMP", ".")])
             .status();
         assert!(status.unwrap().success());
         let calls = fixture.text("calls");
         let own = "startswith(\"<!-- svl stereo -->\")";
-        assert_says(&calls, &["api --paginate repos/a/b/issues/3/comments", own, call]);
+        assert_says(
+            &calls,
+            &["api --paginate repos/a/b/issues/3/comments", own, call],
+        );
         assert_eq!(calls.lines().count(), 2, "{calls}");
         assert_eq!(fixture.text("comment.md"), "<!-- svl stereo -->\n| v3 |\n");
     }
