@@ -24,7 +24,8 @@ pub(super) struct PairAssembler {
     /// Images by side.
     images: [u64; 2],
     pairs: u64,
-    unpaired: u64,
+    /// Stamps of the images without a partner.
+    unpaired_ns: Vec<u64>,
 }
 
 /// Messages with one stamp. The right side has only image and calibration.
@@ -47,7 +48,8 @@ impl PairAssembler {
         let waiting = &mut self.waiting[side as usize];
         if waiting.len() >= WAITING && !waiting.contains_key(&stamp) {
             let oldest = waiting.pop_first();
-            self.unpaired += u64::from(oldest.is_some_and(|(_, one)| one.image.is_some()));
+            let oldest = oldest.filter(|(_, one)| one.image.is_some());
+            self.unpaired_ns.extend(oldest.map(|(stamp, _)| stamp));
         }
         waiting.entry(stamp).or_default()
     }
@@ -66,7 +68,7 @@ impl PairAssembler {
                 self.images[side as usize] += 1;
                 let image = images::decode_gray(schema, data)?;
                 let replaced = self.at(side, stamp).image.replace(image);
-                self.unpaired += u64::from(replaced.is_some());
+                self.unpaired_ns.extend(replaced.map(|_| stamp));
             }
             TopicKind::Color(side) => {
                 self.at(side, stamp).color = Some(images::decode_color(schema, data)?);
@@ -160,16 +162,17 @@ impl PairSource for PairAssembler {
 
     fn end(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
-        let left_over = waiting.iter().flat_map(BTreeMap::values);
-        self.unpaired += left_over.filter(|one| one.image.is_some()).count() as u64;
+        let left_over = waiting.into_iter().flatten();
+        let left_over = left_over.filter(|(_, one)| one.image.is_some());
+        self.unpaired_ns.extend(left_over.map(|(stamp, _)| stamp));
     }
 
     fn pairs(&self) -> u64 {
         self.pairs
     }
 
-    fn unpaired(&self) -> u64 {
-        self.unpaired
+    fn unpaired_ns(&self) -> &[u64] {
+        &self.unpaired_ns
     }
 
     fn topics(&self) -> [&str; 2] {

@@ -216,8 +216,8 @@ trait PairSource: Send {
     /// Number of readable pairs.
     fn pairs(&self) -> u64;
 
-    /// Images without a partner, while both cameras had images.
-    fn unpaired(&self) -> u64;
+    /// Stamps of the images without a partner, while both cameras had images.
+    fn unpaired_ns(&self) -> &[u64];
 
     /// Number of the unpaired images whose partner could not be read: those are reported.
     /// `unreadable`: pairs and images that could not be read.

@@ -128,7 +128,12 @@ impl Reader {
 
     /// Unpaired images so far; final at the end of the recording.
     pub fn unpaired(&self) -> u64 {
-        self.source.unpaired()
+        self.unpaired_ns().len() as u64
+    }
+
+    /// The stamps of these.
+    pub fn unpaired_ns(&self) -> &[u64] {
+        self.source.unpaired_ns()
     }
 
     /// Number of the unpaired images whose partner could not be read. `unreadable`: number of pairs

@@ -134,6 +134,7 @@ impl Missing {
     pub fn words(&self) -> Option<String> {
         let Losses {
             unpaired,
+            unpaired_ns: _,
             late,
             unreadable,
             broken: _,

@@ -82,9 +82,14 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Fails if it was interrupted before the end of its source. `pairs`: their number, if known.
+    /// True if it was interrupted before the end of its source. `pairs`: their number, if known.
+    pub fn stopped_early(&self, pairs: Option<u64>) -> bool {
+        self.interrupted && pairs != Some(self.frames)
+    }
+
+    /// Fails if it [stopped early](Self::stopped_early).
     pub fn reached_end(&self, pairs: Option<u64>) -> Result<()> {
-        if !self.interrupted || pairs == Some(self.frames) {
+        if !self.stopped_early(pairs) {
             return Ok(());
         }
         let done = match pairs {

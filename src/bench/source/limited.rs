@@ -65,7 +65,7 @@ impl RangeClock {
         let (pair, ns) = self.back.filter(|_| self.hidden > 0)?;
         Some(format!(
             "the clock of its stamps jumps back by {:.3} s at pair {pair}, so {} later in the file \
-             are outside --from and --to, and left out; `svl info` lists the jumps",
+             are outside the range of time, and left out; `svl info` lists the jumps",
             ns as f64 / 1e9,
             counted(self.hidden, "pair")
         ))
@@ -141,6 +141,12 @@ impl Limited {
         Ok(None)
     }
 
+    /// True if an image with this stamp is in the range of time.
+    fn has(&self, stamp_ns: u64) -> bool {
+        let time_ns = stamp_ns.saturating_sub(self.start_ns.unwrap_or_default());
+        time_ns >= self.from_ns && self.to_ns.is_none_or(|to_ns| time_ns < to_ns)
+    }
+
     fn is_timed(&self) -> bool {
         self.from_ns > 0 || self.to_ns.is_some()
     }
@@ -159,7 +165,7 @@ impl Limited {
             let all = self.source.pairs().filter(|all| *all > read);
             let behind = all.map(|all| format!(", with {} behind it", counted(all - read, "pair")));
             tracing::warn!(
-                "{name}: --to ends the reading at pair {pair}{}: its stamp is {:.3} s after that \
+                "{name}: the range of time ends at pair {pair}{}: its stamp is {:.3} s after that \
                  of the pair before, by a gap or a clock that jumps; `svl info` lists both",
                 behind.unwrap_or_default(),
                 ns as f64 / 1e9
@@ -201,13 +207,15 @@ impl Source for Limited {
         }
     }
 
-    /// Pairs outside the range are not losses.
+    /// Pairs and unpaired images outside the range are not losses.
     fn finish(&mut self, taken: u64) -> Losses {
-        let losses = self.source.finish(taken + self.skipped);
-        Losses {
-            skipped: losses.skipped + self.skipped,
-            ..losses
-        }
+        let mut losses = self.source.finish(taken + self.skipped);
+        let all = losses.unpaired_ns.len();
+        losses.unpaired_ns.retain(|&stamp_ns| self.has(stamp_ns));
+        let outside = all - losses.unpaired_ns.len();
+        losses.unpaired = losses.unpaired.saturating_sub(outside as u64);
+        losses.skipped += self.skipped;
+        losses
     }
 }
 
@@ -248,7 +256,10 @@ mod tests {
         }
 
         fn finish(&mut self, taken: u64) -> Losses {
+            // Without partners were images at 0.25, 1.25 and 1.75 s.
             Losses {
+                unpaired: 3,
+                unpaired_ns: [5_250_000_000, 6_250_000_000, 6_750_000_000].to_vec(),
                 unreadable: taken,
                 ..Losses::default()
             }
@@ -292,6 +303,26 @@ mod tests {
             12,
             "ten were skipped on purpose"
         );
+    }
+
+    #[test]
+    fn images_without_partners_outside_the_range_are_no_losses() {
+        let unpaired = |from_s, to_s| {
+            let range = PairRange {
+                every: None,
+                from_s,
+                to_s,
+            };
+            let mut source = Limited::new(Box::new(Steady(0)), range, None);
+            while source.next().unwrap().is_some() {}
+            source.finish(0).unpaired
+        };
+        assert_eq!(unpaired(None, None), 3);
+        assert_eq!(unpaired(Some(0.2), None), 3);
+        assert_eq!(unpaired(Some(0.3), None), 2);
+        assert_eq!(unpaired(Some(0.3), Some(1.7)), 1);
+        assert_eq!(unpaired(None, Some(1.2)), 1);
+        assert_eq!(unpaired(Some(1.8), None), 0);
     }
 
     #[test]

@@ -93,6 +93,7 @@ impl Source for RecordingSource {
         let reported = self.reader.partners_of_unreadable(self.unreadable);
         Losses {
             unpaired: self.reader.unpaired().saturating_sub(reported),
+            unpaired_ns: self.reader.unpaired_ns().to_vec(),
             outside: self.reader.outside(),
             late: self.reader.late(),
             unreadable: self.unreadable,

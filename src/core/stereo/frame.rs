@@ -399,6 +399,9 @@ impl Estimate {
 pub struct Losses {
     /// Images without a partner, while both cameras had images.
     pub unpaired: u64,
+    /// The stamps of these, where the source knows them.
+    #[serde(skip)]
+    pub unpaired_ns: Vec<u64>,
     /// Images before the other camera's first or after its last: not a loss.
     pub outside: u64,
     /// Images that arrived after those of their time had been dropped: the file is not ordered by
@@ -439,6 +442,7 @@ impl Losses {
     pub fn add(&mut self, other: Self) {
         let Self {
             unpaired,
+            unpaired_ns,
             outside,
             late,
             unreadable,
@@ -452,6 +456,7 @@ impl Losses {
             grabber,
         } = other;
         self.unpaired += unpaired;
+        self.unpaired_ns.extend(unpaired_ns);
         self.outside += outside;
         self.late += late;
         self.unreadable += unreadable;

@@ -184,7 +184,7 @@ impl TopicPairs {
 
     /// Images without a partner, while both cameras had images.
     pub fn unpaired(&self) -> u64 {
-        self.foreign.unpaired()
+        self.foreign.unpaired_ns().len() as u64
     }
 
     /// Images before the other camera's first or after its last.

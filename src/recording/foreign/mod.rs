@@ -353,7 +353,7 @@ impl PairSource for Foreign {
             trigger_id: sequence,
             // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
             skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
-            drops: self.unpaired(),
+            drops: self.unpaired_ns().len() as u64,
             ..Exposure::default()
         };
         let left = left.and_then(|image| self.pixels(Side::Left, image));
@@ -395,8 +395,8 @@ impl PairSource for Foreign {
         self.pairs
     }
 
-    fn unpaired(&self) -> u64 {
-        self.partners.pairing().unpaired()
+    fn unpaired_ns(&self) -> &[u64] {
+        self.partners.pairing().unpaired_ns()
     }
 
     /// An image with a stamp has its partner, even if its pixels cannot be read. If images of both

@@ -44,7 +44,8 @@ pub(crate) struct StampPairing<T> {
     slack: [usize; 2],
     bytes: usize,
     ended: bool,
-    unpaired: u64,
+    /// Stamps of the images without a partner.
+    unpaired_ns: Vec<u64>,
     /// First and last stamp of each camera.
     spans: [Option<(u64, u64)>; 2],
     /// Stamps of the unpaired images of each camera that are outside the span of the other.
@@ -65,7 +66,7 @@ impl<T> StampPairing<T> {
             slack: [0; 2],
             bytes: 0,
             ended: false,
-            unpaired: 0,
+            unpaired_ns: Vec::new(),
             spans: [None; 2],
             outside: [BTreeSet::new(), BTreeSet::new()],
             nearest_miss_ns: None,
@@ -82,7 +83,7 @@ impl<T> StampPairing<T> {
     /// Images without a partner so far, by position.
     pub(super) fn unpaired_images(&self) -> UnpairedImages {
         let mut images = UnpairedImages {
-            inside: self.unpaired,
+            inside: self.unpaired_ns.len() as u64,
             ..UnpairedImages::default()
         };
         for (camera, stamps) in self.outside.iter().enumerate() {
@@ -94,9 +95,9 @@ impl<T> StampPairing<T> {
         images
     }
 
-    /// Images without a partner, while both cameras had images.
-    pub(super) fn unpaired(&self) -> u64 {
-        self.unpaired
+    /// Stamps of the images without a partner, while both cameras had images.
+    pub(super) fn unpaired_ns(&self) -> &[u64] {
+        &self.unpaired_ns
     }
 
     /// Images without a partner before the other camera's first image or after its last.
@@ -137,7 +138,7 @@ impl<T> StampPairing<T> {
         self.bytes += bytes;
         if let Some((_, replaced)) = self.waiting[camera].insert(stamp, (image, bytes)) {
             self.bytes -= replaced;
-            self.unpaired += 1;
+            self.unpaired_ns.push(stamp);
         }
     }
 
@@ -238,7 +239,7 @@ impl<T> StampPairing<T> {
         let is_outside = !self.spans[1 - camera].is_some_and(is_inside);
         // A second image with the same stamp is a surplus, wherever it is.
         if !(is_outside && self.outside[camera].insert(stamp)) {
-            self.unpaired += 1;
+            self.unpaired_ns.push(stamp);
         }
     }
 
@@ -251,7 +252,7 @@ impl<T> StampPairing<T> {
         let outside = &mut self.outside[1 - camera];
         while let Some(&inside) = outside.range(first..=last).next() {
             outside.remove(&inside);
-            self.unpaired += 1;
+            self.unpaired_ns.push(inside);
         }
     }
 }
@@ -277,7 +278,10 @@ mod tests {
         }
         partners.end();
         collect(&mut partners);
-        (pairs, [partners.unpaired(), partners.outside()])
+        (
+            pairs,
+            [partners.unpaired_ns().len() as u64, partners.outside()],
+        )
     }
 
     #[test]
@@ -312,7 +316,7 @@ mod tests {
             }
         }
         assert_eq!((paired, partners.bytes), (5, 0));
-        assert_eq!(partners.unpaired() + partners.outside(), 1);
+        assert_eq!(partners.unpaired_ns().len() as u64 + partners.outside(), 1);
     }
 
     #[test]
@@ -402,7 +406,7 @@ mod tests {
             (
                 found,
                 partners.waiting[0].len(),
-                [partners.unpaired(), partners.outside()],
+                [partners.unpaired_ns().len() as u64, partners.outside()],
                 partners.late(),
             )
         };
@@ -453,7 +457,11 @@ mod tests {
             partners.end();
             found += std::iter::from_fn(|| partners.pop()).count();
             assert_eq!(
-                (found, partners.unpaired(), partners.outside()),
+                (
+                    found,
+                    partners.unpaired_ns().len() as u64,
+                    partners.outside()
+                ),
                 (666, 332, 2)
             );
             assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");

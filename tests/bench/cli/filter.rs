@@ -237,10 +237,14 @@ fn a_person_labels_windows() {
     );
     let table = "sequence,window,label\n0,0x0,other\n0,1x0,other\n0,3x0,floor\n0,4x1,floor\n";
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
-    // It resumes where it ended; Ctrl-C keeps the labels.
+    // It resumes after the last label; Ctrl-C keeps the labels.
     let stopped = label("windows --kind floor", "screen a backspace u b ctrl-c");
-    assert_says(&stopped.stdout, &["resumed at frame 0 with 4 labels"]);
+    assert_says(
+        &stopped.stdout,
+        &["resumed at frame 0, window 0x2 with 4 labels"],
+    );
     stopped.failed(1, &["the labels are kept"]);
+    let table = table.to_owned() + "0,0x2,other\n";
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
 
     label("windows --kind too-close", "B a b A u A s s b q").done();
@@ -248,11 +252,49 @@ fn a_person_labels_windows() {
                  2,0x0,too-close\n2,1x0,too-close\n4,0x0,clear\n";
     assert_eq!(labels_of(&fixture, "run.too-close.csv"), table);
     let table = fixture.text("run.too-close.csv");
-    fixture.write("run.too-close.csv", table + "9,0x0,clear,0\n");
+    fixture.write(
+        "run.too-close.csv",
+        table + &format!("9,0x0,clear,{:032}\n", 0),
+    );
     fixture.fails(
         "-q train filter run.mcap --kind too-close -o t.safetensors => 1: run.too-close.csv | \
          frame 9",
     );
+}
+
+#[test]
+fn labels_resume_after_the_last_one() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 2 -o run.mcap");
+    let label = |keys: &str| {
+        fixture.write("keys", keys);
+        fixture.run("label windows run.mcap --kind floor --script keys")
+    };
+    for (keys, words) in [
+        ("a b s q", "1 floor, 1 other"),
+        ("screen A q", "resumed at frame 0, window 2x0 with 2 labels"),
+        ("B q", "15 floor, 15 other"),
+        // All windows are labelled: the last one is shown, and no key leads to the first.
+        (
+            "screen q",
+            "the last window of the last frame has a label: 30 labels",
+        ),
+        ("s screen q", "window 4x2: other"),
+        ("a a q", "16 floor, 14 other"),
+        (
+            "? screen q q",
+            "all windows of the frame, also labelled ones",
+        ),
+    ] {
+        let said = label(keys);
+        assert!(said.contains(words), "{keys}:\n{said}");
+    }
+    let cut = fixture.text("run.floor.csv");
+    fixture.write("run.floor.csv", &cut[..cut.len() - 20]);
+    let cut = "1: run.floor.csv: line 31: it is cut off; remove it";
+    fixture.fails(&format!(
+        "label windows run.mcap --kind floor --script keys => {cut}"
+    ));
 }
 
 #[test]

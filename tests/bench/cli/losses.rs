@@ -97,6 +97,42 @@ fn unreadable_pairs_hide_no_unpaired_images() {
 }
 
 #[test]
+fn images_without_partners_outside_the_range_are_no_losses() {
+    let fixture = Fixture::new();
+    // Two right images of 0.50 and 0.53 s are lacking.
+    write_bag(
+        &fixture,
+        "bag.mcap",
+        0..60,
+        (0..60).filter(|i| ![15, 16].contains(i)),
+    );
+    for (range, lost) in [
+        ("", 2),
+        ("--from 0.4", 2),
+        ("--from 0.52", 1),
+        ("--from 0.55", 0),
+        ("--from 0.8 --to 1.5", 0),
+        ("--to 0.49", 0),
+        ("--to 0.51", 1),
+    ] {
+        let code = Some(if lost > 0 { 4 } else { 0 });
+        let score = fixture.svl(&format!("score bag.mcap {SCORE} --json {range} --force"));
+        assert_eq!(json(&score.stdout)["missing"]["unpaired"], lost, "{range}");
+        let replay = format!("replay bag.mcap --algo v3:max_disparity=8 -q {range}");
+        let record = format!("record bag.mcap -o own.mcap --force {range}");
+        for ran in [score, fixture.svl(&replay), fixture.svl(&record)] {
+            assert_eq!(ran.code, code, "{range}: {}", ran.stderr);
+        }
+    }
+    let record = "record bag.mcap -o own.mcap --force";
+    fixture.run(&format!("{record} --duration 0.49"));
+    fixture.run(&format!("{record} --from 0.55 --duration 0.4"));
+    fixture
+        .svl(&format!("{record} --duration 0.6"))
+        .failed(4, &["2 images had no partner"]);
+}
+
+#[test]
 fn one_image_of_two_hundred_may_be_allowed() {
     let fixture = Fixture::new();
     write_bag(&fixture, "bag.mcap", 0..200, (0..200).filter(|i| *i != 77));

@@ -135,7 +135,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         if let Some(note) = ending.note() {
             print_error(format_args!("{source}: not recorded: {note}"));
         }
-        report(&output, &outcome, began.elapsed().as_secs_f64())?;
+        let seconds = began.elapsed().as_secs_f64();
+        print(&report(&output, &outcome, pairs, seconds)?)?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
             print_error(format_args!("{source}: {note}"));
         }
@@ -221,18 +222,47 @@ fn say_default(pairs: Option<u64>) {
     ));
 }
 
-fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {
+/// The line about the file. `pairs`: their number in the source, if it is known.
+fn report(
+    path: &Path,
+    outcome: &Outcome,
+    pairs: Option<u64>,
+    seconds: f64,
+) -> anyhow::Result<String> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
-    let stopped = if outcome.interrupted {
-        ", interrupted"
-    } else {
-        ""
+    let stopped = match outcome.stopped_early(pairs) {
+        true => ", interrupted",
+        false => "",
     };
-    print(&format!(
+    Ok(format!(
         "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
         path.display(),
         counted(outcome.frames, "pair"),
         bytes as f64 / 1e6
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interrupt_at_the_last_pair_is_none() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let outcome = Outcome {
+            frames: 2,
+            interrupted: true,
+            ..Outcome::default()
+        };
+        let line = |pairs| report(file.path(), &outcome, pairs, 1.0).unwrap();
+        assert!(line(Some(2)).ends_with("2 pairs in 1.0 s (2 a second), 0.0 MB\n"));
+        // Of three, and of a live source.
+        assert!(
+            [Some(3), None]
+                .map(line)
+                .iter()
+                .all(|line| line.ends_with(", interrupted\n"))
+        );
+    }
 }

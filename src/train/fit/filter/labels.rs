@@ -29,6 +29,9 @@ pub struct FrameLabels {
 /// Largest table accepted, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
+/// Hexadecimal digits of a pair's hash.
+const HASH_DIGITS: usize = 32;
+
 /// Columns of the table.
 const HEAD: [&str; 4] = ["sequence", "window", "label", "pair_hash"];
 
@@ -76,7 +79,8 @@ impl FrameLabels {
     pub fn read(path: &Path, kind: FilterKind) -> Result<Self> {
         let text = svl_files::read_text(path, MAX_BYTES)?;
         let mut rows = csv::ReaderBuilder::new();
-        let mut rows = rows.trim(csv::Trim::All).from_reader(text.as_bytes());
+        let rows = rows.trim(csv::Trim::All).flexible(true);
+        let mut rows = rows.from_reader(text.as_bytes());
         let head = rows
             .headers()
             .map_err(|e| Error::format(path, e.to_string()))?;
@@ -87,14 +91,25 @@ impl FrameLabels {
                 format!("its first line is not '{expected}'"),
             ));
         }
-        let mut labels = Self::new(kind);
+        let (mut labels, lines) = (Self::new(kind), text.lines().count() as u64);
         for row in rows.records() {
             let row = row.map_err(|e| Error::format(path, e.to_string()))?;
             let line = row.position().map_or(0, csv::Position::line);
-            let fields = [0, 1, 2, 3].map(|i| row.get(i).unwrap_or_default());
-            labels
-                .add(fields)
-                .map_err(|reason| Error::format(path, format!("line {line}: {reason}")))?;
+            let fields: Vec<_> = row.iter().collect();
+            let added = match fields[..] {
+                [sequence, window, label, hash] => labels.add([sequence, window, label, hash]),
+                _ => Err(format!("it has {} of {} fields", fields.len(), HEAD.len())),
+            };
+            let is_cut = line == lines && !text.ends_with('\n');
+            added.map_err(|reason| {
+                Error::format(
+                    path,
+                    match is_cut {
+                        true => format!("line {line}: it is cut off; remove it ({reason})"),
+                        false => format!("line {line}: {reason}"),
+                    },
+                )
+            })?;
         }
         Ok(labels)
     }
@@ -112,7 +127,9 @@ impl FrameLabels {
         let window = parse_window(kind, name)?;
         let is = parse_label(kind, label)?;
         let pair_hash = u128::from_str_radix(pair_hash, 16)
-            .map_err(|_| format!("'{pair_hash}' is not a pair_hash"))?;
+            .ok()
+            .filter(|_| pair_hash.len() == HASH_DIGITS)
+            .ok_or_else(|| format!("'{pair_hash}' is not a pair_hash of {HASH_DIGITS} digits"))?;
         if self.set(sequence, window, Some(is)) == Some(!is) {
             return Err(format!(
                 "frame {sequence}, window {name} is '{label}', and not in an earlier line; keep one"
@@ -133,7 +150,7 @@ impl FrameLabels {
         for ((sequence, window), is) in &self.labels {
             let window = Self::window_name(self.kind, *window);
             let (label, pair) = (self.category(*is), self.pairs[sequence]);
-            text += &format!("{sequence},{window},{label},{pair:032x}\n");
+            text += &format!("{sequence},{window},{label},{pair:0HASH_DIGITS$x}\n");
         }
         text
     }
@@ -191,6 +208,11 @@ impl FrameLabels {
     /// The frames that have labels.
     pub fn sequences(&self) -> impl Iterator<Item = u64> + '_ {
         self.labels.keys().map(|(sequence, _)| *sequence)
+    }
+
+    /// The last frame that has a label, and its last window that has one.
+    pub fn last(&self) -> Option<(u64, usize)> {
+        self.labels.keys().next_back().copied()
     }
 
     /// Number of labels with the filter's object, and without.
@@ -260,6 +282,7 @@ mod tests {
         );
         assert_eq!(read(&text).unwrap(), labels);
         assert_eq!([labels.get(7, 13), labels.get(3, 1)], [Some(true), None]);
+        assert_eq!(labels.last(), Some((7, 13)));
         assert_eq!(labels.counts(), [2, 0]);
         let place = FrameLabels::path(Path::new("a/run.mcap"), FilterKind::TooClose);
         assert_eq!(place, Path::new("a/run.too-close.csv"));
@@ -286,31 +309,46 @@ mod tests {
 
     #[test]
     fn wrong_lines_are_named() {
+        let [a, b] = ['a', 'b'].map(|digit| digit.to_string().repeat(HASH_DIGITS));
+        let cut = &a[..5];
         for (lines, reason) in [
             (
-                "1,3x2,floor,a\n0,0x0,floor,b\n1,3x2,other,a\n",
+                format!("1,3x2,floor,{a}\n0,0x0,floor,{b}\n1,3x2,other,{a}\n"),
                 "line 4: frame 1, window 3x2 is 'other', and not in an earlier line",
             ),
             (
-                "1,1x0,floor,ab\n1,0x0,floor,ac\n",
+                format!("1,1x0,floor,{a}\n1,0x0,floor,{b}\n"),
                 "line 3: frame 1 has another pair_hash in an earlier line",
             ),
-            ("1,0x0,floor,xy\n", "line 2: 'xy' is not a pair_hash"),
-            ("1,0x0,floor,\n", "line 2: '' is not a pair_hash"),
-            ("1,0x0,floor,1\nx,0x0,floor,1\n", "line 3: its sequence"),
+            ("1,0x0,floor,xy\n".into(), "line 2: 'xy' is not a pair_hash"),
+            ("1,0x0,floor,\n".into(), "line 2: '' is not a pair_hash"),
             (
-                "1,5x0,floor,1\n",
+                format!("1,0x0,floor,{a}\nx,0x0,floor,{a}\n"),
+                "line 3: its sequence",
+            ),
+            (
+                format!("1,5x0,floor,{a}\n"),
                 "line 2: there is no window '5x0', the last is 4x2",
             ),
             (
-                "0,0x0,floor,1\n1,0x0,wall,1\n",
+                format!("0,0x0,floor,{a}\n1,0x0,wall,{a}\n"),
                 "line 3: 'wall' is neither 'floor' nor 'other'",
             ),
-            ("1,floor\n", "2 fields"),
+            ("1,floor\n".into(), "line 2: it has 2 of 4 fields"),
+            (
+                format!("1,0x0,floor,{a}\n1,1x0,floor,{cut}"),
+                "line 3: it is cut off; remove it ('aaaaa' is not",
+            ),
+            (
+                format!("1,0x0,floor,{a}\n1,1x"),
+                "line 3: it is cut off; remove it (it has 2 of 4 fields)",
+            ),
         ] {
             let error = read(&format!("{}\n{lines}", HEAD.join(","))).unwrap_err();
             assert!(error.contains(reason), "{error}");
         }
+        // A last line that lacks only its end is complete.
+        read(&format!("{}\n1,0x0,floor,{a}", HEAD.join(","))).unwrap();
         let error = read("sequence,label\n").unwrap_err();
         assert!(error.contains("first line"), "{error}");
     }

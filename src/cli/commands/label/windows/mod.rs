@@ -64,10 +64,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         FrameLabels::new(args.kind)
     };
     let mut stepper = stepper(source::open(request.clone(), quiet)?.source, &request)?;
-    if let Some((last, words)) = tool::resumed(&labels) {
-        stepper.go_to(last);
-        stepper.say(words);
-    }
     let mut tool = Categorizer {
         labels,
         source: PathBuf::from(name),
@@ -75,6 +71,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         window: 0,
         done: Vec::new(),
     };
+    tool.resume(&mut stepper);
     let ended = session.run(&mut stepper, &mut tool)?;
     print(&tool.said())?;
     match ended {

@@ -17,7 +17,7 @@ use svl::stereo::{Frame, GridShape};
 const KEYS: &[(&str, &str)] = &[
     ("a", "it shows what the filter detects"),
     ("b", "it does not"),
-    ("A B", "the same of all windows of the frame"),
+    ("A B", "all windows of the frame, also labelled ones"),
     ("s", "skip: neither"),
     ("arrows", "pick a window"),
     ("Backspace", "back to the one before"),
@@ -70,13 +70,41 @@ impl Categorizer {
         std::fs::rename(&part, &self.path).with_context(|| self.path.display().to_string())
     }
 
-    fn next(&mut self, stepper: &mut Stepper<'_>) {
+    /// Goes to the next window; false at the last one of the source.
+    fn next(&mut self, stepper: &mut Stepper<'_>) -> bool {
         if self.window + 1 < self.windows() {
             self.window += 1;
-        } else {
-            self.window = 0;
-            stepper.step(1);
+            return true;
         }
+        let at = stepper.frame().sequence;
+        stepper.step(1);
+        let is_moved = stepper.frame().sequence != at;
+        if is_moved {
+            self.window = 0;
+        }
+        is_moved
+    }
+
+    /// Goes to the window after the last one that has a label.
+    pub(super) fn resume(&mut self, stepper: &mut Stepper<'_>) {
+        let Some((sequence, window)) = self.labels.last() else {
+            return;
+        };
+        stepper.go_to(sequence);
+        // Otherwise the stepper says that there is no such frame.
+        if stepper.frame().sequence != sequence {
+            return;
+        }
+        self.window = window;
+        let is_moved = self.next(stepper);
+        let found = counted(self.labels.counts().iter().sum::<usize>() as u64, "label");
+        let at = stepper.frame().sequence;
+        let window = FrameLabels::window_name(self.labels.kind, self.window);
+        stepper.say(if is_moved {
+            format!("resumed at frame {at}, window {window} with {found}")
+        } else {
+            format!("the last window of the last frame has a label: {found}; a and b replace it")
+        });
     }
 
     fn back(&mut self, stepper: &mut Stepper<'_>) {
@@ -162,7 +190,9 @@ impl StepTool for Categorizer {
                 self.label(self.window..self.window + 1, c == 'a', stepper)?;
             }
             Key::Char(c @ ('A' | 'B')) => self.label(0..self.windows(), c == 'A', stepper)?,
-            Key::Char('s') => self.next(stepper),
+            Key::Char('s') => {
+                self.next(stepper);
+            }
             Key::Char('u') => self.undo(stepper)?,
             Key::Backspace => self.back(stepper),
             Key::Left | Key::Right | Key::Up | Key::Down => self.pick(key),
@@ -254,12 +284,4 @@ fn outline(place: Rect, is_picked: bool, label: &str, buffer: &mut Buffer) {
     let bold = Style::reset().add_modifier(Modifier::BOLD).fg(Color::Green);
     let room = usize::from(place.width.saturating_sub(2));
     buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, bold);
-}
-
-/// The frame at which a session resumes, and the message about it.
-pub(super) fn resumed(labels: &FrameLabels) -> Option<(u64, String)> {
-    let last = labels.sequences().last()?;
-    let [yes, no] = labels.counts();
-    let found = counted((yes + no) as u64, "label");
-    Some((last, format!("resumed at frame {last} with {found}")))
 }
