@@ -146,8 +146,8 @@ impl ScoredRun {
         self.number_scenes_as(base);
     }
 
-    /// Names each run as the one with the most pairs in common, of several its own name: a recording
-    /// may have another name, or be of a seed of the arena.
+    /// Names each run as the one with the most pairs in common, of several its own name: a
+    /// recording may have another name, or be of a seed of the arena.
     fn name_runs_as(&mut self, base: &Self) {
         let owned = |row: &Row| (row.seed, row.run.clone());
         let in_run = |row: &&Row| !is_scene(row);

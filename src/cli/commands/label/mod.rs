@@ -27,9 +27,9 @@ Examples:
   svl label windows arena-1.mcap --kind floor --from-truth
   svl train filter run*.mcap --kind floor -o floor.safetensors
 
-Keys: a shows it, b does not, A and B all windows of the frame, also labelled
-ones, s skip, Backspace back, u undo, q quit; ? shows all. The table beside the
-recording is written at every key: the same command resumes after the last
+Keys: a shows it, b does not, A and B all windows of the frame (also labelled
+ones), s skip, Backspace back, u undo, q quit; ? shows all. The table beside
+the recording is written at every key: the same command resumes after the last
 label. It can be edited by hand. Its pair_hash identifies the labelled pairs:
 another recording of that name is refused.")]
     Windows(windows::Args),
