@@ -7,7 +7,7 @@ use super::messages::{EventReader, FileEvent, Messages, Schema};
 use super::ros::ROS1;
 use super::ros1_bag::Ros1Messages;
 use super::salvage::DamagedPart;
-use super::{LIBRARY, Recording, TopicKind};
+use super::{LIBRARY, Recording, TopicKind, sync};
 use mcap::Attachment;
 use mcap::records::{AttachmentHeader, Channel, MessageHeader, Record, op};
 use std::borrow::Cow;
@@ -21,7 +21,7 @@ use svl_core::{Error, Result};
 pub struct Recovery {
     /// Messages recovered, by topic.
     pub messages: BTreeMap<String, u64>,
-    /// Complete pairs in svl's own recordings.
+    /// Complete pairs in svl's own recordings; 0 in bags.
     pub pairs: u64,
     pub attachments: u64,
     pub metadata: u64,
@@ -156,11 +156,6 @@ impl Copier {
         (recovery.losses, recovery.missing) = messages.take_losses();
         recovery.partial = messages.has_more();
         recovery.checksums = messages.is_checked();
-        recovery.pairs = recovery
-            .messages
-            .get(TopicKind::Sync.topic())
-            .copied()
-            .unwrap_or(0);
         Ok(!recovery.messages.is_empty() || recovery.attachments + recovery.metadata > 0)
     }
 
@@ -175,6 +170,10 @@ impl Copier {
                 let Some((channel, schema)) = messages.declaration(header.channel_id) else {
                     return Ok(());
                 };
+                // A ROS 2 bag has another schema: its pairs are found by stamps.
+                let is_pair = channel.topic == TopicKind::Sync.topic()
+                    && schema.is_some_and(|(header, _)| header.name == sync::SCHEMA);
+                self.recovery.pairs += u64::from(is_pair);
                 // Appended files renumber their channels; equal topics become one channel.
                 let channel_id = match self.channels.entry((messages.part(), header.channel_id)) {
                     Entry::Occupied(number) => *number.get(),

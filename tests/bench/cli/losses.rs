@@ -127,9 +127,9 @@ fn images_without_partners_outside_the_range_are_no_losses() {
     let record = "record bag.mcap -o own.mcap --force";
     fixture.run(&format!("{record} --duration 0.49"));
     fixture.run(&format!("{record} --from 0.55 --duration 0.4"));
-    fixture
-        .svl(&format!("{record} --duration 0.6"))
-        .failed(4, &["2 images had no partner"]);
+    let ran = fixture.svl(&format!("{record} --duration 0.6"));
+    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
+    assert_says(&ran.stderr, &["2 images had no partner"]);
 }
 
 #[test]

@@ -49,6 +49,18 @@ fn pairs(path: &Path) -> Vec<StereoPair> {
         .collect()
 }
 
+/// Its pairs are found by stamps; messages of `/stereo/sync` are not their number.
+#[test]
+fn a_truncated_bag_is_recovered_by_messages() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 6 --ros2 -o bag.mcap");
+    let bag = fixture.bytes("bag.mcap");
+    fixture.write("cut.mcap", &bag[..bag.len() * 6 / 10]);
+    let said = fixture.run("recover cut.mcap -o saved.mcap");
+    assert_says(&said, &["recovered  ", " messages of 9 topics", "lost  "]);
+    assert!(!said.contains(" pair"), "{said}");
+}
+
 #[test]
 fn a_killed_recording_is_recovered() {
     let fixture = Fixture::new();
