@@ -357,7 +357,10 @@ mod tests {
         assert_eq!(judged(&[0; 8], &[0; 8]), Judgement::Equal);
         assert_eq!(judged(&[0; 5], &[1; 5]), Judgement::TooFew);
         let one_course = [0, 0, 0, 0, 0, 0, 0, 90];
-        assert_eq!(judged(&[0; 8], &one_course), Judgement::Unclear);
+        assert_eq!(judged(&[0; 8], &one_course), Judgement::TooFew);
+        let five_of_six = [1, 1, 1, 1, 1, 0, 90, 0];
+        let before = [0, 0, 0, 0, 0, 1, 90, 0];
+        assert_eq!(judged(&before, &five_of_six), Judgement::Unclear);
     }
 
     #[test]
