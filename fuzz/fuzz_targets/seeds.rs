@@ -52,7 +52,6 @@ fn model() -> Result<FilterModel, Box<dyn std::error::Error>> {
         features: Features {
             window: 2,
             scaling: Scaling::Log,
-            mean: true,
         },
         network: Network::new(3, &[0.5; 6], vec![1.0; 2], vec![2.0; 2], -1.0)?,
         range_px: Some(80.0),
@@ -68,7 +67,7 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     seed(
         "filter",
         "labels",
-        b"sequence,window,label\n0,,floor\n1,3x2,other\n",
+        b"sequence,window,label,pair_hash\n1,3x2,other,99aa06d3014798d86001c324468d497f\n",
     )?;
     seed("calibration", "middlebury", CALIB.as_bytes())?;
     seed("calibration", "kitti", KITTI.as_bytes())?;
