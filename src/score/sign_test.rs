@@ -19,7 +19,7 @@ pub const METHOD: TestMethod = TestMethod {
     fewest_blocks: MIN_COURSES,
 };
 
-/// Whether so many changes in one direction and in the other are more than chance.
+/// True if so many changes in one direction and in the other are more than chance.
 pub fn is_real(changes: [usize; 2]) -> bool {
     p_value(changes) < MAX_P
 }

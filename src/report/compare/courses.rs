@@ -267,8 +267,8 @@ impl Comparison {
         self.algorithms.iter().any(|own| own.courses.is_some())
     }
 
-    /// What changed in the drives, the algorithm with the most new collisions first, and whether it
-    /// is real.
+    /// The changes of the drives, the algorithm with the most new collisions first, with the result
+    /// of the test.
     pub(super) fn drive_reason(&self, conclusion: Conclusion) -> String {
         let changed = self.algorithms.iter().filter_map(|own| {
             let courses = own.courses.as_ref()?;

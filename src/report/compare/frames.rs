@@ -37,8 +37,8 @@ pub(super) struct ChangedFrame {
     pub left: Option<StoredImage>,
 }
 
-/// What a frame became worse by; negative numbers are for the better. The first number that is not
-/// 0 decides: a robot runs into what is missed, and only stops for what is not there.
+/// The numbers by which a frame became worse; negative ones are for the better. The first that is
+/// not 0 decides: a robot runs into what is missed, and only stops for what is not there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FrameHarm {
     /// Change of missed near obstacles, of false ones, and of wrong minus right cells.

@@ -103,7 +103,7 @@ pub struct AlgorithmChange {
     pub checkpoints: Vec<CheckpointChange>,
     /// True if checkpoints of both runs are not compared, as they have not the same pairs.
     pub has_partial_checkpoints: bool,
-    /// Of drives: the courses of both reports, which the numbers of pairs then count.
+    /// The courses of both reports of drives, which the numbers of pairs then count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub courses: Option<CourseChanges>,
 }
@@ -203,9 +203,12 @@ impl Comparison {
             return Err(Error::Incomplete(format!("{}: {words}", shown())));
         }
         let algorithms = matched.both.iter();
-        let algorithms = algorithms.map(|labels| match is_driven {
-            true => Ok(AlgorithmChange::from_drives(base, other, *labels)),
-            false => AlgorithmChange::from_runs(base, other, *labels),
+        let algorithms = algorithms.map(|labels| {
+            if is_driven {
+                Ok(AlgorithmChange::from_drives(base, other, *labels))
+            } else {
+                AlgorithmChange::from_runs(base, other, *labels)
+            }
         });
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         if algorithms
@@ -319,9 +322,10 @@ fn differences(
     other: &ScoredRun,
     algorithms: &[AlgorithmChange],
 ) -> Result<Vec<String>> {
-    let purpose = match algorithms.iter().any(|own| own.courses.is_some()) {
-        true => Purpose::CompareDrives,
-        false => Purpose::Compare,
+    let purpose = if algorithms.iter().any(|own| own.courses.is_some()) {
+        Purpose::CompareDrives
+    } else {
+        Purpose::Compare
     };
     let (base, other) = (&base.manifest, &other.manifest);
     let mut differences = base.differences(other, purpose)?;
@@ -509,7 +513,7 @@ impl Change {
         }
     }
 
-    /// What there is too little of for an interval.
+    /// The things of which there are too few for an interval.
     pub fn too_few_words(&self) -> &'static str {
         match self.metric.origin {
             MetricOrigin::Checkpoints => "too few frames",

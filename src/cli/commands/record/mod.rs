@@ -231,9 +231,10 @@ fn report(
 ) -> anyhow::Result<String> {
     let bytes = path.metadata()?.len();
     let rate = outcome.frames as f64 / seconds;
-    let stopped = match outcome.stopped_early(pairs) {
-        true => ", interrupted",
-        false => "",
+    let stopped = if outcome.stopped_early(pairs) {
+        ", interrupted"
+    } else {
+        ""
     };
     Ok(format!(
         "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",

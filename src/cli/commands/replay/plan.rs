@@ -117,10 +117,11 @@ impl<'a> Plan<'a> {
             sinks.as_mut_slice(),
             Watch::new(terminal, &format!("match {title}"), pairs, None),
         );
-        let ran = ran.and(match self.opened.is_live {
-            // It has no other end.
-            true => Ok(()),
-            false => outcome.reached_end(pairs),
+        // An interrupt is the end of a live source.
+        let ran = ran.and(if self.opened.is_live {
+            Ok(())
+        } else {
+            outcome.reached_end(pairs)
         });
         // All that came before an error is kept and reported: the sinks are finished first.
         let (rows, finished) = sinks.finish();

@@ -446,9 +446,10 @@ impl Scratch {
         Ok(Self {
             size,
             half: MatchLevel::new(size, count, has_gaps)?,
-            gaps: match has_gaps {
-                true => Some(Gaps::new(size, (count - 1) / 2 + 1)?),
-                false => None,
+            gaps: if has_gaps {
+                Some(Gaps::new(size, (count - 1) / 2 + 1)?)
+            } else {
+                None
             },
         })
     }

@@ -104,9 +104,10 @@ impl FrameLabels {
             added.map_err(|reason| {
                 Error::format(
                     path,
-                    match is_cut {
-                        true => format!("line {line}: it is cut off; remove it ({reason})"),
-                        false => format!("line {line}: {reason}"),
+                    if is_cut {
+                        format!("line {line}: it is cut off; remove it ({reason})")
+                    } else {
+                        format!("line {line}: {reason}")
                     },
                 )
             })?;
