@@ -259,8 +259,8 @@ mod tests {
         }
 
         fn finish(&mut self, taken: u64) -> Losses {
-            // Without partners were images at 0.25, 1.25 and 1.75 s, and at 0.25 s the partner of an
-            // unreadable one, which is not counted.
+            // Images without partners were at 0.25, 1.25 and 1.75 s, and at 0.25 s the partner of
+            // an unreadable one, which is not counted.
             Losses {
                 unpaired: 3,
                 unpaired_ns: [5_250_000_000, 5_250_000_000, 6_250_000_000, 6_750_000_000].to_vec(),
