@@ -124,6 +124,16 @@ fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn So
 /// The scenario's runs. All that the user names is opened, so that an error in the last one is
 /// reported before the first is scored.
 pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSource>> {
+    (0..checked_count(scenario)?)
+        .map(|place| run_at(scenario, place, console))
+        .collect()
+}
+
+/// Number of the scenario's runs, which its algorithms may match.
+///
+/// # Errors
+/// [`Error::Usage`] with the algorithm whose maps they do not have.
+pub(crate) fn checked_count(scenario: &Scenario) -> Result<usize> {
     let count = count(scenario)?;
     let has_files = |algorithm: &Algorithm| {
         let place = algorithm.recorded().map(|map| map.place);
@@ -142,9 +152,7 @@ pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSour
         let maps = scenario.algorithms.iter().filter_map(Algorithm::recorded);
         refuse_topics(&maps.collect::<Vec<_>>(), "the arena")?;
     }
-    (0..count)
-        .map(|place| run_at(scenario, place, console))
-        .collect()
+    Ok(count)
 }
 
 /// Number of the scenario's runs.

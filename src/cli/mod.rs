@@ -3,6 +3,7 @@
 mod commands;
 mod shared;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use commands::Command;
 use shared::terminal::{WarningLog, Warnings};
@@ -30,7 +31,7 @@ pub(crate) struct Cli {
     #[arg(long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16))]
     threads: Option<u16>,
 
-    /// More messages: -v progress, -vv details
+    /// More messages: -v progress, -vv details; with --version the digest of svl's sources
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 
@@ -67,7 +68,17 @@ impl Cli {
         let parsed = program().try_get_matches();
         let cli = match parsed.and_then(|matches| Self::from_arg_matches(&matches)) {
             Ok(cli) => cli,
-            Err(error) => return usage::report_clap(&error),
+            Err(error) => {
+                let code = usage::report_clap(&error);
+                // The version ends the parsing: -v may come after it.
+                let is_verbose = |arg: String| ["-v", "-vv", "--verbose"].contains(&&*arg);
+                if error.kind() == ErrorKind::DisplayVersion && std::env::args().any(is_verbose) {
+                    // Results depend on these alone, whatever the build.
+                    let sources = svl::BUILD.sources.unwrap_or("unknown");
+                    let _ = shared::terminal::print(&format!("sources {sources}\n"));
+                }
+                return code;
+            }
         };
         if let Command::Help(args) = &cli.command {
             return args

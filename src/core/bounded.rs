@@ -1,7 +1,7 @@
 //! Readers of whole files up to a size limit.
 
 use crate::error::{Error, Result};
-use std::fs::File;
+use crate::inputs;
 use std::io::Read;
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
         return Err(Error::format(path, format!("{what}; name a file")));
     }
     let mut bytes = Vec::new();
-    File::open(path)
+    inputs::open(path)
         .map_err(io)?
         // One more than allowed, as the file may grow while it is read.
         .take(max_bytes + 1)

@@ -9,6 +9,7 @@ pub mod bounded;
 pub mod depth;
 mod error;
 pub mod filter;
+pub mod inputs;
 pub mod interrupt;
 pub mod kernel;
 pub mod matcher;

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use svl_calibrate::yaml::{self, YamlNode};
-use svl_core::counted;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted, inputs};
 use svl_files::read_text;
 
 /// The file that rosbag2 writes next to the MCAP files at the end.
@@ -39,7 +38,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
         return Ok(vec![path.to_owned()]);
     }
     let metadata = path.join(METADATA);
-    if metadata.is_file() {
+    if inputs::is_file(&metadata) {
         let names = names(&metadata)?;
         return Ok(names.into_iter().map(|name| path.join(name)).collect());
     }
@@ -142,18 +141,11 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
 
 /// The MCAP and SQLite files in a folder, sorted by name.
 fn bag_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = folder
-        .read_dir()
-        .map_err(|e| Error::io(folder, e))?
-        .filter_map(|entry| Some(entry.ok()?.path()));
-    let mut files: Vec<_> = entries
-        .filter(|path| {
-            let ending = path.extension();
-            ending.is_some_and(|ending| ending == "mcap" || ending == "db3")
-        })
-        .collect();
-    // The order of read_dir is unspecified.
-    files.sort_unstable();
+    let mut files = inputs::list(folder).map_err(|e| Error::io(folder, e))?;
+    files.retain(|path| {
+        let ending = path.extension();
+        ending.is_some_and(|ending| ending == "mcap" || ending == "db3")
+    });
     Ok(files)
 }
 

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 
 /// An open file. Clones share its handle.
 #[derive(Clone)]
@@ -33,7 +33,7 @@ impl McapFile {
             let reason = "is a pipe or a device, not a file; copy it into a file first";
             return Err(Error::format(path, reason));
         }
-        let file = Self::from_handle(path, File::open(path).map_err(io)?)?;
+        let file = Self::from_handle(path, inputs::open(path).map_err(io)?)?;
         Ok(Self {
             // Beyond the limit a handle per file would hit the process's limit of open files.
             handle: file.handle.filter(|_| keep),
@@ -73,7 +73,7 @@ impl McapFile {
     pub(super) fn reader(&self) -> Result<FileReader> {
         let file = match &self.handle {
             Some(handle) => Arc::clone(handle),
-            None => Arc::new(File::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
+            None => Arc::new(inputs::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
         };
         let (len, at) = (self.len, 0);
         Ok(FileReader { file, len, at })

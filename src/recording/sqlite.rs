@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use tempfile::TempPath;
 
 /// First bytes of such a file.
@@ -51,6 +51,12 @@ impl SqliteFile {
     /// [`Error::Format`] for a file that is not a bag, or whose topics are corrupt.
     pub(super) fn messages(&self) -> Result<SqliteMessages> {
         let file = self.unpacked.as_ref().map_or(&*self.path, |file| &***file);
+        // SQLite opens it, with what another process writes beside it.
+        for end in ["", "-wal", "-journal"] {
+            let mut name = self.path.clone().into_os_string();
+            name.push(end);
+            inputs::register(Path::new(&name));
+        }
         // Without a mutex: a connection has one owner.
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let wrong = |e: rusqlite::Error| {

@@ -9,11 +9,11 @@ use super::sources::{SUMMARY, Sources};
 use super::summary::TopicDelay;
 use super::sweeps::sweeps;
 use super::units::{
-    ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
-    read_tables, remove_file, write_tables,
+    REPORT_LIST, ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables,
+    made_of, read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
-use crate::outputs::{FolderRule, write, write_json};
+use crate::outputs::{FolderRule, remove_links, write, write_json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
@@ -61,21 +61,20 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     let units = Units::for_report(folder);
     if !units.exist() {
         return Err(Error::Invalid(format!(
-            "{}: is not a report of `svl score`: it has no {UNITS}/plan.json",
+            "{}: is not a report of `svl score`: it has no {REPORT_LIST}",
             folder.display()
         )));
     }
+    // Another file is not written through a link in the place of one of the report's.
+    remove_links(folder, &REPORT)?;
     let (plan, sessions) = (units.plan()?, units.sessions()?);
-    let mut damaged: Vec<String> = Vec::new();
     let runs = plan.runs.iter().map(|run| {
-        RunUnits::read(&units, &plan, run, &sessions, |_, file| {
-            damaged.push(file.display().to_string());
+        RunUnits::read(&units, &plan, run, &sessions, |file| {
+            let file = file.display();
+            tracing::warn!("{file}: was cut or edited; `svl score` matches its pairs again");
         })
     });
     let runs = runs.collect::<Result<Vec<_>>>()?;
-    for file in &damaged {
-        tracing::warn!("{file}: was cut or edited; `svl score` matches its pairs again");
-    }
     let known = Sources::read(folder).unwrap_or_default();
     // Without it, the report is not complete.
     remove_file(&folder.join(SUMMARY))?;
@@ -106,7 +105,7 @@ pub fn checkpoint_results(folder: &Path) -> Result<String> {
     let units = Units::for_report(folder);
     let (plan, sessions) = (units.plan()?, units.sessions()?);
     let runs = plan.runs.iter();
-    let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_, _| ()));
+    let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_| ()));
     let runs = runs.collect::<Result<Vec<_>>>()?;
     let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
     let summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
@@ -186,12 +185,13 @@ impl Report<'_> {
             manifest,
         };
         page.write(&folder.join("index.html"))?;
-        // An incomplete report leaves the folder empty for its end.
-        let is_over = matches!(summary.ending.state, RunState::Complete | RunState::Lossy);
-        if let Some(figures) = options.figures.filter(|_| is_over) {
-            page.write_figures(figures)?;
+        // The figures and the summary are those of a whole report.
+        if summary.ending.is_whole() {
+            if let Some(figures) = options.figures {
+                page.write_figures(figures)?;
+            }
+            write_json(&folder.join(SUMMARY), &summary)?;
         }
-        write_json(&folder.join(SUMMARY), &summary)?;
         let results = plan.labels().into_iter().map(|label| {
             let mut counts = BTreeMap::new();
             for row in tables.rows.iter().filter(|row| row.algorithm == label) {
@@ -214,8 +214,8 @@ impl Report<'_> {
         let mut manifest = self.plan.manifest.clone();
         manifest.runs = self.runs.iter().filter_map(RunUnits::record).collect();
         let used = |label: &str| {
-            let runs = self.runs.iter();
-            runs.flat_map(|run| run.kept.sessions(label)).collect()
+            let units = self.runs.iter().flat_map(|run| run.units(label));
+            units.map(|(_, unit)| unit.session.as_str()).collect()
         };
         let mut all = BTreeSet::new();
         for record in &mut manifest.algorithms {
@@ -248,13 +248,10 @@ impl Report<'_> {
         manifest.sessions = sessions.into_iter().map(Manifest::session).collect();
         let labels = self.plan.labels();
         let mut run_warnings = Vec::new();
-        let facts = self.runs.iter().flat_map(|run| &run.facts);
-        for warning in facts.flat_map(|facts| &facts.warnings) {
-            warning.clone().add_to(&mut run_warnings);
+        for run in self.runs {
+            run.add_warnings(self.plan, &mut run_warnings);
         }
-        let run_warnings = run_warnings
-            .iter()
-            .filter_map(|warning| warning.words(&labels));
+        let run_warnings = run_warnings.iter().map(|warning| warning.words(&labels));
         let program_warnings: Vec<_> = manifest
             .algorithms
             .iter()
@@ -277,15 +274,13 @@ impl Report<'_> {
     /// The delays of the topics of all runs.
     fn latency(&self) -> Vec<TopicDelay> {
         let facts = self.runs.iter().filter(|run| run.run.stress.is_none());
-        let delays = facts.filter_map(|run| {
-            let delays = run.facts.as_ref()?.latency.iter();
-            let name = &run.run.run;
-            Some(delays.map(move |delay| TopicDelay {
-                run: name.clone(),
+        let delays = facts.flat_map(|run| {
+            run.facts.latency.iter().map(|delay| TopicDelay {
+                run: run.run.run.clone(),
                 ..delay.clone()
-            }))
+            })
         });
-        delays.flatten().collect()
+        delays.collect()
     }
 
     /// The end of the run: what is missing of it.
@@ -293,12 +288,11 @@ impl Report<'_> {
         let plan = self.plan;
         let mut missing = plan.lost.clone().unwrap_or_default();
         for run in self.runs {
-            let end = run.facts.as_ref().and_then(|facts| facts.end.as_ref());
-            if let Some(end) = end {
-                missing.pairs += end.pairs;
-                missing.losses.add(end.losses.clone());
+            if let Some(losses) = &run.facts.losses {
+                missing.pairs += run.facts.pairs.len() as u64;
+                missing.losses.add(losses.clone());
             }
-            missing.doubts.extend(run.doubt(plan));
+            missing.doubts.extend(run.doubt());
         }
         let ReportTables {
             rows,
@@ -319,9 +313,8 @@ impl Report<'_> {
             };
             missing.add_failures(label.to_owned(), FailedPairs { pairs, failed });
         }
-        let errors = self.runs.iter().flat_map(|run| &run.facts);
-        let error = errors.filter_map(|facts| facts.error.as_ref()).next();
-        if let Some(error) = error {
+        let mut runs = self.runs.iter();
+        if let Some(error) = runs.find_map(|run| run.facts.error.as_ref()) {
             return Ok(RunEnding::early(RunState::Failed, error.clone(), missing));
         }
         let partial = self.runs.iter().filter(|run| !run.is_whole(plan));
@@ -342,13 +335,13 @@ impl Report<'_> {
     /// The algorithms whose times may be compared, by a number that they share: those of each block
     /// are of one session.
     fn time_groups(&self) -> BTreeMap<String, usize> {
-        let mut groups: Vec<BTreeMap<(usize, u64), Option<&str>>> = Vec::new();
+        let mut groups: Vec<BTreeMap<(usize, u64), &String>> = Vec::new();
         let mut group_by_label = BTreeMap::new();
         for label in self.plan.labels() {
             let mut sessions = BTreeMap::new();
             for (i, run) in self.runs.iter().enumerate() {
-                let blocks = run.kept.block_sessions(label);
-                sessions.extend(blocks.into_iter().map(|(block, id)| ((i, block), id)));
+                let units = run.units(label);
+                sessions.extend(units.map(|(block, unit)| ((i, block), &unit.session)));
             }
             let group = groups.iter().position(|own| *own == sessions);
             let group = group.unwrap_or_else(|| {
@@ -377,10 +370,7 @@ impl Report<'_> {
         }
         let mut plans: Vec<CoursePlan> = Vec::new();
         for run in self.runs {
-            let drives = run.kept.seals().iter();
-            let course = drives
-                .filter_map(|stored| stored.seal.drive.as_ref())
-                .next();
+            let course = run.all().filter_map(|unit| unit.drive.as_ref()).next();
             if let Some(drive) = course
                 && plans.iter().all(|plan| plan.seed != drive.course.seed)
             {
@@ -508,11 +498,12 @@ pub const REPORT: FolderRule = FolderRule {
     kind: "a report",
     owns: |name| REPORT_FILES.contains(&name) || is_table(name) || is_recording(name),
     inner: Some(UNITS),
-    mark: "units/plan.json",
+    mark: REPORT_LIST,
     cure: "name another folder with -o",
 };
 
 const REPORT_FILES: &[&str] = &[
+    REPORT_LIST,
     MANIFEST,
     COURSES,
     "summary.md",

@@ -2,7 +2,7 @@
 
 use super::rows::{CsvCells, Record};
 use std::fs::File;
-use std::io::{BufReader, Read, Take};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_files::ColumnPlaces;
@@ -11,7 +11,7 @@ use svl_files::ColumnPlaces;
 pub struct RowReader<R> {
     path: PathBuf,
     places: ColumnPlaces,
-    reader: csv::Reader<BufReader<Take<File>>>,
+    reader: csv::Reader<Box<dyn Read + Send>>,
     line: csv::StringRecord,
     /// A column, and the text that all rows have there.
     only: Option<(&'static str, String)>,
@@ -22,16 +22,16 @@ impl<R: Record> RowReader<R> {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is not a table.
     pub fn open(path: &Path) -> Result<Self> {
-        Self::open_beginning(path, u64::MAX)
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        Self::new(path, Box::new(file))
     }
 
-    /// As [`RowReader::open`], of the first bytes of the file.
+    /// As [`RowReader::open`], of the text that `file` gives.
     ///
     /// # Errors
     /// As [`RowReader::open`].
-    pub fn open_beginning(path: &Path, bytes: u64) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let mut reader = csv::Reader::from_reader(BufReader::new(file.take(bytes)));
+    pub fn new(path: &Path, file: Box<dyn Read + Send>) -> Result<Self> {
+        let mut reader = csv::Reader::from_reader(file);
         let places = ColumnPlaces::new(reader.headers().map_err(|e| csv_error(path, e))?);
         Ok(Self {
             path: path.to_owned(),

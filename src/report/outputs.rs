@@ -112,7 +112,13 @@ impl Outputs {
             ..Output::new(path, Some(rule), created)
         };
         let files = files(path)?;
-        if let Some(foreign) = files.iter().find(|file| !rule.holds(file)) {
+        let has_inner = rule.has_inner(path);
+        let is_own = has_inner
+            || std::fs::read(path.join(rule.mark))
+                .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
+        let foreign = files.iter().find(|file| !rule.holds(file));
+        // Beside a folder of svl's that is written file by file, those of others stay.
+        if let Some(foreign) = foreign.filter(|_| !has_inner) {
             return Err(Error::Invalid(format!(
                 "{}: not part of {}; {}",
                 foreign.display(),
@@ -120,9 +126,7 @@ impl Outputs {
                 rule.cure
             )));
         }
-        let marked = std::fs::read(path.join(rule.mark))
-            .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
-        if !files.is_empty() && !marked && !has_only_begun(&files, rule) {
+        if !files.is_empty() && !is_own {
             let what = match path.join(rule.mark).exists() {
                 true => "contains a damaged",
                 false => "contains files but no",
@@ -225,6 +229,32 @@ impl FolderRule {
             false => self.inner == Some(&*name),
         }
     }
+
+    /// True if the folder at `path` has the inner one, with folders in it, or with nothing but
+    /// files that a killed run had begun.
+    fn has_inner(&self, path: &Path) -> bool {
+        let is_begun = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "part");
+        let inner = self.inner.map(|inner| files(&path.join(inner)));
+        inner.is_some_and(|inner| {
+            inner.is_ok_and(|within| {
+                within.iter().any(|file| file.is_dir()) || within.iter().all(is_begun)
+            })
+        })
+    }
+}
+
+/// Removes links in the place of files of a folder: what they lead to is not written.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn remove_links(folder: &Path, rule: &FolderRule) -> Result<()> {
+    for file in files(folder)? {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        if file.is_symlink() && (rule.owns)(&name) {
+            std::fs::remove_file(&file).map_err(|e| Error::io(&file, e))?;
+        }
+    }
+    Ok(())
 }
 
 impl Output {
@@ -338,16 +368,6 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
         .map_err(|e| Error::io(folder, e))
-}
-
-/// True if nothing is there but what a run leaves that was killed as it wrote its first file.
-fn has_only_begun(found: &[PathBuf], rule: &FolderRule) -> bool {
-    let is_begun = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "part");
-    let is_inner = |path: &PathBuf| {
-        rule.inner.is_some_and(|inner| path.ends_with(inner))
-            && files(path).is_ok_and(|within| within.iter().all(is_begun))
-    };
-    found.iter().all(is_inner)
 }
 
 /// Moves a file into a folder.

@@ -3,14 +3,13 @@
 use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use super::rows::Row;
 use super::units::{
-    BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage, StoredSeal,
+    BLOCK, BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage, Unit,
     Units,
 };
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use svl_core::Result;
 use svl_score::judge::{Checkpoint, CheckpointTally};
-use svl_score::manifest::read_json;
 
 /// Limit of the frames shown of recordings, over all runs.
 pub const MAX_SAMPLES: u64 = 12;
@@ -36,12 +35,9 @@ pub fn for_runs(
 ) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
     let mut chosen = ChosenPictures::new(plan)?;
     for (i, run) in runs.iter().enumerate() {
-        if run.run.stress.is_none() {
-            for (seal, stored) in run.kept.seals().iter().enumerate() {
-                if let Some(pictures) = read(stored)? {
-                    let is_taken = |label: &str, place| run.kept.seal(label, place) == Some(seal);
-                    chosen.add(i, stored, pictures, &is_taken);
-                }
+        for unit in run.all() {
+            if let Some(pictures) = unit.pictures()? {
+                chosen.add(i, unit, pictures);
             }
         }
     }
@@ -76,9 +72,8 @@ pub fn for_drives(
         };
         let mut course_runs = runs.iter();
         let run = course_runs.find(|run| run.run.seed == Some(seed) && run.run.stress.is_none());
-        let drive = run.and_then(|run| run.kept.first(label));
-        if let Some((_, stored)) = drive
-            && let Some(pictures) = read(stored)?
+        if let Some(drive) = run.and_then(|run| run.unit(label, 0))
+            && let Some(pictures) = drive.pictures()?
         {
             figures.extend(pictures.samples.into_iter().map(|(_, figure)| figure));
         }
@@ -86,15 +81,11 @@ pub fn for_drives(
     Ok(figures)
 }
 
-fn read(stored: &StoredSeal) -> Result<Option<BlockPictures>> {
-    stored.pictures().map(|path| read_json(&path)).transpose()
-}
-
 /// The left images that the units of a report hold: not of all pairs.
 #[derive(Default)]
 pub(super) struct LeftImages {
-    /// Per seed, recording and number of a pair the files of pictures that show it.
-    files: BTreeMap<(Option<u64>, Option<String>, u64), PathBuf>,
+    /// Per seed, recording and number of a pair a unit with pictures that show it.
+    units: BTreeMap<(Option<u64>, Option<String>, u64), Unit>,
 }
 
 impl LeftImages {
@@ -104,19 +95,16 @@ impl LeftImages {
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file.
     pub fn find(folder: &Path) -> Result<Self> {
         let (units, mut found) = (Units::for_report(folder), Self::default());
-        if !units.exist() || !units.are_readable() {
+        let Ok(plan) = units.plan() else {
             return Ok(found);
-        }
+        };
         let sessions = units.sessions()?;
-        let plan = units.plan()?;
-        for run in plan.runs.iter().filter(|run| run.stress.is_none()) {
-            for stored in units.seals(run, &sessions, |_, _| ())? {
-                let Some(path) = stored.pictures() else {
-                    continue;
-                };
-                for sequence in read_json::<BlockPictures>(&path)?.sequences() {
+        for run in &plan.runs {
+            let kept = RunUnits::read(&units, &plan, run, &sessions, |_| ())?;
+            for unit in kept.all() {
+                for sequence in unit.pictures()?.iter().flat_map(BlockPictures::sequences) {
                     let key = (run.seed, run.run.clone(), sequence);
-                    found.files.insert(key, path.clone());
+                    found.units.insert(key, unit.clone());
                 }
             }
         }
@@ -126,7 +114,7 @@ impl LeftImages {
     /// True if it is there, as [`LeftImages::read`] reads it.
     pub fn hold(&self, row: &Row, run: Option<&str>) -> bool {
         let key = (row.seed, run.map(str::to_owned), row.sequence);
-        self.files.contains_key(&key)
+        self.units.contains_key(&key)
     }
 
     /// The image of the row's pair, which the report has under that name of the recording.
@@ -135,10 +123,9 @@ impl LeftImages {
     /// As [`LeftImages::find`].
     pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
         let key = (row.seed, run.map(str::to_owned), row.sequence);
-        let Some(path) = self.files.get(&key) else {
-            return Ok(None);
-        };
-        read_json::<BlockPictures>(path)?.left(row)
+        let unit = self.units.get(&key);
+        let pictures = unit.map(Unit::pictures).transpose()?.flatten();
+        pictures.map_or(Ok(None), |pictures| pictures.left(row))
     }
 }
 
@@ -164,44 +151,25 @@ impl ChosenPictures {
         })
     }
 
-    fn add(
-        &mut self,
-        run: usize,
-        stored: &StoredSeal,
-        pictures: BlockPictures,
-        is_taken: &dyn Fn(&str, u64) -> bool,
-    ) {
+    fn add(&mut self, run: usize, unit: &Unit, pictures: BlockPictures) {
         let place = |sequence: u64| {
-            let mut pairs = stored.seal.pairs.iter();
-            pairs
-                .find(|pair| pair.sequence == sequence)
-                .map(|pair| pair.place)
+            let place = unit.pairs.iter().position(|pair| pair.sequence == sequence)?;
+            Some(unit.block * BLOCK + place as u64)
         };
         for shot in pictures.checkpoints {
-            let Some(place) = place(shot.sequence) else {
-                continue;
-            };
-            let key = (shot.checkpoint, shot.algorithm.clone());
-            if is_taken(&key.1, place) {
-                self.shots
-                    .entry(key)
-                    .or_default()
-                    .push(((run, place), shot));
+            if let Some(place) = place(shot.sequence) {
+                let key = (shot.checkpoint, shot.algorithm.clone());
+                let shots = self.shots.entry(key).or_default();
+                shots.push(((run, place), shot));
             }
         }
-        for (place, mut figure) in pictures.samples {
-            figure
-                .shots
-                .retain(|(_, shot)| is_taken(&shot.row.algorithm, place));
+        for (place, figure) in pictures.samples {
             match self.samples.get_mut(&(run, place)) {
                 Some(own) => own.shots.extend(figure.shots),
                 None => drop(self.samples.insert((run, place), figure)),
             }
         }
-        for (place, mut scene) in pictures.scenes {
-            scene
-                .shots
-                .retain(|shot| is_taken(&shot.row.algorithm, place));
+        for (place, scene) in pictures.scenes {
             match self.scenes.get_mut(&(run, place)) {
                 Some(own) => own.shots.extend(scene.shots),
                 None => drop(self.scenes.insert((run, place), scene)),
@@ -261,20 +229,9 @@ impl ChosenPictures {
 
 /// Those that are spread evenly over each run, and, if these are too many, over all runs.
 fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
-    let pairs = |run: usize| {
-        let facts = runs[run].facts.as_ref();
-        facts.and_then(|facts| Some(facts.end.as_ref()?.pairs))
-    };
-    let mut strides = BTreeMap::new();
-    let mut last = BTreeMap::new();
-    for (run, place) in all.keys() {
-        last.insert(*run, *place);
-    }
-    for (run, place) in last {
-        // Of a run that was interrupted, as many as are known.
-        strides.insert(run, stride(pairs(run).unwrap_or(place + 1), limit));
-    }
-    let on_stride = |(run, place): &(usize, u64)| place.is_multiple_of(strides[run]);
+    // Of a run that was interrupted, as many as are known.
+    let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
+    let on_stride = |(run, place): &PlaceInRuns| place.is_multiple_of(stride(pairs(*run), limit));
     let kept: Vec<_> = all
         .into_iter()
         .filter(|(key, _)| on_stride(key))

@@ -12,8 +12,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
 use svl_report::CoursePlan;
-use svl_report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file};
-use svl_score::manifest::hash;
+use svl_report::units::{
+    BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter, remove_file,
+};
 use svl_score::scenario::{Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
 
@@ -36,7 +37,7 @@ fn missing_units(
     let algorithms = &plan.scenario.algorithms;
     let is_missing = |unit: &DriveUnit| {
         let label = algorithms[unit.algorithm].label();
-        session.runs[unit.run].kept.count(label) == 0
+        session.runs[unit.run].unit(label, 0).is_none()
     };
     let units = runs.iter().enumerate().flat_map(|(run, (course, stress))| {
         (0..algorithms.len()).map(move |algorithm| DriveUnit {
@@ -92,15 +93,17 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         run: None,
         seed: Some(seeds[*course]),
         stress: stress.map(|stress| stress.to_string()),
+        ..ReportRun::default()
     };
     let keys = runs.iter().map(key).collect();
-    let session = EvaluationSession::open(plan, manifest, keys, console)?;
+    let mut session = EvaluationSession::open(plan, manifest, keys, console)?;
     session.begin()?;
     let todo = missing_units(plan, &session, &runs);
     if todo.is_empty() {
         return Ok(MeasuredUnits {
             ran: Ok(()),
-            session: None,
+            session,
+            has_matched: false,
         });
     }
     session.write(&session.manifest())?;
@@ -119,9 +122,13 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };
+    let ran = work.drive_all(&todo);
+    drop(work);
+    (0..runs.len()).try_for_each(|i| session.reload(i))?;
     Ok(MeasuredUnits {
-        ran: work.drive_all(&todo),
-        session: Some(session.id().to_owned()),
+        ran,
+        session,
+        has_matched: true,
     })
 }
 
@@ -193,7 +200,7 @@ impl DriveWork<'_> {
         let algorithm = &self.scenario.algorithms[unit.algorithm];
         let plan = DrivePlan {
             scenario: self.scenario,
-            manifest: &self.session.plan.manifest,
+            manifest: &self.session.list.manifest,
             course: &course,
             algorithm,
             stress: unit.stress,
@@ -219,21 +226,36 @@ impl DriveWork<'_> {
     fn write(&self, unit: DriveUnit, result: DriveResult, course: CoursePlan) -> Result<()> {
         let label = self.scenario.algorithms[unit.algorithm].label();
         let (session, run) = (self.session, &self.session.runs[unit.run].run);
-        let folder = session.units.run_folder(run)?;
-        let name = format!("{}-{}", &hash(label)[..8], session.id());
-        let mut block = BlockWriter::new(&folder, name, session.id(), 0);
-        block.rows.push(result.rows)?;
-        block.cells.push(result.cells)?;
-        block.failures.push(result.failures)?;
-        block.drives.push(result.drives)?;
-        block.tracks.push(result.track)?;
-        let identity = &session.plan.identities[unit.algorithm];
-        block.set_drive(label, identity, DriveFacts { course });
+        let mut algorithms = session.list.algorithms_of(run).into_iter();
+        let Some(algorithm) = algorithms.find(|own| own.label == label) else {
+            return Ok(());
+        };
+        let name = algorithm.unit_name(0, &[]);
+        session.units.run_folder(run)?;
+        let path = session.units.unit_path(run, &name);
+        let mut writer = UnitWriter::default();
+        writer.header = UnitHeader {
+            run: run.digest.clone(),
+            name,
+            label: label.to_owned(),
+            session: session.id().to_owned(),
+            has_pictures: true,
+            drive: Some(DriveFacts { course }),
+            ..UnitHeader::default()
+        };
+        writer.push(&UnitRows {
+            rows: result.rows,
+            cells: result.cells,
+            failures: result.failures,
+            drives: result.drives,
+            tracks: result.track,
+            ..UnitRows::default()
+        })?;
         let pictures = result.worst.map(|(_, figure)| BlockPictures {
             samples: vec![(0, figure)],
             ..BlockPictures::default()
         });
-        block.seal(pictures.as_ref(), true)
+        writer.write(&path, pictures.as_ref())
     }
 }
 

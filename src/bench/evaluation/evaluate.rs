@@ -1,14 +1,13 @@
 //! Evaluates a scenario: matches the units that are missing, and builds the report of all.
 
 use super::plan::EvaluationPlan;
-use super::session::MeasuredUnits;
+use super::session::{EvaluationSession, MeasuredUnits};
 use super::{drives, scored_runs};
 use crate::console::Console;
-use std::collections::BTreeSet;
-use svl_core::{Error, Result, joined};
-use svl_report::outputs::Outputs;
-use svl_report::units::{RunUnits, StoredSeal, Units};
-use svl_report::{BuildOptions, BuiltReport, build};
+use svl_core::{Result, counted, joined};
+use svl_report::outputs::{Outputs, remove_links};
+use svl_report::units::Units;
+use svl_report::{BuildOptions, BuiltReport, REPORT, build};
 use svl_score::scenario::ScenarioSource;
 
 /// An evaluation that is over.
@@ -28,17 +27,26 @@ impl EvaluationPlan<'_> {
     /// Those of sources, algorithms and files that leave no report. Results before an error during
     /// the run are reported, see [`Evaluation::ran`].
     pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
+        remove_links(self.folder, &REPORT)?;
         let measure = match &self.scenario.source {
             ScenarioSource::Drive { .. } => drives::measure,
             _ => scored_runs::measure,
         };
-        let MeasuredUnits { ran, session } = measure(self, console)?;
-        let units = Units::for_report(self.folder);
-        let is_whole = self.clear(&units, console)?;
+        let MeasuredUnits {
+            ran,
+            mut session,
+            has_matched,
+        } = measure(self, console)?;
         // Shards may share the folder: the last one builds the report.
+        let units = Units::for_report(self.folder);
         let _lock = self.shard.map(|_| units.lock()).transpose()?;
+        session.finish()?;
+        if self.prune {
+            units.prune(&session.runs)?;
+        }
+        self.note_others(&session, console)?;
         let report = match self.shard {
-            Some(_) if !is_whole => None,
+            Some(_) if !session.is_whole() => None,
             _ => Some(self.built()),
         };
         let report = match (report.transpose(), &ran) {
@@ -51,7 +59,7 @@ impl EvaluationPlan<'_> {
         Ok(Evaluation {
             report,
             ran,
-            session,
+            session: has_matched.then(|| session.id().to_owned()),
         })
     }
 
@@ -65,54 +73,20 @@ impl EvaluationPlan<'_> {
         build(self.folder, &options)
     }
 
-    /// Removes units that are superseded, and, if asked, those that the plan does not ask for; they
-    /// are named otherwise. True if nothing is missing.
-    fn clear(&self, units: &Units, console: &dyn Console) -> Result<bool> {
-        let (plan, sessions) = (units.plan()?, units.sessions()?);
-        let (mut is_whole, mut others) = (true, BTreeSet::new());
-        for run in &plan.runs {
-            let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
-            is_whole &= run.is_whole(&plan);
-            // A drive is one result.
-            let pairs = if plan.is_driven() {
-                Some(1)
-            } else {
-                run.pairs()
-            };
-            let unused = run.kept.unused(pairs.unwrap_or(u64::MAX));
-            let superseded = unused.iter().filter(|(_, is_superseded)| *is_superseded);
-            let superseded: Vec<_> = superseded.map(|(stored, _)| *stored).collect();
-            units.remove(superseded.iter().copied())?;
-            let is_unasked = |label: &str| plan.identity(label).is_none();
-            let is_there = |stored: &&StoredSeal| {
-                let mut removed = superseded.iter();
-                removed.all(|removed| !std::ptr::eq(*removed, *stored))
-            };
-            for stored in run.kept.seals().iter().filter(is_there) {
-                let labels = stored.seal.algorithms.iter().map(|own| own.label.as_str());
-                let mut unasked = labels.filter(|label| is_unasked(label)).peekable();
-                if !self.prune {
-                    others.extend(unasked.map(str::to_owned));
-                } else if unasked.peek().is_some() {
-                    units.remove_algorithms(stored, is_unasked)?;
-                }
-            }
-        }
-        for folder in units.other_runs(&plan)? {
-            if self.prune {
-                std::fs::remove_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
-            } else {
-                let name = folder.file_name().unwrap_or_default();
-                others.insert(name.to_string_lossy().into_owned());
-            }
-        }
+    /// Notes what the folder has besides what was asked for.
+    fn note_others(&self, session: &EvaluationSession, console: &dyn Console) -> Result<()> {
+        let labels = session.list.labels();
+        let earlier = &labels[session.asked().len()..];
+        let runs = session.units.other_runs(&session.list)? as u64;
+        let runs = (runs > 0).then(|| format!("{} of other options", counted(runs, "run")));
+        let others: Vec<_> = earlier.iter().copied().chain(runs.as_deref()).collect();
         if !others.is_empty() {
             console.note(&format!(
                 "{}: also in the folder, not asked for: {}; --prune removes them",
                 self.folder.display(),
-                joined(others.iter().map(String::as_str))
+                joined(others)
             ));
         }
-        Ok(is_whole)
+        Ok(())
     }
 }

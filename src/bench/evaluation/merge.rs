@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
-use svl_report::units::{ReportPlan, RunUnits, Units};
+use svl_report::units::{ReportPlan, RunUnits, Units, remove_file};
 use svl_score::manifest::{Manifest, Purpose};
 
 /// Reports of shards of one run.
@@ -47,28 +47,38 @@ impl Parts {
     /// [`Error::Io`] with the file.
     pub fn copy_into(&self, out: &Path) -> Result<()> {
         let (units, first) = (Units::for_report(out), &self.0[0]);
-        units.clear()?;
-        units.write_plan(&first.plan)?;
+        for (i, run) in first.plan.runs.iter().enumerate() {
+            let own = self.0.iter().map(|part| &part.runs[i]);
+            let mut read = own.clone().filter(|run| run.is_read());
+            if let Some(found) = read.next() {
+                let mut facts = found.facts.clone();
+                read.for_each(|other| facts.join(&other.facts));
+                units.write_facts(run, &facts)?;
+            }
+            for (part, run) in self.0.iter().zip(own) {
+                units.copy_from(&part.units, run)?;
+            }
+        }
         for part in &self.0 {
-            units.copy_from(&part.units, &first.plan.runs)?;
             for path in recordings(&part.folder)? {
                 let to = out.join(path.file_name().unwrap_or_default());
+                remove_file(&to)?;
                 let linked =
                     std::fs::hard_link(&path, &to).or_else(|_| std::fs::copy(&path, &to).map(drop));
                 linked.map_err(|e| Error::io(&path, e))?;
             }
         }
-        Ok(())
+        units.write_plan(&first.plan)
     }
 
     fn check_run(&self) -> Result<()> {
         let first = &self.0[0];
         for found in &self.0[1..] {
-            let purpose = Purpose::Merge;
-            let differences = first
-                .plan
-                .manifest
-                .differences(&found.plan.manifest, purpose)?;
+            let mut differences = (first.plan.manifest)
+                .differences(&found.plan.manifest, Purpose::Merge)?;
+            if differences.is_empty() && first.plan.digest() != found.plan.digest() {
+                differences.push("its options".to_owned());
+            }
             if !differences.is_empty() {
                 return Err(Error::Invalid(format!(
                     "{}: is not of the same run as {}: {}",
@@ -119,10 +129,8 @@ impl Parts {
         let first = &self.0[0];
         for found in &self.0[1..] {
             for (own, other) in first.runs.iter().zip(&found.runs) {
-                let [a, b] = [own, other].map(|run| run.facts.as_ref()?.end.as_ref());
-                if let (Some(a), Some(b)) = (a, b)
-                    && a.inputs != b.inputs
-                {
+                let are_read = own.is_read() && other.is_read();
+                if are_read && own.facts.inputs() != other.facts.inputs() {
                     return Err(Error::Invalid(format!(
                         "{}: is not of the same run as {}: the pairs, calibration or truth of {} \
                          differ; score both parts again",
@@ -142,21 +150,14 @@ impl Parts {
         let mut partial = Vec::new();
         for (i, run) in plan.runs.iter().enumerate() {
             let part_runs = || self.0.iter().map(|part| &part.runs[i]);
-            let pairs = match plan.is_driven() {
-                true => Some(1),
-                false => part_runs().filter_map(RunUnits::pairs).next(),
+            let read = part_runs().find(|run| plan.is_driven() || run.is_read());
+            let has_all = |label: &str| {
+                let units = part_runs().flat_map(|run| run.units(label));
+                let blocks: BTreeSet<u64> = units.map(|(block, _)| block).collect();
+                read.is_some_and(|run| blocks.len() as u64 == run.blocks(plan))
             };
-            let count = |label: &str| {
-                let places = part_runs().filter_map(|run| run.kept.places(label));
-                let places: BTreeSet<_> = places.flat_map(|places| places.keys()).collect();
-                places.len() as u64
-            };
-            if pairs.is_none()
-                || plan
-                    .labels()
-                    .iter()
-                    .any(|label| Some(count(label)) != pairs)
-            {
+            let algorithms = plan.algorithms_of(run);
+            if !algorithms.iter().all(|own| has_all(own.label)) {
                 partial.push(run.words());
             }
         }
@@ -190,9 +191,7 @@ impl FoundPart {
         let (plan, sessions) = (units.plan()?, units.sessions()?);
         let mut damaged = None;
         let runs = plan.runs.iter().map(|run| {
-            RunUnits::read(&units, &plan, run, &sessions, |_, file| {
-                damaged = Some(file);
-            })
+            RunUnits::read(&units, &plan, run, &sessions, |file| damaged = Some(file))
         });
         let runs = runs.collect::<Result<Vec<_>>>()?;
         if let Some(file) = damaged {
@@ -201,8 +200,7 @@ impl FoundPart {
                 file.display()
             )));
         }
-        let errors = runs.iter().flat_map(|run| &run.facts);
-        if let Some(error) = errors.filter_map(|facts| facts.error.as_ref()).next() {
+        if let Some(error) = runs.iter().find_map(|run| run.facts.error.as_ref()) {
             return Err(Error::Invalid(format!(
                 "{shown}: is incomplete: {error}; run it again"
             )));

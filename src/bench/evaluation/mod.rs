@@ -4,6 +4,7 @@ mod drives;
 mod evaluate;
 mod merge;
 mod plan;
+mod programs;
 mod run_opener;
 mod scored_runs;
 mod session;

@@ -2,22 +2,27 @@
 
 use super::shard::Shard;
 use crate::console::Console;
-use crate::runs::{self, ScoredSource, data_folder};
+use crate::runs::{self, ScoredSource};
 use crate::sink::{LiveTable, Wanted};
-use crate::source::dataset::Scene;
 use crate::source::{PairRegister, RunSource};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
 use svl_core::Result;
-use svl_core::matcher::{Algorithm, MapPlace};
-use svl_report::units::{BLOCK, FileStamp, KeptResults, ReportRun, files_of};
+use svl_core::inputs::InputLog;
+use svl_report::units::{BLOCK, ReportRun, RunUnits};
 use svl_score::judge::Judge;
 use svl_score::manifest::RunRecord;
-use svl_score::scenario::{Scenario, ScenarioSource};
+use svl_score::scenario::Scenario;
 use svl_sim::stress::Stress;
 
 /// A run of a scenario, unperturbed or perturbed, by its place.
 pub(super) type RunPlace = (Option<Stress>, usize);
+
+/// A run that is opened, with the files that were opened for it.
+pub(super) struct OpenedRun {
+    pub(super) source: RunSource,
+    pub(super) judge: Judge,
+    pub(super) files: InputLog,
+}
 
 /// Opens the runs of a scenario, in their order.
 pub(super) struct RunOpener<'a> {
@@ -27,7 +32,7 @@ pub(super) struct RunOpener<'a> {
     /// The recording of each run, or its seed.
     identities: Vec<(Option<RunRecord>, Option<u64>)>,
     /// Those that were not opened yet: perturbed, a run is opened anew.
-    runs: Vec<Option<ScoredSource>>,
+    runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
     register: PairRegister,
     stress: Option<Stress>,
@@ -44,12 +49,15 @@ impl<'a> RunOpener<'a> {
         console: &'a dyn Console,
         live: &LiveTable,
     ) -> Result<Self> {
-        let runs = runs::runs(scenario, console)?;
+        let count = runs::checked_count(scenario)?;
+        let runs = (0..count).map(|place| logged(scenario, place, console));
+        let runs = runs.collect::<Result<Vec<_>>>()?;
+        let identities = runs.iter().map(|(run, _)| (run.record(), run.seed()));
         Ok(Self {
             scenario,
             console,
             live: live.clone(),
-            identities: runs.iter().map(|run| (run.record(), run.seed())).collect(),
+            identities: identities.collect(),
             runs: runs.into_iter().map(Some).collect(),
             register: PairRegister::new(&scenario.algorithms)?,
             stress: None,
@@ -78,6 +86,7 @@ impl<'a> RunOpener<'a> {
             run: record.as_ref().map(|record| record.name.clone()),
             seed: *seed,
             stress: stress.map(|stress| stress.to_string()),
+            ..ReportRun::default()
         }
     }
 
@@ -85,29 +94,48 @@ impl<'a> RunOpener<'a> {
     ///
     /// # Errors
     /// Those of its source, and of checkpoints that no frame of it could pass.
-    pub(super) fn open(&mut self, (stress, place): RunPlace) -> Result<(RunSource, Judge)> {
+    pub(super) fn open(&mut self, (stress, place): RunPlace) -> Result<OpenedRun> {
         if self.stress != stress {
             // The user was warned of what was fitted to.
             (self.stress, self.register) = (stress, PairRegister::default());
         }
-        let source = match self.runs[place].take_if(|_| stress.is_none()) {
-            Some(source) => source,
-            None => runs::run_at(self.scenario, place, self.console)?,
+        let opened = match self.runs[place].take_if(|_| stress.is_none()) {
+            Some(opened) => opened,
+            None => logged(self.scenario, place, self.console)?,
         };
+        let (source, files) = opened;
+        let entered = files.enter();
         let (run, mut judge) = source.open(self.scenario, self.console, Some(&self.live))?;
-        let run = run.registered(&self.scenario.name, &self.register, true);
-        let mut run = run.digested();
+        let mut run = run.registered(&self.scenario.name, &self.register, true);
         if let Some(stress) = stress {
             run = run.stressed(stress);
             judge = run.judge(&self.scenario.judge())?;
         }
-        Ok((run, judge))
+        drop(entered);
+        Ok(OpenedRun {
+            source: run,
+            judge,
+            files,
+        })
     }
+}
+
+/// Opens the run at a place, and notes the files that it opens.
+fn logged(
+    scenario: &Scenario,
+    place: usize,
+    console: &dyn Console,
+) -> Result<(ScoredSource, InputLog)> {
+    let files = InputLog::default();
+    let entered = files.enter();
+    let run = runs::run_at(scenario, place, console)?;
+    drop(entered);
+    Ok((run, files))
 }
 
 /// The results of a run that are missing, of a shard.
 pub(super) struct WantedResults<'a> {
-    pub(super) kept: &'a KeptResults,
+    pub(super) units: &'a RunUnits,
     /// Place of the run among all.
     pub(super) run: usize,
     pub(super) shard: Option<Shard>,
@@ -118,68 +146,23 @@ pub(super) struct WantedResults<'a> {
 }
 
 impl WantedResults<'_> {
-    /// True if any of these algorithms is wanted.
-    pub(super) fn wants_any(&self, place: u64, labels: &[&str]) -> bool {
-        labels.iter().any(|label| self.wants(place, label))
+    /// True if any result is wanted of the blocks of the run.
+    pub(super) fn wants_any(&self, blocks: u64) -> bool {
+        let mut labels = self.labels.iter();
+        labels.any(|label| (0..blocks).any(|block| self.wants(block * BLOCK, label)))
     }
 }
 
 impl Wanted for WantedResults<'_> {
     fn wants(&self, place: u64, algorithm: &str) -> bool {
+        let block = place / BLOCK;
         // Blocks are dealt out in turn; of what depends on all pairs, runs.
-        let block = match self.run_memory.contains(algorithm) {
+        let dealt = match self.run_memory.contains(algorithm) {
             true => 0,
-            false => (place / BLOCK) as usize,
+            false => block as usize,
         };
-        let is_own = self.shard.is_none_or(|shard| shard.takes(self.run + block));
+        let is_own = self.shard.is_none_or(|shard| shard.takes(self.run + dealt));
         let is_matched = self.labels.contains(algorithm);
-        is_own && is_matched && self.kept.seal(algorithm, place).is_none()
+        is_own && is_matched && self.units.unit(algorithm, block).is_none()
     }
-}
-
-/// Per run of a scenario the files that it reads, as they are; none of what is simulated, which its
-/// description determines.
-///
-/// # Errors
-/// Those of finding the scenes of a data set.
-pub(super) fn files_of_runs(scenario: &Scenario) -> Result<Vec<Vec<FileStamp>>> {
-    let maps = map_folders(&scenario.algorithms);
-    Ok(match &scenario.source {
-        ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => {
-            vec![files_of(maps); seeds.len()]
-        }
-        ScenarioSource::Dataset { scenes } => {
-            let data = data_folder(scenario.options.data.as_deref()).unwrap_or_default();
-            let scenes = Scene::find_all(&data, scenes)?;
-            let scenes = scenes.iter().map(|scene| scene.folder().to_owned());
-            vec![files_of(scenes.chain(maps))]
-        }
-        ScenarioSource::Recording(_) => {
-            let options = &scenario.options;
-            let named = [&options.left, &options.right, &options.truth];
-            let mut named: Vec<&str> = named.into_iter().flatten().map(String::as_str).collect();
-            named.extend(options.calib.iter().flat_map(|calib| calib.split(',')));
-            let beside = named
-                .into_iter()
-                .map(PathBuf::from)
-                .filter(|path| path.exists());
-            let beside: Vec<_> = beside.chain(maps).collect();
-            let files = |path: &Path| files_of(beside.iter().cloned().chain([path.to_owned()]));
-            let runs = scenario.recordings()?;
-            runs.iter().map(|run| files(&run.path)).collect()
-        }
-    })
-}
-
-/// The folders of the maps in files that these algorithms report.
-fn map_folders(algorithms: &[Algorithm]) -> Vec<PathBuf> {
-    let folder = |algorithm: &Algorithm| match algorithm.recorded()?.place {
-        MapPlace::Topic(_) => None,
-        MapPlace::Files { pattern, .. } => {
-            let (before, _) = pattern.split_once('*')?;
-            let folder = before.rsplit_once('/').map_or(".", |(folder, _)| folder);
-            Some(PathBuf::from(folder))
-        }
-    };
-    algorithms.iter().filter_map(folder).collect()
 }

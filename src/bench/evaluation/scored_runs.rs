@@ -1,21 +1,22 @@
 //! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
 use super::plan::EvaluationPlan;
-use super::run_opener::{RunOpener, RunPlace, WantedResults, files_of_runs};
+use super::run_opener::{OpenedRun, RunOpener, RunPlace, WantedResults};
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
-use crate::run::{Matchers, Outcome, Pace, report_losses, run_through};
-use crate::runs::warn_of_own_reference;
-use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest};
+use crate::run::{Matchers, Pace, run_through};
+use crate::runs::{RECORDINGS, warn_of_own_reference};
+use crate::sink::{
+    LiveTable, RunInfo, RunPairs, RunStart, Sink, SinkRequest, Sinks, UnitRequest, ViewerRequest,
+};
 use crate::source::{RunSource, Source};
 use std::collections::BTreeSet;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl_core::{Error, Result, interrupt};
-use svl_report::hash_words;
-use svl_report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
+use svl_core::inputs::FileChange;
+use svl_core::matcher::Algorithm;
+use svl_core::{Error, Result};
+use svl_report::units::{RunFacts, RunUnits, RunWarning};
 use svl_score::judge::Judge;
-use svl_score::manifest::Manifest;
-use svl_score::plausibility::MeasuredScales;
+use svl_score::manifest::{Manifest, hash};
 use svl_score::scenario::{PairRange, Scenario, ScenarioSource};
 
 /// Most algorithms that Rerun shows.
@@ -39,6 +40,10 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     };
     let mut manifest = plan.manifest(pace)?;
     manifest.runs = opener.records();
+    for record in &mut manifest.algorithms {
+        let mut labels = matchers.with_run_memory();
+        record.has_run_memory = labels.any(|label| label == record.label);
+    }
     let places = 0..opener.count();
     let runs: Vec<RunPlace> = plan
         .stresses()
@@ -48,18 +53,16 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let mut work = RunWork {
         plan,
         console,
-        files: files_of_runs(scenario)?,
         session: EvaluationSession::open(plan, manifest, keys, console)?,
         runs,
+        run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
         matchers,
+        pace,
+        pairs: RunPairs::default(),
     };
-    work.check_inputs()?;
+    work.compare_changed()?;
     work.check_programs()?;
-    for run in &mut work.session.runs {
-        let labels = work.matchers.with_run_memory();
-        labels.for_each(|label| run.forget_partial(label));
-    }
-    work.run(opener, pace)
+    work.run(opener)
 }
 
 /// Warns of the maps that others computed, which are not those of perturbed pairs.
@@ -79,19 +82,25 @@ fn warn_of_unstressed(scenario: &Scenario) {
 }
 
 /// The runs of an evaluation.
-struct RunWork<'a> {
-    plan: &'a EvaluationPlan<'a>,
+pub(super) struct RunWork<'a> {
+    pub(super) plan: &'a EvaluationPlan<'a>,
     console: &'a dyn Console,
-    runs: Vec<RunPlace>,
-    /// Per run of the scenario the files that it reads, as they are.
-    files: Vec<Vec<FileStamp>>,
-    session: EvaluationSession,
+    pub(super) runs: Vec<RunPlace>,
+    pub(super) session: EvaluationSession,
     matchers: Matchers,
+    /// Algorithms whose results depend on all earlier pairs of a run.
+    pub(super) run_memory: BTreeSet<String>,
+    pace: Pace,
+    /// The pairs of the run under way.
+    pairs: RunPairs,
 }
+
+/// A run that is about to be read, with the number of warnings before it was opened.
+type BegunRun = (usize, Result<OpenedRun>);
 
 impl RunWork<'_> {
     /// A second look at the runs, apart from that of [`RunWork::run`].
-    fn opener(&self) -> Result<RunOpener<'_>> {
+    pub(super) fn opener(&self) -> Result<RunOpener<'_>> {
         RunOpener::new(self.plan.scenario, self.console, &LiveTable::default())
     }
 
@@ -99,117 +108,91 @@ impl RunWork<'_> {
         matches!(self.plan.scenario.source, ScenarioSource::Recording(_))
     }
 
-    /// True if the scenario asks for all pairs of its runs.
-    fn are_all_pairs(&self) -> bool {
-        self.plan.scenario.options.range() == PairRange::default()
+    fn are_simulated(&self) -> bool {
+        matches!(self.plan.scenario.source, ScenarioSource::Arena { .. })
     }
 
-    /// The runs whose pairs are registered before those of a run.
-    fn before(&self, i: usize) -> Vec<String> {
+    /// Digest of the pairs that are registered before those of a run.
+    fn after(&self, i: usize) -> String {
         let runs = self.runs[..i].iter().zip(&self.session.runs);
-        let stressed = runs.filter(|(run, _)| run.0 == self.runs[i].0);
-        let names = stressed.map(|(_, run)| run.run.folder());
-        names.filter(|_| self.are_recordings()).collect()
+        let before = runs.filter(|(run, _)| run.0 == self.runs[i].0 && self.are_recordings());
+        let before = before.map(|(_, own)| format!("{:?} {}", own.run, own.facts.inputs()));
+        hash(&before.collect::<Vec<_>>().join("\n"))
     }
 
-    /// Compares the pairs of runs with those that results are kept of, if files are others than
-    /// they were.
-    fn check_inputs(&mut self) -> Result<()> {
-        let is_changed = |i: usize| {
-            let facts = self.session.runs[i].facts.as_ref();
-            let is_same = |facts: &RunFacts| {
-                facts.files == self.files[self.runs[i].1] && facts.after == self.before(i)
-            };
-            // Results of unknown files are those of unknown pairs.
-            let has_results = !self.session.runs[i].kept.seals().is_empty();
-            facts.map_or(has_results, |facts| !is_same(facts))
-        };
-        let changed: Vec<_> = (0..self.runs.len()).map(is_changed).collect();
+    /// True if the files of a run are those that were read, so that its pairs are known.
+    fn is_known(&self, i: usize) -> bool {
+        let facts = &self.session.runs[i].facts;
+        // svl's own recording of a simulation is that of its description.
+        let is_cached = |path| self.are_simulated() && std::path::Path::starts_with(path, RECORDINGS);
+        let mut files = facts.files.iter();
+        facts.losses.is_some()
+            && facts.after == self.after(i)
+            && files.all(|file| match file.change() {
+                FileChange::Unchanged => true,
+                FileChange::Recent | FileChange::Gone => is_cached(file.path()),
+                FileChange::Changed => false,
+            })
+    }
+
+    /// Reads the runs again whose files are others than they were, and compares the pairs with
+    /// those that results are kept of.
+    fn compare_changed(&mut self) -> Result<()> {
+        let has_units = |i: usize| self.session.runs[i].all().next().is_some();
+        let runs = 0..self.runs.len();
+        let changed: Vec<_> = runs.map(|i| has_units(i) && !self.is_known(i)).collect();
+        self.compare(&changed)
+    }
+
+    /// Reads these runs, and with one of several recordings all: a recording has no copies of the
+    /// pairs of those before it.
+    pub(super) fn compare(&mut self, changed: &[bool]) -> Result<()> {
         if !changed.contains(&true) {
             return Ok(());
         }
-        let mut found = Vec::new();
-        let mut opener = self.opener()?;
-        for (i, is_changed) in changed.into_iter().enumerate() {
-            // A recording has no copies of pairs of those before it.
-            if is_changed || self.are_recordings() {
-                let warned = self.console.begin_warnings();
-                let read = read_inputs(opener.open(self.runs[i])?, self.are_all_pairs())?;
-                found.push((i, read, self.warnings(warned)));
-            }
-        }
-        drop(opener);
-        // Inputs do not have the maps of these.
-        let recorded = self.plan.scenario.algorithms.iter();
-        for algorithm in recorded.filter(|a| a.spec().is_recorded()) {
-            self.session.forget_algorithm(algorithm.label());
-        }
-        for (i, (inputs, end), warnings) in found {
-            let (files, after) = (self.files[self.runs[i].1].clone(), self.before(i));
-            self.session.change_run(i, &inputs, |facts| {
-                if facts.end != end {
-                    facts.warnings.retain(|own| !own.algorithms.is_empty());
-                }
-                let new = warnings.into_iter();
-                new.for_each(|warning| warning.add_to(&mut facts.warnings));
-                (facts.files, facts.after, facts.end) = (files, after, end);
-            });
-        }
-        Ok(())
-    }
-
-    /// Matches one pair again by each program that results are kept of, and forgets them if its
-    /// answer is another: a command may run another program than before.
-    fn check_programs(&mut self) -> Result<()> {
-        for algorithm in &self.plan.scenario.algorithms {
-            if !algorithm.spec().is_program() {
+        let scenario = self.plan.scenario;
+        let mut opener = RunOpener::new(scenario, self.console, &LiveTable::default())?;
+        let manifest = self.session.manifest();
+        let nothing = RunUnits::default();
+        for i in 0..self.runs.len() {
+            if !changed[i] && !self.are_recordings() {
                 continue;
             }
-            let label = algorithm.label();
-            for run in &mut self.session.runs {
-                run.kept.forget_failures(label)?;
-            }
-            let mut runs = self.session.runs.iter().enumerate();
-            let first = runs.find_map(|(i, run)| Some((i, run.kept.first_row(label)?)));
-            let Some((i, first)) = first else {
-                continue;
+            let begun = (self.console.begin_warnings(), opener.open(self.runs[i]));
+            let mut sinks = self.sinks(None)?;
+            let wanted = WantedResults {
+                labels: BTreeSet::new(),
+                ..self.wanted(i, &nothing)
             };
-            let (place, known) = first?;
-            let (run, judge) = self.opener()?.open(self.runs[i])?;
-            if result_hash(algorithm, run, &judge, place)? != Some(known.result_hash) {
-                tracing::warn!(
-                    "{label}: its result of pair {} is another than before: all its pairs are \
-                     matched again",
-                    known.sequence
-                );
-                self.session.forget_algorithm(label);
+            let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
+            let pass = self.pass(i, begun, &mut matchers, &manifest, &mut sinks, &wanted);
+            self.matchers = matchers;
+            if pass.interrupted {
+                return Err(Error::Interrupted);
             }
+            self.session.set_facts(i, pass.facts)?;
         }
         Ok(())
     }
 
-    fn wanted(&self, i: usize) -> WantedResults<'_> {
+    fn wanted<'u>(&self, i: usize, units: &'u RunUnits) -> WantedResults<'u> {
+        let asked = self.session.asked();
+        let algorithms = self.session.list.algorithms_of(&self.session.list.runs[i]);
+        let labels = algorithms.iter().map(|own| own.label);
+        let labels = labels.filter(|label| asked.contains(label));
         WantedResults {
-            kept: &self.session.runs[i].kept,
+            units,
             run: i,
             shard: self.plan.shard,
-            run_memory: self.matchers.with_run_memory().map(str::to_owned).collect(),
-            labels: self.labels_of(i),
+            run_memory: self.run_memory.clone(),
+            labels: labels.map(str::to_owned).collect(),
         }
-    }
-
-    /// The algorithms that match a run.
-    fn labels_of(&self, i: usize) -> BTreeSet<String> {
-        let labels = self.session.plan.labels_of(&self.session.runs[i].run);
-        labels.into_iter().map(str::to_owned).collect()
     }
 
     /// True if results of a run are missing, of this shard.
     fn is_missing(&self, i: usize) -> bool {
-        let (wanted, run) = (self.wanted(i), &self.session.runs[i].run);
-        let labels = self.session.plan.labels_of(run);
-        let pairs = self.session.runs[i].pairs();
-        pairs.is_none_or(|pairs| (0..pairs).any(|place| wanted.wants_any(place, &labels)))
+        let run = &self.session.runs[i];
+        !run.is_read() || self.wanted(i, run).wants_any(run.blocks(&self.session.list))
     }
 
     /// The runs that are read: those with missing results, and the recordings before them, which
@@ -224,106 +207,163 @@ impl RunWork<'_> {
         (0..self.runs.len()).filter(is_read).collect()
     }
 
+    /// Leaves out the results of algorithms that depend on all earlier pairs, unless all are there.
+    fn keep_whole_memory(&mut self) {
+        for run in &mut self.session.runs {
+            let blocks = run.blocks(&self.session.list);
+            for label in &self.run_memory {
+                let is_whole = run.is_read() && run.units(label).count() as u64 == blocks;
+                run.retain(|own, _, _| own != label || is_whole);
+            }
+        }
+    }
+
     /// Matches what is missing.
-    fn run(mut self, mut opener: RunOpener<'_>, pace: Pace) -> Result<MeasuredUnits> {
+    fn run(mut self, mut opener: RunOpener<'_>) -> Result<MeasuredUnits> {
+        self.keep_whole_memory();
         let read = self.read();
         // The first is opened before anything is written: Ctrl-C until then changes nothing.
-        let mut warned = self.console.begin_warnings();
-        let first = read.first().map(|i| opener.open(self.runs[*i]));
-        let mut first = first.transpose()?;
+        let first = read.first().map(|i| {
+            let warned = self.console.begin_warnings();
+            Ok((warned, opener.open(self.runs[*i])?))
+        });
+        let first = first.transpose()?;
         self.session.begin()?;
-        if read.is_empty() {
+        let Some((warned, first)) = first else {
             return Ok(MeasuredUnits {
                 ran: Ok(()),
-                session: None,
+                session: self.session,
+                has_matched: false,
             });
-        }
+        };
         let mut manifest = self.session.manifest();
         self.session.write(&manifest)?;
-        let mut sinks = self.sinks(&manifest, opener.live())?;
-        let mut ran = Ok(());
-        for i in read {
-            if first.is_none() {
-                warned = self.console.begin_warnings();
-            }
-            ran = self.take(
-                i,
-                first.take(),
-                &mut opener,
-                &manifest,
-                &mut sinks,
-                pace,
-                warned,
-            );
-            if ran.is_err() {
-                break;
-            }
+        let mut sinks = self.sinks(Some((&manifest, opener.live())))?;
+        let mut ran = self.read_runs(&read, (warned, Ok(first)), &mut opener, &manifest, &mut sinks);
+        // Files may have changed between the look at them and the reading of their pairs.
+        self.keep_whole_memory();
+        let again = self.read();
+        if let (Ok(()), Some(i)) = (&ran, again.first()) {
+            let name = self.session.list.runs[*i].words();
+            tracing::warn!("{name}: its pairs changed while svl ran; they are matched again");
+            let mut opener = RunOpener::new(self.plan.scenario, self.console, opener.live())?;
+            let begun = (self.console.begin_warnings(), opener.open(self.runs[*i]));
+            ran = self.read_runs(&again, begun, &mut opener, &manifest, &mut sinks);
         }
         let (_, finished) = sinks.finish();
         self.matchers.complete(&mut manifest);
         self.session.write(&manifest)?;
+        if self.plan.shard.is_some() {
+            // Other shards wrote theirs.
+            (0..self.runs.len()).try_for_each(|i| self.session.reload(i))?;
+        }
         Ok(MeasuredUnits {
             ran: ran.and(finished),
-            session: Some(self.session.id().to_owned()),
+            session: self.session,
+            has_matched: true,
         })
     }
 
-    /// Scores a run, and writes its facts.
-    #[expect(clippy::too_many_arguments)]
-    fn take(
+    /// Scores runs, the first of which is opened, up to the first error.
+    fn read_runs(
         &mut self,
-        i: usize,
-        opened: Option<(RunSource, Judge)>,
+        runs: &[usize],
+        first: BegunRun,
         opener: &mut RunOpener<'_>,
         manifest: &Manifest,
         sinks: &mut Sinks,
-        pace: Pace,
-        warned: usize,
     ) -> Result<()> {
-        // Its files are known before its results come.
-        self.session.units.write_facts(&self.begun(i)?)?;
-        let (mut run, judge) = match opened.map_or_else(|| opener.open(self.runs[i]), Ok) {
-            Ok(opened) => opened,
-            Err(error) => {
-                self.write_facts(i, None, Some(error.to_string()), warned)?;
-                return Err(error);
+        let mut first = Some(first);
+        for &i in runs {
+            let begun = first.take();
+            let begun = begun.unwrap_or_else(|| {
+                let warned = self.console.begin_warnings();
+                (warned, opener.open(self.runs[i]))
+            });
+            let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
+            let wanted = self.wanted(i, &self.session.runs[i]);
+            let pass = self.pass(i, begun, &mut matchers, manifest, sinks, &wanted);
+            self.matchers = matchers;
+            self.session.store_facts(i, pass.facts)?;
+            pass.ran?;
+            if pass.interrupted {
+                return Err(Error::Invalid(
+                    "interrupted; the report has what was scored before, and the same command \
+                     continues"
+                        .to_owned(),
+                ));
             }
+        }
+        Ok(())
+    }
+
+    /// Reads a run through the matchers whose results are wanted.
+    fn pass(
+        &self,
+        i: usize,
+        (warned, opened): BegunRun,
+        matchers: &mut Matchers,
+        manifest: &Manifest,
+        sinks: &mut Sinks,
+        wanted: &WantedResults<'_>,
+    ) -> Pass {
+        let mut pass = Pass {
+            facts: RunFacts {
+                after: self.after(i),
+                ..RunFacts::default()
+            },
+            interrupted: false,
+            ran: Ok(()),
         };
-        let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
-        let wanted = WantedResults {
-            kept: &self.session.runs[i].kept,
-            run: i,
-            shard: self.plan.shard,
-            run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
-            labels: self.labels_of(i),
-        };
+        match opened {
+            Err(error) => pass.ran = Err(error),
+            Ok(opened) => self.read_run(opened, matchers, manifest, sinks, wanted, &mut pass),
+        }
+        pass.facts.error = pass.ran.as_ref().err().map(ToString::to_string);
+        let algorithms = self.session.list.algorithms_of(&self.session.list.runs[i]);
+        let new = self.console.warnings().split_off(warned).into_iter();
+        let new = new.filter_map(|text| RunWarning::new(text, &algorithms));
+        new.for_each(|warning| warning.add_to(&mut pass.facts.warnings));
+        pass
+    }
+
+    fn read_run(
+        &self,
+        opened: OpenedRun,
+        matchers: &mut Matchers,
+        manifest: &Manifest,
+        sinks: &mut Sinks,
+        wanted: &WantedResults<'_>,
+        pass: &mut Pass,
+    ) {
+        let OpenedRun {
+            source: mut run,
+            judge,
+            files,
+        } = opened;
+        let entered = files.enter();
         let start = RunStart {
-            wanted: Some(&wanted),
+            wanted: Some(wanted),
             ..RunStart::new(manifest, run.seed, &judge)
         };
         let title = self.title(&run, &judge);
-        let watch = Watch::new(self.console, &title, run.pairs(), Some(opener.live()));
-        let stress = match &judge.run.stress {
+        let watch = Watch::new(self.console, &title, run.pairs(), None);
+        let sinks: &mut [Box<dyn Sink>] = match &judge.run.stress {
             None => sinks.as_mut_slice(),
             Some(_) => sinks.tables_mut(),
         };
-        let (outcome, ran) = run_through(&mut run, &mut matchers, &start, pace, stress, watch);
-        self.matchers = matchers;
-        if outcome.interrupted {
-            ran?;
-            return Err(Error::Invalid(
-                "interrupted; the report has what was scored before, and the same command \
-                 continues"
-                    .to_owned(),
-            ));
-        }
-        let end = ran.is_ok().then_some((&run, &outcome));
-        if end.is_some() && self.are_all_pairs() {
+        let (outcome, ran) = run_through(&mut run, matchers, &start, self.pace, sinks, watch);
+        let is_read = ran.is_ok() && !outcome.interrupted;
+        if is_read && self.plan.scenario.options.range() == PairRange::default() {
             run.warn_beyond(&judge);
         }
-        let error = ran.as_ref().err().map(ToString::to_string);
-        self.write_facts(i, end, error, warned)?;
-        ran
+        drop(entered);
+        pass.facts.files = files.stamps();
+        pass.facts.pairs = std::mem::take(&mut *self.pairs.lock());
+        pass.facts.losses = is_read.then_some(outcome.losses);
+        pass.facts.latency.clone_from(&run.latency);
+        pass.facts.record = run.record;
+        (pass.interrupted, pass.ran) = (outcome.interrupted, ran);
     }
 
     fn title(&self, run: &RunSource, judge: &Judge) -> String {
@@ -337,148 +377,43 @@ impl RunWork<'_> {
         }
     }
 
-    fn sinks(&self, manifest: &Manifest, live: &LiveTable) -> Result<Sinks> {
+    /// The sinks of runs: units, and for those that are matched the viewer and the table of the
+    /// screen.
+    fn sinks(&self, matched: Option<(&Manifest, &LiveTable)>) -> Result<Sinks> {
         let (plan, scenario) = (self.plan, self.plan.scenario);
-        let sessions = self.session.units.sessions()?;
-        let first = sessions.first().map(|first| first.manifest.run_id.clone());
-        let info = RunInfo {
-            // The files of all sessions are one recording.
-            recording_id: first.unwrap_or_default(),
-            ..RunInfo::new(manifest, scenario.wireframe(None))
-        };
         // More do not fit into a viewer, nor the file on a disk.
-        let viewer = plan.viewer.clone();
-        let viewer = viewer.filter(|_| scenario.algorithms.len() <= MAX_SHOWN);
+        let is_shown = scenario.algorithms.len() <= MAX_SHOWN;
+        let viewer = plan.viewer.clone().filter(|_| is_shown).zip(matched);
+        let viewer = viewer.map(|((viewer, target, detail), (manifest, _))| ViewerRequest {
+            viewer,
+            target,
+            detail,
+            info: RunInfo {
+                // The files of all sessions are one recording.
+                recording_id: self.session.first_id(),
+                ..RunInfo::new(manifest, scenario.wireframe(None))
+            },
+        });
         let mut sinks = Sinks::open(SinkRequest {
             report: Some(UnitRequest {
                 folder: plan.folder,
-                plan: &self.session.plan,
+                plan: &self.session.list,
                 session: self.session.id(),
+                pairs: &self.pairs,
             }),
-            viewer: viewer.map(|(viewer, target, detail)| ViewerRequest {
-                viewer,
-                target,
-                detail,
-                info,
-            }),
+            viewer,
             ..SinkRequest::default()
         })?;
-        sinks.push(live.clone());
+        if let Some((_, live)) = matched {
+            sinks.push(live.clone());
+        }
         Ok(sinks)
     }
-
-    /// The warnings of a run since there were so many.
-    fn warnings(&self, warned: usize) -> Vec<RunWarning> {
-        let labels = self.session.plan.labels();
-        let new = self.console.warnings().split_off(warned).into_iter();
-        new.filter_map(|text| RunWarning::new(text, &labels))
-            .collect()
-    }
-
-    /// The facts of a run as they are known before it is read.
-    fn begun(&self, i: usize) -> Result<RunFacts> {
-        let run = &self.session.runs[i].run;
-        Ok(match self.session.units.facts(run)? {
-            Some(known) => known,
-            None => RunFacts {
-                run: run.clone(),
-                record: None,
-                files: self.files[self.runs[i].1].clone(),
-                end: None,
-                error: None,
-                warnings: Vec::new(),
-                scales: MeasuredScales::default(),
-                latency: Vec::new(),
-                after: self.before(i),
-            },
-        })
-    }
-
-    /// Writes the facts of a run that was read: to its end, or up to an error.
-    fn write_facts(
-        &self,
-        i: usize,
-        end: Option<(&RunSource, &Outcome)>,
-        error: Option<String>,
-        warned: usize,
-    ) -> Result<()> {
-        let mut facts = self.begun(i)?;
-        let new = self.warnings(warned).into_iter();
-        new.for_each(|warning| warning.add_to(&mut facts.warnings));
-        facts.error = error;
-        if let Some((run, outcome)) = end {
-            let kept = &self.session.runs[i].kept;
-            let scales = &mut facts.scales;
-            scales.algorithms.retain(|label, _| kept.count(label) > 0);
-            scales.origin.clone_from(&outcome.scales.origin);
-            for (label, scale) in &outcome.scales.algorithms {
-                scales.algorithms.entry(label.clone()).or_insert(*scale);
-            }
-            facts.end = Some(RunEndFacts {
-                pairs: outcome.frames,
-                inputs: run.inputs(),
-                losses: outcome.losses.clone(),
-            });
-            facts.record = run.record.clone();
-            facts.latency.clone_from(&run.latency);
-        }
-        self.session.units.write_facts(&facts)
-    }
 }
 
-/// The input hash of each pair of a run, and its end; none if a pair cannot be read, which is
-/// reported when it is scored.
-fn read_inputs(
-    (mut run, judge): (RunSource, Judge),
-    are_all: bool,
-) -> Result<(Vec<String>, Option<RunEndFacts>)> {
-    let mut inputs = Vec::new();
-    let read = loop {
-        match run.next() {
-            Ok(Some(frame)) => inputs.push(hash_words(frame.input_hash(frame.pair.hash()))),
-            Ok(None) => break Ok(()),
-            Err(error) => break Err(error),
-        }
-        if interrupt::requested() {
-            return Err(Error::Interrupted);
-        }
-    };
-    if read.is_err() {
-        return Ok((inputs, None));
-    }
-    let losses = run.finish(inputs.len() as u64);
-    report_losses(&run.name(), &losses);
-    if are_all {
-        run.warn_beyond(&judge);
-    }
-    let end = RunEndFacts {
-        pairs: inputs.len() as u64,
-        inputs: run.inputs(),
-        losses,
-    };
-    Ok((inputs, Some(end)))
-}
-
-/// The hash of an algorithm's result of the pair at `place` of a run; none if it fails.
-fn result_hash(
-    algorithm: &Algorithm,
-    mut run: RunSource,
-    judge: &Judge,
-    place: u64,
-) -> Result<Option<String>> {
-    let mut frame = run.next()?;
-    for _ in 0..place {
-        frame = run.next()?;
-    }
-    let Some(frame) = frame else {
-        return Ok(None);
-    };
-    let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
-    let context = MatchContext::for_frame(&frame, judge.grid, judge.cells);
-    output.begin();
-    let matched = matcher.compute(frame.rectified()?, &context, &mut output);
-    Ok(matched.is_ok().then(|| {
-        let hash = output.disparity.hash();
-        hash_words(output.grid.as_ref().map_or(hash, |grid| grid.hash(hash)))
-    }))
+/// What came of reading a run.
+struct Pass {
+    facts: RunFacts,
+    interrupted: bool,
+    ran: Result<()>,
 }

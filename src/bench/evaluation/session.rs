@@ -2,26 +2,33 @@
 
 use super::plan::{Again, EvaluationPlan};
 use crate::console::Console;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_report::units::{
-    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units, unit_format,
+    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file,
 };
-use svl_score::manifest::{Manifest, Purpose, hash};
+use svl_score::manifest::{Manifest, Purpose};
 
-/// The units of a report as a session finds them.
+/// The units of a report as a session finds them, and as it leaves them.
 pub(super) struct EvaluationSession {
     pub(super) units: Units,
-    pub(super) plan: ReportPlan,
-    /// Per run of the plan what is kept.
+    /// The list of the report, with the algorithms of earlier commands behind those asked for.
+    pub(super) list: ReportPlan,
+    /// Number of the algorithms asked for.
+    asked: usize,
     pub(super) runs: Vec<RunUnits>,
+    sessions: Vec<StoredSession>,
+    again: Again,
     shard: Option<String>,
-    /// Units that are not what was sealed, or of other pairs.
-    invalid: Vec<StoredSeal>,
-    /// Results of programs that answer otherwise now.
-    other_programs: Vec<(StoredSeal, String)>,
-    /// Runs whose facts are others than in the folder.
-    changed: Vec<usize>,
+    /// True if each pair is matched several times: other times are not taken.
+    has_rounds: bool,
+    /// True if other shards write into the folder.
+    is_shared: bool,
+    /// Files that are no units, and units that do not count any more.
+    unusable: BTreeSet<PathBuf>,
+    /// Runs whose facts were found by reading them.
+    read: BTreeSet<usize>,
 }
 
 impl EvaluationSession {
@@ -29,171 +36,271 @@ impl EvaluationSession {
     /// written.
     ///
     /// # Errors
-    /// Those of the units' files.
+    /// Those of the units' files; [`Error::Invalid`] for a shard of another run than the folder's.
     pub(super) fn open(
         plan: &EvaluationPlan<'_>,
-        manifest: Manifest,
+        mut manifest: Manifest,
         runs: Vec<ReportRun>,
         console: &dyn Console,
     ) -> Result<Self> {
         let units = Units::for_report(plan.folder);
-        let mut again = plan.again;
-        if units.exist() && !units.are_readable() {
-            let folder = plan.folder.display();
-            tracing::warn!("{folder}: is of another version of svl: all is matched again");
-            again = Again::All;
-        }
-        let mut plan_of_report = ReportPlan {
-            format: unit_format(),
-            identities: identities(&manifest)?,
-            manifest,
-            runs,
-            limit_lines: plan.scenario.gate.iter().map(|limit| limit.line).collect(),
-            lost: plan.lost.clone(),
-        };
-        // Those of the session.
-        let shard = plan_of_report.manifest.shard.take();
-        plan_of_report.manifest.warnings = console.warnings();
-        if plan.shard.is_some() && again != Again::All && units.exist() {
-            let folder_manifest = units.plan()?.manifest;
-            let differences =
-                folder_manifest.differences(&plan_of_report.manifest, Purpose::Merge)?;
-            if !differences.is_empty() {
-                return Err(Error::Invalid(format!(
-                    "{}: has another run ({}); use the same options for all shards, another -o, \
-                     or --force",
-                    plan.folder.display(),
-                    differences.join("; ")
-                )));
+        // That of the session.
+        let shard = manifest.shard.take();
+        manifest.warnings = console.warnings();
+        let mut list = ReportPlan::new(manifest, runs)?;
+        list.limit_lines = plan.scenario.gate.iter().map(|limit| limit.line).collect();
+        list.lost.clone_from(&plan.lost);
+        let (known, sessions) = (units.known_plan(), units.sessions()?);
+        let is_other = |session: &StoredSession| session.manifest.shard != shard;
+        let is_shared = shard.is_some() && sessions.iter().any(is_other) && plan.again != Again::All;
+        let asked = list.manifest.algorithms.len();
+        if let Some(known) = &known {
+            if is_shared && known.digest() != list.digest() {
+                return Err(refused(plan, known, &list)?);
+            }
+            let is_union = shard.is_none() && !plan.prune && plan.again == Again::Missing;
+            if is_union && known.has_runs_of(&list) {
+                let labels: Vec<_> = list.labels().into_iter().map(str::to_owned).collect();
+                let earlier = known.manifest.algorithms.iter();
+                let earlier = earlier.filter(|own| !labels.contains(&own.label));
+                list.manifest.algorithms.extend(earlier.cloned());
             }
         }
-        let sessions = units.sessions()?;
-        let mut damaged: Vec<(StoredSeal, PathBuf)> = Vec::new();
-        let mut found = Vec::new();
-        for run in &plan_of_report.runs {
-            found.push(RunUnits::read(
-                &units,
-                &plan_of_report,
-                run,
-                &sessions,
-                |seal, file| damaged.push((seal.clone(), file)),
-            )?);
+        let mut session = Self {
+            units,
+            list,
+            asked,
+            runs: Vec::new(),
+            sessions,
+            again: plan.again,
+            shard,
+            has_rounds: plan.rounds > 1,
+            is_shared,
+            unusable: BTreeSet::new(),
+            read: BTreeSet::new(),
+        };
+        for run in session.list.runs.clone() {
+            let (list, sessions) = (&session.list, &session.sessions);
+            let unusable = &mut session.unusable;
+            let damaged = |file| {
+                unusable.insert(file);
+            };
+            let found = RunUnits::read(&session.units, list, &run, sessions, damaged)?;
+            session.runs.push(session.kept(found));
         }
-        for (_, file) in &damaged {
+        for file in &session.unusable {
             tracing::warn!(
                 "{}: was cut or edited: its pairs are matched again",
                 file.display()
             );
         }
-        let labels = plan_of_report.labels();
-        let times = &plan_of_report.manifest.times;
-        let is_other = |id: &str| {
-            let mut sessions = sessions.iter().map(|session| &session.manifest);
-            sessions.any(|manifest| manifest.run_id == id && manifest.times != *times)
-        };
-        for run in &mut found {
-            if plan.rounds > 1 {
-                // Matched fewer times, or more.
-                run.kept.forget_sessions(is_other);
-            }
-            match again {
-                Again::Missing => {}
-                Again::Times => run.kept.forget_mixed_blocks(&labels),
-                Again::All => labels.iter().for_each(|label| run.kept.forget(label)),
-            }
+        Ok(session)
+    }
+
+    /// The units that need not be matched again.
+    fn kept(&self, mut run: RunUnits) -> RunUnits {
+        if self.has_rounds {
+            // Matched fewer times, or more.
+            let times = &self.list.manifest.times;
+            let sessions = self.sessions.iter().map(|session| &session.manifest);
+            let others = sessions.filter(|own| own.times != *times);
+            let others: BTreeSet<_> = others.map(|own| own.run_id.as_str()).collect();
+            run.retain(|_, _, unit| !others.contains(unit.session.as_str()));
         }
-        Ok(Self {
-            units,
-            plan: plan_of_report,
-            shard,
-            runs: found,
-            invalid: damaged.into_iter().map(|(seal, _)| seal).collect(),
-            other_programs: Vec::new(),
-            changed: Vec::new(),
-        })
+        let id = self.id();
+        match self.again {
+            Again::Missing => {}
+            Again::Times => run.retain_equal_blocks(&self.list),
+            Again::All => run.retain(|_, _, unit| unit.session == id),
+        }
+        run
     }
 
     /// Its identifier.
     pub(super) fn id(&self) -> &str {
-        &self.plan.manifest.run_id
+        &self.list.manifest.run_id
     }
 
-    /// Begins the session: the folder is of its plan from now on.
+    /// The algorithms asked for.
+    pub(super) fn asked(&self) -> Vec<&str> {
+        self.list.manifest.labels().take(self.asked).collect()
+    }
+
+    /// Begins the session: the folder is of its list from now on.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
     pub(super) fn begin(&self) -> Result<()> {
-        self.units.write_plan(&self.plan)?;
-        self.units.remove(&self.invalid)?;
-        for i in &self.changed {
-            if let Some(facts) = &self.runs[*i].facts {
-                self.units.write_facts(facts)?;
+        self.units.write_plan(&self.list)?;
+        for file in &self.unusable {
+            match file.is_dir() && !file.is_symlink() {
+                true => std::fs::remove_dir_all(file).map_err(|e| Error::io(file, e))?,
+                false => remove_file(file)?,
             }
         }
-        self.other_programs
-            .iter()
-            .try_for_each(|(seal, label)| self.units.remove_algorithms(seal, |own| own == label))
+        for i in &self.read {
+            self.write_facts(*i)?;
+        }
+        Ok(())
     }
 
-    /// Notes how a run is now: what is kept of other pairs is forgotten. `inputs`: the input hash
-    /// of each pair.
-    pub(super) fn change_run(
-        &mut self,
-        run: usize,
-        inputs: &[String],
-        change: impl FnOnce(&mut RunFacts),
-    ) {
-        let own = &mut self.runs[run];
-        self.invalid.extend(own.kept.forget_other_inputs(inputs));
-        if let Some(facts) = &mut own.facts {
-            change(facts);
+    fn write_facts(&self, i: usize) -> Result<()> {
+        self.units.write_facts(&self.list.runs[i], &self.runs[i].facts)
+    }
+
+    /// Notes what was found by reading a run: units of other pairs do not count any more.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Invalid`] for other pairs than those of other shards.
+    pub(super) fn set_facts(&mut self, i: usize, mut facts: RunFacts) -> Result<()> {
+        let known = &self.runs[i].facts;
+        let is_same = known.inputs() == facts.inputs();
+        if self.is_shared && known.losses.is_some() && facts.losses.is_some() && !is_same {
+            return Err(Error::Invalid(format!(
+                "the pairs, calibration or truth of {} are others than those of the shards in the \
+                 folder; use the same files for all shards, another -o, or --force",
+                self.list.runs[i].words()
+            )));
         }
-        self.changed.push(run);
+        let is_part = facts.error.is_none() && known.pairs.starts_with(&facts.pairs);
+        if facts.losses.is_none() && known.losses.is_some() && is_part {
+            // More is known than an interrupted session read.
+            return Ok(());
+        }
+        if is_same {
+            facts.join(known);
+        }
+        self.load(i, Some(facts))?;
+        self.read.insert(i);
+        Ok(())
+    }
+
+    /// As [`Self::set_facts`], and writes them.
+    ///
+    /// # Errors
+    /// As [`Self::set_facts`].
+    pub(super) fn store_facts(&mut self, i: usize, facts: RunFacts) -> Result<()> {
+        // Another shard may have written its own.
+        let _lock = self.shard.as_ref().map(|_| self.units.lock()).transpose()?;
+        let known = self.units.facts(&self.list.runs[i])?;
+        if let Some(known) = known.filter(|_| self.shard.is_some()) {
+            self.runs[i].facts = known;
+        }
+        self.set_facts(i, facts)?;
+        self.write_facts(i)
+    }
+
+    /// Reads the units of a run again, with other facts if these are given.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    fn load(&mut self, i: usize, facts: Option<RunFacts>) -> Result<()> {
+        let run = self.list.runs[i].clone();
+        let facts = facts.unwrap_or_else(|| std::mem::take(&mut self.runs[i].facts));
+        let (units, list) = (&self.units, &self.list);
+        let found = RunUnits::of_facts(units, list, &run, &self.sessions, facts, |_| ())?;
+        self.runs[i] = self.kept(found);
+        Ok(())
+    }
+
+    /// Reads facts and units of a run again.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn reload(&mut self, i: usize) -> Result<()> {
+        let facts = self.units.facts(&self.list.runs[i])?;
+        self.load(i, facts)
+    }
+
+    /// The identifier of the folder's first session.
+    pub(super) fn first_id(&self) -> String {
+        let first = self.sessions.first();
+        first.map_or_else(String::new, |first| first.manifest.run_id.clone())
     }
 
     /// Forgets all results of an algorithm, which answers otherwise now.
     pub(super) fn forget_algorithm(&mut self, label: &str) {
         for run in &mut self.runs {
-            let seals = run.kept.seals().iter();
-            let own =
-                seals.filter(|stored| stored.seal.algorithms.iter().any(|own| own.label == label));
-            let own = own.map(|seal| (seal.clone(), label.to_owned()));
-            self.other_programs.extend(own);
-            run.kept.forget(label);
+            let own = run.units(label);
+            let paths = own.map(|(_, unit)| unit.path().to_owned());
+            self.unusable.extend(paths);
+            run.retain(|own, _, _| own != label);
         }
     }
 
     /// Its manifest as it begins.
     pub(super) fn manifest(&self) -> Manifest {
-        Manifest {
+        let mut manifest = Manifest {
             shard: self.shard.clone(),
             warnings: Vec::new(),
-            ..self.plan.manifest.clone()
-        }
+            ..self.list.manifest.clone()
+        };
+        manifest.algorithms.truncate(self.asked);
+        manifest
     }
 
     /// Writes what is known of the session itself.
     ///
     /// # Errors
     /// As [`Self::begin`].
-    pub(super) fn write(&self, manifest: &Manifest) -> Result<()> {
-        self.units.write_session(manifest)
+    pub(super) fn write(&mut self, manifest: &Manifest) -> Result<()> {
+        self.units.write_session(manifest)?;
+        self.sessions = self.units.sessions()?;
+        Ok(())
     }
+
+    /// Completes the list: of the algorithms of earlier commands those with all results stay.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub(super) fn finish(&mut self) -> Result<()> {
+        let (list, runs) = (&self.list, &self.runs);
+        let is_whole = |label: &str| {
+            let mut own = runs.iter().filter(|run| {
+                let algorithms = list.algorithms_of(&run.run);
+                algorithms.iter().any(|own| own.label == label)
+            });
+            own.all(|run| run.has_all(list, std::iter::once(label.to_owned())))
+        };
+        let earlier = list.manifest.labels().skip(self.asked);
+        let partial: BTreeSet<_> = earlier.filter(|label| !is_whole(label)).collect();
+        let partial: BTreeSet<_> = partial.into_iter().map(str::to_owned).collect();
+        if !partial.is_empty() {
+            let algorithms = &mut self.list.manifest.algorithms;
+            algorithms.retain(|own| !partial.contains(&own.label));
+            for run in &mut self.runs {
+                run.retain(|label, _, _| !partial.contains(label));
+            }
+            self.units.write_plan(&self.list)?;
+        }
+        Ok(())
+    }
+
+    /// True if all runs have all results.
+    pub(super) fn is_whole(&self) -> bool {
+        self.runs.iter().all(|run| run.is_whole(&self.list))
+    }
+}
+
+/// The error that a folder has shards of another run.
+fn refused(plan: &EvaluationPlan<'_>, known: &ReportPlan, own: &ReportPlan) -> Result<Error> {
+    let manifests = (&known.manifest, &own.manifest);
+    let mut differences = manifests.0.differences(manifests.1, Purpose::Merge)?;
+    if differences.is_empty() {
+        differences.push("its options".to_owned());
+    }
+    Ok(Error::Invalid(format!(
+        "{}: has another run ({}); use the same options for all shards, another -o, or --force",
+        plan.folder.display(),
+        differences.join("; ")
+    )))
 }
 
 /// What was measured.
 pub(super) struct MeasuredUnits {
     /// Reason why it ended early, if it did.
     pub(super) ran: Result<()>,
-    /// The session, unless nothing was missing.
-    pub(super) session: Option<String>,
-}
-
-/// Per algorithm the hash of all that its results depend on besides the pairs.
-fn identities(manifest: &Manifest) -> Result<Vec<String>> {
-    let run = manifest.identity_hash(Purpose::Keep)?;
-    let identity = |record: &svl_score::manifest::AlgorithmRecord| {
-        hash(&format!("{run} {}:{}", record.name, record.parameters_hash))
-    };
-    Ok(manifest.algorithms.iter().map(identity).collect())
+    pub(super) session: EvaluationSession,
+    /// False if nothing was missing.
+    pub(super) has_matched: bool,
 }

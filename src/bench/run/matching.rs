@@ -6,7 +6,7 @@ use crate::sink::{RunStart, Wanted};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::{MatchContext, MatchOutput};
-use svl_core::stereo::{Estimate, Frame, RectifiedPair, Rig};
+use svl_core::stereo::{CellRule, Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
 use svl_score::judge::{Judge, Judged, MatchFailure};
 
@@ -59,6 +59,8 @@ pub(super) struct Matching<'a> {
     wanted: Option<&'a dyn Wanted>,
     /// Place of the next pair in the run.
     place: u64,
+    /// The size of images whose ranges of disparities were looked at.
+    ranged_for: Option<(usize, usize)>,
     monitor: &'a mut dyn Monitor,
     frames: u64,
     pub(super) failures: BTreeMap<String, u64>,
@@ -87,6 +89,7 @@ impl<'a> Matching<'a> {
             },
             wanted: start.wanted,
             place: 0,
+            ranged_for: None,
             monitor,
             frames: 0,
             failures,
@@ -102,6 +105,11 @@ impl<'a> Matching<'a> {
         self.pacer.wait_for(frame);
         let (wanted, place) = (self.wanted, self.place);
         self.place += 1;
+        // Also of algorithms whose results are known: the warning belongs to the run.
+        let is_new = self.ranged_for.replace(frame.pair.size()) != Some(frame.pair.size());
+        if let Some(rig) = frame.rig().filter(|_| is_new && self.rounds.is_some()) {
+            warn_of_ranges(&mut self.matchers.0, rig, self.judge.cells);
+        }
         let entries = self.matchers.0.iter_mut();
         let mut matching: Vec<_> = entries
             .filter(|entry| is_wanted(wanted, place, entry))
@@ -113,7 +121,7 @@ impl<'a> Matching<'a> {
         let pair = frame.rectified()?;
         let context = MatchContext::for_frame(frame, self.judge.grid, self.judge.cells);
         if self.rounds.is_some() {
-            warm_up(&mut matching, frame, pair, &context);
+            warm_up(&mut matching, pair, &context);
         }
         let rounds = in_rounds(&mut matching, pair, &context, self.rounds.unwrap_or(1));
         if rounds
@@ -228,35 +236,24 @@ fn in_rounds(
     all
 }
 
-/// Sets up the memory of algorithms for the size of a pair, and warns of those whose range ends
-/// before obstacles do.
-fn warm_up(
-    entries: &mut [&mut RunMatcher],
-    frame: &Frame,
-    pair: RectifiedPair<'_>,
-    context: &MatchContext<'_>,
-) {
-    let (obstacle_m, _) = context.cells.obstacle_and_clear_m();
-    let mut short: Vec<(String, f64)> = Vec::new();
+/// Sets up the memory of algorithms for the size of a pair.
+fn warm_up(entries: &mut [&mut RunMatcher], pair: RectifiedPair<'_>, context: &MatchContext<'_>) {
     for entry in entries {
-        if entry.warm_for.replace(pair.size()) == Some(pair.size()) {
-            continue;
+        if entry.warm_for.replace(pair.size()) != Some(pair.size()) {
+            entry.warm_up(pair, context);
         }
-        entry.warm_up(pair, context);
-        if let Some(rig) = frame.rig() {
-            let nearest_m = entry.short_range(rig, obstacle_m);
-            short.extend(nearest_m.map(|nearest_m| (entry.label.clone(), nearest_m)));
-        }
-    }
-    if let Some(rig) = frame.rig() {
-        warn_of_ranges(short, rig, obstacle_m);
     }
 }
 
-/// Warns of algorithms whose ranges of disparities end before obstacles do: their labels, and the
-/// nearest distances that they see.
-fn warn_of_ranges(mut short: Vec<(String, f64)>, rig: &Rig, obstacle_m: f64) {
+/// Warns of algorithms whose ranges of disparities end before obstacles do, each once.
+fn warn_of_ranges(entries: &mut [RunMatcher], rig: &Rig, cells: CellRule) {
+    let (obstacle_m, _) = cells.obstacle_and_clear_m();
     let px = rig.disparity_px(obstacle_m).ceil();
+    let short = entries.iter_mut().filter_map(|entry| {
+        let nearest_m = entry.short_range(rig, obstacle_m)?;
+        Some((entry.label.clone(), nearest_m))
+    });
+    let mut short: Vec<(String, f64)> = short.collect();
     short.sort_by(|a, b| a.1.total_cmp(&b.1));
     for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
         let labels: Vec<_> = equal.iter().map(|(label, _)| label.as_str()).collect();

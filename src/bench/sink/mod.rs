@@ -19,7 +19,7 @@ pub(crate) use pictures::frame_shot;
 pub use recording::RecordingSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;
-pub use units::UnitSink;
+pub use units::{RunPairs, UnitSink};
 pub use viewer::{
     BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
 };
@@ -156,6 +156,8 @@ pub struct UnitRequest<'a> {
     pub folder: &'a Path,
     pub plan: &'a ReportPlan,
     pub session: &'a str,
+    /// The pairs of the run under way.
+    pub pairs: &'a RunPairs,
 }
 
 /// The viewer of a run, with its options.
@@ -211,7 +213,13 @@ impl Sinks {
             }
             Some(report) => {
                 let units = Units::for_report(report.folder);
-                sinks.push(Box::new(UnitSink::new(&units, report.plan, report.session)));
+                let UnitRequest {
+                    plan,
+                    session,
+                    pairs,
+                    ..
+                } = report;
+                sinks.push(Box::new(UnitSink::new(&units, plan, session, pairs)));
             }
         }
         if let Some(ViewerRequest {

@@ -3,7 +3,6 @@
 use super::RunStart;
 use super::table::RunIdentity;
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_files as files;
@@ -24,7 +23,8 @@ const MAX_WIDTH: usize = 320;
 const MAX_SCENE_WIDTH: usize = 200;
 
 /// The pictures of a block: the best and the worst frame of each checkpoint (thesis, figure 7.3),
-/// or frames spread over a recording, or the scenes of a data set.
+/// or frames spread over a recording, or the scenes of a data set; those of several algorithms
+/// share the left image and the truth until the end.
 #[derive(Default)]
 pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
@@ -34,11 +34,8 @@ pub(super) struct BlockShots {
     is_perturbed: bool,
     /// Those of leading frames, by checkpoint and algorithm.
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
-    pictures: BlockPictures,
-    /// True if the pictures lack some that were taken.
-    is_changed: bool,
-    /// Time at which they were made last.
-    made: Option<Instant>,
+    samples: Vec<(u64, CheckpointFigure)>,
+    scenes: Vec<(u64, SceneFigure)>,
     /// The left image of the frame at a place, encoded.
     left: Option<(u64, Vec<u8>)>,
 }
@@ -68,10 +65,6 @@ fn encoded(picture: &Picture) -> Result<Vec<u8>> {
     files::encode_palette_png(&picture.codes, &picture.palette)
 }
 
-/// Time after which pictures of a block under way are made again: a run that is killed repeats what
-/// was not pictured.
-const REMADE: Duration = Duration::from_secs(3);
-
 impl BlockShots {
     /// Those of a run.
     pub(super) fn new(start: &RunStart<'_>) -> Self {
@@ -84,42 +77,42 @@ impl BlockShots {
         }
     }
 
-    /// Another block begins.
-    pub(super) fn begin_block(&mut self) {
-        self.tallies.clear();
-        self.pictures = BlockPictures::default();
-        self.is_changed = false;
-        self.made = None;
-    }
-
-    /// True if the pictures are those of all pairs so far.
-    pub(super) fn are_made(&self) -> bool {
-        !self.is_changed
-    }
-
-    /// Makes the pictures of the block so far, at its end or if that was not done just now; none if
-    /// there are no new ones.
-    pub(super) fn make(&mut self, is_end: bool) -> Result<Option<&BlockPictures>> {
-        let is_due = self.made.get_or_insert_with(Instant::now).elapsed() > REMADE;
-        if !self.is_changed || !(is_end || is_due) {
-            return Ok(None);
-        }
-        self.pictures.checkpoints.clear();
-        for ((c, _), tally) in &self.tallies {
+    /// The pictures of each algorithm in the block, which ends.
+    ///
+    /// # Errors
+    /// The reason why a picture cannot be encoded.
+    pub(super) fn take_pictures(&mut self) -> Result<BTreeMap<String, BlockPictures>> {
+        let mut pictures: BTreeMap<String, BlockPictures> = BTreeMap::new();
+        for ((c, label), tally) in std::mem::take(&mut self.tallies) {
+            let own = pictures.entry(label).or_default();
             let mut sequences = Vec::new();
             for (raw, frame) in [&tally.worst, &tally.best].into_iter().flatten() {
                 let sequence = raw.shot.row.sequence;
                 if !sequences.contains(&sequence) {
                     sequences.push(sequence);
-                    let number = self.checkpoints[*c].number;
+                    let number = self.checkpoints[c].number;
                     let shot = CheckpointShot::new(number, frame, &raw.encoded()?)?;
-                    self.pictures.checkpoints.push(shot);
+                    own.checkpoints.push(shot);
                 }
             }
         }
-        self.is_changed = false;
-        self.made = Some(Instant::now());
-        Ok(Some(&self.pictures))
+        for (place, mut figure) in std::mem::take(&mut self.samples) {
+            for shot in std::mem::take(&mut figure.shots) {
+                let own = pictures.entry(shot.1.row.algorithm.clone()).or_default();
+                let shots = vec![shot];
+                let figure = figure.clone();
+                own.samples.push((place, CheckpointFigure { shots, ..figure }));
+            }
+        }
+        for (place, mut scene) in std::mem::take(&mut self.scenes) {
+            for shot in std::mem::take(&mut scene.shots) {
+                let own = pictures.entry(shot.row.algorithm.clone()).or_default();
+                let shots = vec![shot];
+                let scene = scene.clone();
+                own.scenes.push((place, SceneFigure { shots, ..scene }));
+            }
+        }
+        Ok(pictures)
     }
 
     /// Takes the frame at `place` in the run, with the results of the algorithms that are pictured.
@@ -156,20 +149,15 @@ impl BlockShots {
             return Ok(());
         }
         let is_on_stride = |place: &u64| place.is_multiple_of(stride);
-        self.pictures
-            .samples
-            .retain(|(place, _)| is_on_stride(place));
-        self.pictures
-            .scenes
-            .retain(|(place, _)| is_on_stride(place));
+        self.samples.retain(|(place, _)| is_on_stride(place));
+        self.scenes.retain(|(place, _)| is_on_stride(place));
         if is_recording {
             let sample = self.sample(identity, judged, &shown)?;
-            self.pictures.samples.push((place, sample));
+            self.samples.push((place, sample));
         } else if let Some(name) = &judged.frame.name {
             let scene = scene(identity, name, judged, &shown)?;
-            self.pictures.scenes.push((place, scene));
+            self.scenes.push((place, scene));
         }
-        self.is_changed = true;
         Ok(())
     }
 
@@ -197,7 +185,6 @@ impl BlockShots {
             raw.shot.failures = checkpoint.failures(grid, scored.cells.as_deref());
             raw.shot.findings = checkpoint.findings(grid, self.cells);
             shot = Some(raw);
-            self.is_changed = true;
         }
         // The shot exists if and only if the frame leads, and only then it is asked for.
         tally.add(frame, || shot.clone().expect("a leading frame"));

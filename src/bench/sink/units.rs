@@ -3,136 +3,186 @@
 use super::pictures::BlockShots;
 use super::table::RunIdentity;
 use super::{RunEnd, RunStart, Sink};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::sync::Arc;
 use svl_core::Result;
-use svl_report::units::{BLOCK, BlockWriter, ReportPlan, ReportRun, SealedPair, Units};
+use svl_core::stereo::Frame;
+use svl_report::units::{
+    BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
+    Units,
+};
 use svl_report::{FrameRow, hash_words};
 use svl_score::judge::{Checkpoint, Judged};
+use svl_score::manifest::{hash, hash_bytes};
+use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
 
-/// Writes the results of a run.
+/// The pairs of a run so far.
+pub type RunPairs = Arc<Mutex<Vec<PairFacts>>>;
+
+/// Writes the results of a run, and collects the facts of its pairs.
 pub struct UnitSink {
     units: Units,
+    plan: ReportPlan,
     session: String,
-    /// The identities of the algorithms, and whether they have pictures.
-    algorithms: BTreeMap<String, (String, bool)>,
+    run: ReportRun,
     identity: RunIdentity,
-    folder: PathBuf,
     checkpoints: Vec<Checkpoint>,
+    start_ns: u64,
     shots: BlockShots,
-    /// Place of the next pair in the run.
-    place: u64,
-    block: Option<BlockWriter>,
+    /// The units of the block under way, by their algorithms.
+    block: BTreeMap<String, UnitWriter>,
+    scales: TruthScales,
+    /// Frames with a truth so far.
+    truths: u64,
+    pairs: RunPairs,
 }
 
 impl UnitSink {
-    /// Writes into the units of a report, for a session.
-    pub fn new(units: &Units, plan: &ReportPlan, session: &str) -> Self {
-        let pictured = plan.pictured();
-        let labels = plan.manifest.labels().zip(&plan.identities);
-        let algorithm = |(label, identity): (&str, &String)| {
-            let facts = (identity.clone(), pictured.contains(&label));
-            (label.to_owned(), facts)
-        };
+    /// Writes into the units of a report, for a session; the pairs of the run under way, or of the
+    /// last one, are in `pairs`.
+    pub fn new(
+        units: &Units,
+        plan: &ReportPlan,
+        session: &str,
+        pairs: &RunPairs,
+    ) -> Self {
         Self {
             units: units.clone(),
+            plan: plan.clone(),
             session: session.to_owned(),
-            algorithms: labels.map(algorithm).collect(),
+            run: ReportRun::default(),
             identity: RunIdentity::default(),
-            folder: PathBuf::new(),
             checkpoints: Vec::new(),
+            start_ns: 0,
             shots: BlockShots::default(),
-            place: 0,
-            block: None,
+            block: BTreeMap::new(),
+            scales: TruthScales::default(),
+            truths: 0,
+            pairs: Arc::clone(pairs),
         }
     }
 
-    fn seal(&mut self, is_end: bool) -> Result<()> {
-        let Some(block) = &mut self.block else {
+    /// Writes the units of the block under way, with all pairs so far.
+    fn end_block(&mut self) -> Result<()> {
+        let (mut block, scales) = (std::mem::take(&mut self.block), self.scales.measured());
+        self.scales = TruthScales::default();
+        let mut pictures = self.shots.take_pictures()?;
+        let pictured = self.plan.pictured();
+        let pairs = self.pairs.lock();
+        let Some(number) = (pairs.len() as u64).checked_sub(1).map(|last| last / BLOCK) else {
             return Ok(());
         };
-        let pictures = self.shots.make(is_end)?.cloned();
-        block.seal(pictures.as_ref(), self.shots.are_made())
+        if block.is_empty() {
+            return Ok(());
+        }
+        self.units.run_folder(&self.run)?;
+        for algorithm in self.plan.algorithms_of(&self.run) {
+            let PlannedAlgorithm { label, .. } = algorithm;
+            let Some(writer) = block.get_mut(label).map(std::mem::take) else {
+                continue;
+            };
+            let name = algorithm.unit_name(number, &pairs);
+            let path = self.units.unit_path(&self.run, &name);
+            let header = UnitHeader {
+                run: self.run.digest.clone(),
+                name,
+                label: label.to_owned(),
+                session: self.session.clone(),
+                block: number,
+                pairs: pairs[(number * BLOCK) as usize..].to_vec(),
+                has_pictures: pictured.contains(&label),
+                scale: scales.of(label),
+                ..UnitHeader::default()
+            };
+            UnitWriter { header, ..writer }.write(&path, pictures.remove(label).as_ref())?;
+        }
+        Ok(())
     }
 
-    /// Seals the block under way, and ends it.
-    fn end_block(&mut self) -> Result<()> {
-        self.seal(true)?;
-        self.block = None;
-        self.shots.begin_block();
-        Ok(())
+    /// The facts of the pair of a frame.
+    fn pair(&self, judged: &Judged) -> PairFacts {
+        let frame = &judged.frame;
+        let Frame { name, pose, .. } = frame;
+        let input = hash_words(judged.input_hash());
+        let key = (frame.sequence, name, pose, self.start_ns);
+        let maps = frame.maps.iter().map(|map| {
+            let pixels = map.disparity.pixels();
+            let bytes: Vec<u8> = pixels.flat_map(f32::to_le_bytes).collect();
+            (map.source.clone(), hash_bytes(&bytes))
+        });
+        PairFacts {
+            sequence: frame.sequence,
+            hash: hash(&format!("{input} {key:?}")),
+            has_rig: frame.rig().is_some(),
+            maps: maps.collect(),
+        }
+    }
+
+    fn take_pair(&mut self, judged: &Judged) -> Result<()> {
+        let place = self.pairs.lock().len() as u64;
+        if place > 0 && place.is_multiple_of(BLOCK) {
+            self.end_block()?;
+        }
+        let pair = self.pair(judged);
+        self.pairs.lock().push(pair);
+        let frame = &judged.frame;
+        for scored in &judged.estimates {
+            let label = &scored.estimate.algorithm;
+            let shown = scored.checkpoints.iter();
+            let frames = shown.map(|(i, shown)| {
+                FrameRow::new(frame.sequence, label, &self.checkpoints[*i], shown)
+            });
+            let rows = UnitRows {
+                rows: vec![self.identity.row(judged, scored)],
+                cells: self.identity.cells(judged, scored),
+                frames: frames.collect(),
+                ..UnitRows::default()
+            };
+            self.block.entry(label.clone()).or_default().push(&rows)?;
+        }
+        for failure in self.identity.failures(judged) {
+            let own = self.block.entry(failure.algorithm.clone()).or_default();
+            let failures = vec![failure];
+            own.push(&UnitRows {
+                failures,
+                ..UnitRows::default()
+            })?;
+        }
+        self.truths += u64::from(frame.truth.is_some());
+        if self.truths <= SCALE_FRAMES {
+            self.scales.observe(judged);
+        }
+        let pictured = self.plan.pictured();
+        self.shots.take(place, &pictured, &self.identity, judged)
     }
 }
 
 impl Sink for UnitSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
         self.identity = RunIdentity::new(start);
-        let run = ReportRun {
-            run: self.identity.run.clone(),
-            seed: self.identity.seed,
-            stress: self.identity.stress.clone(),
-        };
-        self.folder = self.units.run_folder(&run)?;
+        let RunIdentity {
+            run, seed, stress, ..
+        } = &self.identity;
+        let mut runs = self.plan.runs.iter();
+        let own = runs.find(|own| own.run == *run && own.seed == *seed && own.stress == *stress);
+        self.run = own.cloned().unwrap_or_default();
         self.checkpoints.clone_from(&start.judge.checkpoints);
+        self.start_ns = start.judge.run.start_ns;
         self.shots = BlockShots::new(start);
-        self.place = 0;
-        self.block = None;
+        self.block.clear();
+        self.truths = 0;
+        self.pairs.lock().clear();
         Ok(())
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        let place = self.place;
-        self.place += 1;
-        let is_new = |block: &BlockWriter| block.block() != place / BLOCK;
-        if self.block.as_ref().is_some_and(is_new) {
-            self.end_block()?;
+        let taken = self.take_pair(judged);
+        if taken.is_err() {
+            // It would lack a pair.
+            self.block.clear();
         }
-        if judged.estimates.is_empty() && judged.failures.is_empty() {
-            return Ok(());
-        }
-        let number = place / BLOCK;
-        let block = self.block.get_or_insert_with(|| {
-            let name = format!("{number:05}-{}", self.session);
-            BlockWriter::new(&self.folder, name, &self.session, number)
-        });
-        let frame = &judged.frame;
-        for scored in &judged.estimates {
-            block.cells.push(self.identity.cells(judged, scored))?;
-            block.rows.push([self.identity.row(judged, scored)])?;
-            let label = &scored.estimate.algorithm;
-            for (i, shown) in &scored.checkpoints {
-                let checkpoint = &self.checkpoints[*i];
-                block
-                    .frames
-                    .push([FrameRow::new(frame.sequence, label, checkpoint, shown)])?;
-            }
-        }
-        block.failures.push(self.identity.failures(judged))?;
-        let pictured: Vec<_> = (self.algorithms.iter())
-            .filter(|(_, (_, is_pictured))| *is_pictured)
-            .map(|(label, _)| label.as_str())
-            .collect();
-        self.shots.take(place, &pictured, &self.identity, judged)?;
-        let answered = judged.estimates.iter();
-        let answered = answered.map(|scored| scored.estimate.algorithm.as_str());
-        let failed = judged.failures.iter();
-        let failed = failed.map(|failure| failure.algorithm.as_str());
-        let algorithms = answered.chain(failed).filter_map(|label| {
-            let (identity, has_pictures) = self.algorithms.get(label)?;
-            Some((label, identity.as_str(), *has_pictures))
-        });
-        let pair = SealedPair {
-            place,
-            sequence: frame.sequence,
-            input_hash: hash_words(judged.input_hash()),
-            has_rig: frame.rig().is_some(),
-        };
-        block.add_pair(pair, algorithms);
-        Ok(())
-    }
-
-    fn settle(&mut self) -> Result<()> {
-        self.seal(false)
+        taken
     }
 
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {

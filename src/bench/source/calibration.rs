@@ -2,12 +2,13 @@
 
 use std::convert::Infallible;
 use std::ffi::OsStr;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_calibrate::files::{self, Hints};
 use svl_core::rectify::{Framing, bouguet};
 use svl_core::stereo::StereoCalibration;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_recording::{CALIBRATION, Recording};
 
 /// The calibration that rectifies the pairs of a source.
@@ -128,7 +129,9 @@ fn contents(paths: &[PathBuf]) -> Result<CalibrationFiles> {
     let content = |path: &PathBuf| {
         let folder = path.parent().filter(|_| alike(path));
         let prefix = folder.map_or(String::new(), |folder| text(folder.file_name()) + "-");
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let mut bytes = Vec::new();
+        let read = inputs::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+        read.map_err(|e| Error::io(path, e))?;
         Ok((prefix + &text(path.file_name()), bytes))
     };
     paths.iter().map(content).collect()

@@ -2,10 +2,8 @@
 
 use super::opened::Opened;
 use super::request::Request;
-use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource, wraps};
-use parking_lot::Mutex;
+use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource};
 use std::io::ErrorKind;
-use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_report::TopicDelay;
@@ -55,32 +53,8 @@ pub struct RunSource {
     simulated: Option<String>,
     start_ns: u64,
     stress: Option<Stress>,
-    digest: Option<Digest>,
     /// Number and stamp of the last pair that was read.
     last: Option<(u64, u64)>,
-}
-
-/// Digest of the input hashes of the frames given so far.
-type Digest = Arc<Mutex<Xxh3Default>>;
-
-/// Digest of the inputs of a source's frames.
-struct DigestedSource {
-    source: Box<dyn Source>,
-    digest: Digest,
-}
-
-impl Source for DigestedSource {
-    wraps!(source);
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        let frame = self.source.next()?;
-        if let Some(frame) = &frame {
-            let hash = frame.input_hash(frame.pair.hash());
-            let mut digest = self.digest.lock();
-            digest.update(&hash.to_le_bytes());
-        }
-        Ok(frame)
-    }
 }
 
 impl RunSource {
@@ -117,7 +91,6 @@ impl RunSource {
             latency: Vec::new(),
             simulated: None,
             stress: None,
-            digest: None,
             last: None,
         }
     }
@@ -146,24 +119,6 @@ impl RunSource {
         let mut source = Limited::new(wrap(Box::new(self.source)), PairRange::default(), None);
         source.first();
         Self { source, ..self }
-    }
-
-    /// The run with a digest of its pairs, geometry and truth, before any perturbation.
-    #[must_use]
-    pub fn digested(self) -> Self {
-        let digest = Digest::default();
-        let own = Some(Arc::clone(&digest));
-        let run = self.around(|source| Box::new(DigestedSource { source, digest }));
-        Self { digest: own, ..run }
-    }
-
-    /// The digest of the frames read so far; empty if it is not digested.
-    pub fn inputs(&self) -> String {
-        let digest = self.digest.as_ref().map(|digest| {
-            let digest = digest.lock();
-            format!("{:032x}", digest.digest128())
-        });
-        digest.unwrap_or_default()
     }
 
     /// Warns of checkpoints that end after the last pair, once all pairs were read.

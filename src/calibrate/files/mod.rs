@@ -30,7 +30,7 @@ use document::Document;
 use format::Written;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::StereoCalibration;
-use svl_core::{Error, Result, did_you_mean, joined};
+use svl_core::{Error, Result, did_you_mean, inputs, joined};
 
 /// All formats, in the order in which a file is tested for them.
 pub const FORMATS: &[CalibrationFormat] = &[
@@ -249,7 +249,7 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
     let pairs = || FORMATS.iter().flat_map(|format| format.pairs);
     let found = pairs()
         .map(|pair| pair.map(|name| path.join(name)))
-        .find(|both| both.iter().all(|p| p.is_file()));
+        .find(|both| both.iter().all(|p| inputs::is_file(p)));
     found.map(Vec::from).ok_or_else(|| {
         let names = pairs()
             .map(|[left, right]| format!("{left} and {right}"))

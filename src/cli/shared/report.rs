@@ -10,7 +10,7 @@ use svl::run::complete;
 /// Fails for a report that lacks results, or misses more pairs than is allowed.
 pub(crate) fn check_whole(ending: &RunEnding) -> anyhow::Result<()> {
     match &ending.incomplete {
-        Some(why) if !ending.is_whole() => Err(svl::Error::Invalid(why.clone()).into()),
+        Some(why) if !ending.is_whole() => Err(svl::Error::Incomplete(why.clone()).into()),
         _ => Ok(complete(ending)?),
     }
 }

@@ -42,7 +42,7 @@ impl FilterModel {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] with the fault.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+        let file = crate::inputs::open(path).map_err(|e| Error::io(path, e))?;
         let mut bytes = Vec::new();
         let read = file.take(MAX_BYTES + 1).read_to_end(&mut bytes);
         read.map_err(|e| Error::io(path, e))?;

@@ -4,8 +4,10 @@
 use super::MatcherSpec;
 use super::quotes::{closed, split, unquote};
 use crate::error::{Error, Result, nearest};
+use crate::inputs;
 use std::io::Read;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
 /// A parameter of an algorithm.
 pub struct Parameter {
@@ -202,7 +204,7 @@ impl ParameterFile {
     fn read(path: &str) -> Option<Self> {
         // Before opening: opening a pipe would wait for its writer.
         let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
-        let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
+        let file = inputs::open(Path::new(path)).ok().filter(|_| is_file)?;
         let mut bytes = Vec::new();
         // One more than allowed, as the file may grow while it is read.
         file.take(MAX_FILE + 1).read_to_end(&mut bytes).ok()?;

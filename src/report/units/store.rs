@@ -1,188 +1,134 @@
-//! The folder of the units: read, checked, and cleared of what is superseded.
+//! The folder of the units: its files, each whole and with a checksum.
 
-use super::block::{FAILURES, ROWS, Seal, SealedFile, json, write_whole};
-use super::{FileStamp, ReportPlan, ReportRun, RunFacts, UNITS, unit_format};
-use crate::csv_rows::RowReader;
-use crate::rows::{FailureRow, Record, Row};
+use super::plan::{ReportPlan, ReportRun};
+use super::run::{PairFacts, RunFacts, RunUnits};
+use super::unit::{Unit, unit_format};
+use super::BLOCK;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
 use svl_core::{Error, Result};
-use svl_score::manifest::{Manifest, read_json};
-use xxhash_rust::xxh3::Xxh3Default;
+use svl_score::manifest::{Manifest, hash};
 
-/// The facts of a run, in its folder.
+/// The folder of the units in a report's.
+pub const UNITS: &str = "units";
+
+/// The list of a report.
+pub const REPORT_LIST: &str = "report.json";
+
+/// The facts of a run.
 const RUN: &str = "run.json";
+
+/// The extension of units.
+const UNIT: &str = "unit";
 
 /// The units of a report.
 #[derive(Clone, Debug)]
 pub struct Units {
+    report: PathBuf,
     folder: PathBuf,
 }
 
-/// A session, in the order of all.
+/// A process that matched pairs of the report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StoredSession {
-    pub number: u64,
+    /// Place among the sessions.
+    number: u64,
     pub manifest: Manifest,
 }
 
-/// A seal with the place of its files.
-#[derive(Clone, Debug)]
-pub struct StoredSeal {
-    pub seal: Seal,
-    folder: PathBuf,
-    /// Name of its files, without their extensions.
-    name: String,
+/// The part of the list that every version of svl has.
+#[derive(Deserialize)]
+struct PlanVersion {
+    format: String,
 }
 
-impl StoredSeal {
-    /// The file of a table with the number of its sealed bytes, if the block has it.
-    pub fn table(&self, table: &str) -> Option<(PathBuf, u64)> {
-        let name = format!("{}.{table}.csv", self.name);
-        let file = self.seal.files.get(&name)?;
-        Some((self.folder.join(name), file.bytes))
-    }
-
-    /// The file of the pictures, if the block has some.
-    pub fn pictures(&self) -> Option<PathBuf> {
-        let names = self.seal.files.keys();
-        let name = names.rev().find(|name| name.ends_with(".json"))?;
-        Some(self.folder.join(name))
-    }
-
-    /// The rows of its pairs.
-    ///
-    /// # Errors
-    /// Those of reading the table.
-    pub fn rows(&self) -> Result<Vec<Row>> {
-        self.whole(ROWS)
-    }
-
-    /// The pairs that algorithms failed on.
-    ///
-    /// # Errors
-    /// Those of reading the table.
-    pub fn failures(&self) -> Result<Vec<FailureRow>> {
-        self.whole(FAILURES)
-    }
-
-    /// All rows of a table.
-    pub(super) fn whole<R: Record>(&self, table: &str) -> Result<Vec<R>> {
-        match self.table(table) {
-            Some((path, bytes)) => RowReader::open_beginning(&path, bytes)?.collect(),
-            None => Ok(Vec::new()),
-        }
-    }
-
-    /// The first of its files that is not what was sealed.
-    fn damaged(&self) -> Option<&str> {
-        let is_other = |(name, sealed): &(&String, &SealedFile)| {
-            !hash_of(&self.folder.join(name), sealed.bytes).is_ok_and(|hash| hash == sealed.hash)
-        };
-        let mut files = self.seal.files.iter();
-        files.find(is_other).map(|(name, _)| name.as_str())
-    }
-
-    /// Removes its files, the seal first.
-    ///
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    fn remove(&self) -> Result<()> {
-        let seal = format!("{}.json", self.name);
-        std::iter::once(&seal)
-            .chain(self.seal.files.keys())
-            .try_for_each(|name| remove_file(&self.folder.join(name)))
-    }
+/// The facts of a run with its digest: a file in the place of another is not taken.
+#[derive(Serialize, Deserialize)]
+struct StoredFacts<R> {
+    run: String,
+    facts: R,
 }
 
 impl Units {
     /// Those of a report's folder, if there are any.
     pub fn for_report(report: &Path) -> Self {
         Self {
+            report: report.to_owned(),
             folder: report.join(UNITS),
         }
     }
 
-    /// True if the report has units.
+    /// True if the folder is that of a report.
     pub fn exist(&self) -> bool {
-        self.plan_path().is_file()
+        self.report.join(REPORT_LIST).is_file()
     }
 
-    /// The folder of a run, which is made.
+    /// Waits until no other process builds the report or changes its list.
     ///
     /// # Errors
-    /// [`Error::Io`].
-    pub fn run_folder(&self, run: &ReportRun) -> Result<PathBuf> {
-        let folder = self.folder.join(run.folder());
-        std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
-        Ok(folder)
-    }
-
-    fn plan_path(&self) -> PathBuf {
-        self.folder.join("plan.json")
-    }
-
-    /// Waits until no other process builds the report.
-    ///
-    /// # Errors
-    /// The file of the lock cannot be made or locked.
+    /// The folder cannot be locked.
     pub fn lock(&self) -> Result<File> {
-        let path = self.folder.join("build.lock");
-        let locked = File::create(&path).and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|e| Error::io(&path, e))
+        let locked = File::open(&self.folder).and_then(|file| file.lock().map(|()| file));
+        locked.map_err(|e| Error::io(&self.folder, e))
+    }
+
+    /// The list of the report.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`]; [`Error::Invalid`] for units of another version of svl.
+    pub fn plan(&self) -> Result<ReportPlan> {
+        let path = self.report.join(REPORT_LIST);
+        let PlanVersion { format } = read_checked(&path)?;
+        if format == unit_format() {
+            return read_checked(&path);
+        }
+        Err(Error::Invalid(format!(
+            "{}: its units are of another version of svl; `svl score` with this folder matches \
+             them again",
+            path.display()
+        )))
+    }
+
+    /// The list of the report, if it can be used; else a warning.
+    pub fn known_plan(&self) -> Option<ReportPlan> {
+        let plan = self.exist().then(|| self.plan())?;
+        plan.inspect_err(|error| tracing::warn!("{error}")).ok()
+    }
+
+    /// Writes the list of the report, and makes the folder of the units.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file.
+    pub fn write_plan(&self, plan: &ReportPlan) -> Result<()> {
+        make_real_folder(&self.folder)?;
+        write_checked(&self.report.join(REPORT_LIST), plan)
     }
 
     fn sessions_folder(&self) -> PathBuf {
         self.folder.join("sessions")
     }
 
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`]; [`Error::Invalid`] for units of another version of svl.
-    pub fn plan(&self) -> Result<ReportPlan> {
-        if !self.are_readable() {
-            return Err(Error::Invalid(format!(
-                "{}: its tables are of another version of svl; `svl score` with this folder \
-                 matches them again",
-                self.folder.display()
-            )));
-        }
-        read_json(&self.plan_path())
-    }
-
-    /// True unless the units are of another version of svl.
-    pub fn are_readable(&self) -> bool {
-        let plan = read_json::<serde_json::Value>(&self.plan_path());
-        // Reading a damaged plan says more.
-        plan.map_or(true, |plan| {
-            plan.get("manifest").is_none() || plan["format"] == unit_format()
-        })
-    }
-
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    pub fn write_plan(&self, plan: &ReportPlan) -> Result<()> {
-        std::fs::create_dir_all(&self.folder).map_err(|e| Error::io(&self.folder, e))?;
-        write_whole(&self.plan_path(), &json(plan)?)
-    }
-
-    /// The sessions, in their order.
+    /// The sessions, in their order; a damaged one is left out, with a warning.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`].
+    /// [`Error::Io`].
     pub fn sessions(&self) -> Result<Vec<StoredSession>> {
+        let paths = files(&self.sessions_folder(), "json")?;
         let mut sessions: Vec<StoredSession> = Vec::new();
-        for path in json_files(&self.sessions_folder())? {
-            sessions.extend(read_or_warn::<StoredSession>(&path));
+        for path in &paths {
+            let session = read_or_warn::<StoredSession>(path);
+            let is_own = |session: &StoredSession| {
+                path.file_stem().is_some_and(|stem| *stem == *session.manifest.run_id)
+            };
+            sessions.extend(session.filter(is_own));
         }
-        sessions.sort_by(|a, b| {
-            let key = |session: &StoredSession| (session.number, session.manifest.run_id.clone());
-            key(a).cmp(&key(b))
-        });
+        let key = |session: &StoredSession| (session.number, session.manifest.run_id.clone());
+        sessions.sort_by_cached_key(key);
         Ok(sessions)
     }
 
@@ -191,8 +137,6 @@ impl Units {
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].
     pub fn write_session(&self, manifest: &Manifest) -> Result<()> {
-        let folder = self.sessions_folder();
-        std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
         let sessions = self.sessions()?;
         let mut own = sessions.iter();
         let own = own.find(|stored| stored.manifest.run_id == manifest.run_id);
@@ -201,159 +145,136 @@ impl Units {
             number: own.map_or(next, |own| own.number),
             manifest: manifest.clone(),
         };
-        let path = folder.join(format!("{}.json", manifest.run_id));
-        write_whole(&path, &json(&session)?)
+        make_real_folder(&self.sessions_folder())?;
+        let name = format!("{}.json", manifest.run_id);
+        write_checked(&self.sessions_folder().join(name), &session)
     }
 
-    /// The facts of a run; none of one that no session began.
+    /// The facts of a run; none of one that was never read, or whose file is damaged.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`].
+    /// [`Error::Io`].
     pub fn facts(&self, run: &ReportRun) -> Result<Option<RunFacts>> {
         let path = self.folder.join(run.folder()).join(RUN);
-        Ok(path.is_file().then(|| read_or_warn(&path)).flatten())
+        let stored = path.exists().then(|| read_or_warn::<StoredFacts<RunFacts>>(&path));
+        let stored = stored.flatten().filter(|stored| stored.run == run.digest);
+        Ok(stored.map(|stored| stored.facts))
     }
 
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    pub fn write_facts(&self, facts: &RunFacts) -> Result<()> {
-        let folder = self.run_folder(&facts.run)?;
-        write_whole(&folder.join(RUN), &json(facts)?)
-    }
-
-    /// The seals of a run whose files are what was sealed, in the order of their blocks and, in a
-    /// block, of their sessions. `damaged` gets the file of each other one.
+    /// Writes the facts of a run.
     ///
     /// # Errors
-    /// [`Error::Io`].
-    pub fn seals(
-        &self,
-        run: &ReportRun,
-        sessions: &[StoredSession],
-        mut damaged: impl FnMut(&StoredSeal, PathBuf),
-    ) -> Result<Vec<StoredSeal>> {
-        let folder = self.folder.join(run.folder());
-        let mut seals = Vec::new();
-        for path in json_files(&folder)? {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            // `run.json`, and the pictures.
-            if name == "run" || name.contains(".pictures-") {
-                continue;
-            }
-            let Some(seal) = read_or_warn(&path) else {
-                continue;
-            };
-            let stored = StoredSeal {
-                seal,
-                folder: folder.clone(),
-                name: name.into_owned(),
-            };
-            match stored.damaged() {
-                Some(file) => {
-                    let file = folder.join(file);
-                    damaged(&stored, file);
-                }
-                None => seals.push(stored),
-            }
-        }
-        let place = |stored: &StoredSeal| {
-            let session = &stored.seal.session;
-            sessions
-                .iter()
-                .position(|session_of_seal| session_of_seal.manifest.run_id == *session)
+    /// [`Error::Io`] with the file.
+    pub fn write_facts(&self, run: &ReportRun, facts: &RunFacts) -> Result<()> {
+        let stored = StoredFacts {
+            run: run.digest.clone(),
+            facts,
         };
-        seals.retain(|stored| place(stored).is_some());
-        seals.sort_by_cached_key(|stored| (stored.seal.block, place(stored), stored.name.clone()));
-        Ok(seals)
+        write_checked(&self.run_folder(run)?.join(RUN), &stored)
     }
 
-    /// Removes the units of these seals.
-    ///
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    pub fn remove<'a>(&self, seals: impl IntoIterator<Item = &'a StoredSeal>) -> Result<()> {
-        seals.into_iter().try_for_each(StoredSeal::remove)
-    }
-
-    /// Removes the results of algorithms from the units of a seal.
-    ///
-    /// # Errors
-    /// [`Error::Io`] with the file.
-    pub fn remove_algorithms(
-        &self,
-        stored: &StoredSeal,
-        is_removed: impl Fn(&str) -> bool,
-    ) -> Result<()> {
-        let mut seal = stored.seal.clone();
-        seal.algorithms.retain(|own| !is_removed(&own.label));
-        if seal.algorithms.is_empty() {
-            return stored.remove();
-        }
-        let path = stored.folder.join(format!("{}.json", stored.name));
-        write_whole(&path, &json(&seal)?)
-    }
-
-    /// The folders of runs that no run of the plan has.
+    /// The folder of a run, which is made.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn other_runs(&self, plan: &ReportPlan) -> Result<Vec<PathBuf>> {
-        let own: BTreeSet<_> = plan.runs.iter().map(ReportRun::folder).collect();
-        let mut others = Vec::new();
+    pub fn run_folder(&self, run: &ReportRun) -> Result<PathBuf> {
+        let folder = self.folder.join(run.folder());
+        make_real_folder(&folder)?;
+        Ok(folder)
+    }
+
+    /// The file of a unit.
+    pub fn unit_path(&self, run: &ReportRun, name: &str) -> PathBuf {
+        self.folder.join(run.folder()).join(format!("{name}.{UNIT}"))
+    }
+
+    /// The pairs of a run as its units have them, up to the first that none has: what is known of a
+    /// run that was killed.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn pairs_of_units(&self, run: &ReportRun) -> Result<Vec<PairFacts>> {
+        let mut blocks = BTreeMap::new();
+        for path in files(&self.folder.join(run.folder()), UNIT)? {
+            if let Ok(Some(unit)) = Unit::read(&path, &run.digest) {
+                blocks.entry(unit.block).or_insert_with(|| unit.pairs.clone());
+            }
+        }
+        let mut pairs = Vec::new();
+        for (number, (block, own)) in (0..).zip(blocks) {
+            if number != block || pairs.len() as u64 != number * BLOCK {
+                break;
+            }
+            pairs.extend(own);
+        }
+        Ok(pairs)
+    }
+
+    /// Removes all that belongs to none of these runs, which are those of the report.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file.
+    pub fn prune(&self, runs: &[RunUnits]) -> Result<()> {
+        let mut kept: BTreeSet<PathBuf> = runs
+            .iter()
+            .map(|run| self.folder.join(run.run.folder()).join(RUN))
+            .collect();
+        for unit in runs.iter().flat_map(RunUnits::all) {
+            kept.insert(unit.path().to_owned());
+            let session = format!("{}.json", unit.session);
+            kept.insert(self.sessions_folder().join(session));
+        }
+        let folders: BTreeSet<_> = kept.iter().filter_map(|path| path.parent()).collect();
         for path in entries(&self.folder)? {
+            if path.is_symlink() || !path.is_dir() {
+                remove_file(&path)?;
+            } else if !folders.contains(&*path) {
+                std::fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
+            } else {
+                let mut others = entries(&path)?;
+                others.retain(|path| !kept.contains(path));
+                others.iter().try_for_each(|path| remove_file(path))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The number of folders of other runs than those of the report.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn other_runs(&self, plan: &ReportPlan) -> Result<usize> {
+        let own: BTreeSet<_> = plan.runs.iter().map(ReportRun::folder).collect();
+        let mut paths = entries(&self.folder)?;
+        paths.retain(|path| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if path.is_dir() && name != "sessions" && !own.contains(&*name) {
-                others.push(path);
-            }
-        }
-        others.sort();
-        Ok(others)
+            path.is_dir() && name != "sessions" && !own.contains(&*name)
+        });
+        Ok(paths.len())
     }
 
-    /// Removes all units.
+    /// Copies the units of a run, and the sessions that matched them, from another report.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn clear(&self) -> Result<()> {
-        match std::fs::remove_dir_all(&self.folder) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(Error::io(&self.folder, error))
-            }
-            _ => Ok(()),
+    pub fn copy_from(&self, other: &Self, run: &RunUnits) -> Result<()> {
+        let folder = self.run_folder(&run.run)?;
+        make_real_folder(&self.sessions_folder())?;
+        let mut sessions = BTreeSet::new();
+        for unit in run.all() {
+            let path = unit.path();
+            copy(path, &folder.join(path.file_name().unwrap_or_default()))?;
+            sessions.insert(format!("{}.json", unit.session));
         }
-    }
-
-    /// Copies the units of another report into this one.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn copy_from(&self, other: &Self, runs: &[ReportRun]) -> Result<()> {
-        let names = runs.iter().map(ReportRun::folder);
-        for name in names.chain(["sessions".to_owned()]) {
-            let (from, to) = (other.folder.join(&name), self.folder.join(&name));
-            std::fs::create_dir_all(&to).map_err(|e| Error::io(&to, e))?;
-            for path in entries(&from)? {
-                let file = path.file_name().unwrap_or_default();
-                if file != RUN {
-                    std::fs::copy(&path, to.join(file)).map_err(|e| Error::io(&path, e))?;
-                }
-            }
-        }
-        for run in runs {
-            match (other.facts(run)?, self.facts(run)?) {
-                (Some(facts), None) => self.write_facts(&facts)?,
-                (Some(facts), Some(mut own)) => {
-                    own.join(facts);
-                    self.write_facts(&own)?;
-                }
-                (None, _) => {}
-            }
+        for name in sessions {
+            let (from, to) = (other.sessions_folder(), self.sessions_folder());
+            copy(&from.join(&name), &to.join(&name))?;
         }
         Ok(())
     }
 }
 
-/// Removes a file, if it is there.
+/// Removes a file, or a link, if it is there.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -364,109 +285,90 @@ pub fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-/// What a file has; none with a warning if it is damaged: what it is of is missing then.
-fn read_or_warn<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    let bytes = std::fs::read(path).ok();
-    let value = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    if value.is_none() {
-        tracing::warn!(
-            "{}: is damaged: `svl score` matches again what it is of",
-            path.display()
-        );
+/// Makes a folder; a link in its place is removed, not followed.
+fn make_real_folder(folder: &Path) -> Result<()> {
+    if folder.is_symlink() {
+        remove_file(folder)?;
     }
-    value
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
 }
 
-/// The paths in a folder; none if there is no folder.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    let bytes = std::fs::read(from).map_err(|e| Error::io(from, e))?;
+    write_whole(to, &[&bytes])
+}
+
+/// Writes a file under another name, and renames it once it is on the disk.
+///
+/// # Errors
+/// [`Error::Io`] with the file.
+pub(super) fn write_whole(path: &Path, parts: &[&[u8]]) -> Result<()> {
+    // Another process may write the same file.
+    let begun = path.with_extension(format!("{}.part", std::process::id()));
+    let write = || {
+        let _ = std::fs::remove_file(&begun);
+        let mut file = OpenOptions::new().write(true).create_new(true).open(&begun)?;
+        parts.iter().try_for_each(|part| file.write_all(part))?;
+        file.sync_all()?;
+        std::fs::rename(&begun, path)
+    };
+    write().map_err(|e| {
+        let _ = std::fs::remove_file(&begun);
+        Error::io(path, e)
+    })
+}
+
+/// The JSON of a value.
+pub(super) fn json(value: &impl Serialize) -> Result<Vec<u8>> {
+    serde_json::to_vec(value).map_err(|e| Error::Invalid(format!("units: {e}")))
+}
+
+/// A value with the checksum of its JSON.
+#[derive(Deserialize)]
+struct Checked<'a> {
+    checksum: String,
+    #[serde(borrow)]
+    content: &'a RawValue,
+}
+
+fn write_checked(path: &Path, value: &impl Serialize) -> Result<()> {
+    let content = serde_json::to_string(value);
+    let content = content.map_err(|e| Error::Invalid(format!("units: {e}")))?;
+    let head = format!("{{\"checksum\":\"{}\",\"content\":", hash(&content));
+    write_whole(path, &[head.as_bytes(), content.as_bytes(), b"}\n"])
+}
+
+fn read_checked<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let checked = serde_json::from_slice::<Checked<'_>>(&bytes).ok();
+    let content = checked.filter(|own| hash(own.content.get()) == own.checksum);
+    let value = content.and_then(|own| serde_json::from_str(own.content.get()).ok());
+    value.ok_or_else(|| {
+        Error::format(path, "is damaged: `svl score` with the same options makes it again")
+    })
+}
+
+/// What a file has; none with a warning if it is damaged: what it is of is missing then.
+fn read_or_warn<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    let read = read_checked(path);
+    read.inspect_err(|error| tracing::warn!("{error}")).ok()
+}
+
+/// The paths in a folder, in the order of their names; none if there is no folder.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
     let read = std::fs::read_dir(folder);
-    let paths = read.and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
-    paths.map_err(|e| Error::io(folder, e))
-}
-
-fn json_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut paths = entries(folder)?;
-    paths.retain(|path| {
-        path.extension()
-            .is_some_and(|extension| extension == "json")
-    });
-    paths.sort();
+    let paths: std::io::Result<Vec<_>> =
+        read.and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
+    let mut paths = paths.map_err(|e| Error::io(folder, e))?;
+    paths.sort_unstable();
     Ok(paths)
 }
 
-/// Hash of the first bytes of a file.
-fn hash_of(path: &Path, bytes: u64) -> std::io::Result<String> {
-    let mut file = File::open(path)?.take(bytes);
-    let (mut hasher, mut buffer, mut whole) = (Xxh3Default::new(), vec![0; 1 << 16], 0);
-    loop {
-        match file.read(&mut buffer)? {
-            0 => break,
-            n => {
-                hasher.update(&buffer[..n]);
-                whole += n as u64;
-            }
-        }
-    }
-    let is_cut = whole < bytes;
-    match is_cut {
-        true => Err(ErrorKind::UnexpectedEof.into()),
-        false => Ok(format!("{:032x}", hasher.digest128())),
-    }
-}
-
-/// The files below these paths, as they are now; a file of several that belong together counts
-/// with those of its folder that have its extension, and with what describes them.
-pub fn files_of(paths: impl IntoIterator<Item = PathBuf>) -> Vec<FileStamp> {
-    let mut stamps = BTreeMap::new();
-    for path in paths {
-        if path.is_dir() {
-            add_files(&path, &mut stamps);
-        } else {
-            let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-            let is_alone = ["mcap", "bag"].iter().any(|alone| extension == *alone);
-            if let Some(folder) = path.parent().filter(|_| !is_alone) {
-                let folder = if folder == Path::new("") {
-                    Path::new(".")
-                } else {
-                    folder
-                };
-                for beside in entries(folder).unwrap_or_default() {
-                    let own = beside.extension().unwrap_or_default().to_ascii_lowercase();
-                    let describes = own == "yaml" || own == "csv" || own == "txt" || own == "json";
-                    if beside.is_file() && (own == extension || describes) {
-                        add(&beside, &mut stamps);
-                    }
-                }
-            }
-            add(&path, &mut stamps);
-        }
-    }
-    stamps.into_values().collect()
-}
-
-fn add_files(folder: &Path, stamps: &mut BTreeMap<PathBuf, FileStamp>) {
-    for path in entries(folder).unwrap_or_default() {
-        if path.is_dir() {
-            add_files(&path, stamps);
-        } else {
-            add(&path, stamps);
-        }
-    }
-}
-
-fn add(path: &Path, stamps: &mut BTreeMap<PathBuf, FileStamp>) {
-    let Ok(metadata) = path.metadata() else {
-        return;
-    };
-    let modified = metadata.modified().ok();
-    let since = modified.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-    let stamp = FileStamp {
-        path: path.display().to_string(),
-        bytes: metadata.len(),
-        modified_ns: since.map_or(0, |since| since.as_nanos() as u64),
-    };
-    stamps.insert(path.to_owned(), stamp);
+fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
+    let mut paths = entries(folder)?;
+    paths.retain(|path| path.extension().is_some_and(|own| own == extension));
+    Ok(paths)
 }

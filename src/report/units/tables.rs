@@ -1,105 +1,22 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
-use super::block::{CELLS, DRIVES, FAILURES, FRAMES, ROWS, TRACKS};
-use super::kept::KeptResults;
-use super::store::{StoredSeal, StoredSession, Units};
-use super::{ReportPlan, ReportRun, RunFacts, SealedPair};
+use super::plan::{ReportPlan, ReportRun};
+use super::run::{PairFacts, RunUnits};
+use super::unit::{UnitReader, UnitRows};
+use super::BLOCK;
 use crate::accuracy::{AccuracyRow, AccuracyTally};
-use crate::csv_rows::{RowReader, read_rows};
+use crate::csv_rows::read_rows;
 use crate::drives::{DriveRow, TrackRow};
 use crate::reliability::{ReliabilityRow, ReliabilityTallies};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, FrameRow, Record, Row};
 use crate::table_writer::TableWriter;
-use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, agreed_cells};
-use svl_score::manifest::{RunRecord, hash};
-
-/// A run of a report with what is kept of it.
-pub struct RunUnits {
-    pub run: ReportRun,
-    /// None of a run that no session began.
-    pub facts: Option<RunFacts>,
-    pub kept: KeptResults,
-}
-
-impl RunUnits {
-    /// Reads the units of a run. `damaged` gets the file of each unit that is not what was sealed.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
-    pub fn read(
-        units: &Units,
-        plan: &ReportPlan,
-        run: &ReportRun,
-        sessions: &[StoredSession],
-        damaged: impl FnMut(&StoredSeal, PathBuf),
-    ) -> Result<Self> {
-        let facts = units.facts(run)?;
-        let seals = units.seals(run, sessions, damaged)?;
-        let end = facts.as_ref().and_then(|facts| facts.end.as_ref());
-        let pairs = end.map(|end| end.pairs);
-        // Perturbed pairs are not shown.
-        let pictured = match run.stress {
-            None => plan.pictured(),
-            Some(_) => Vec::new(),
-        };
-        Ok(Self {
-            run: run.clone(),
-            facts,
-            kept: KeptResults::new(plan, seals, pairs, &pictured),
-        })
-    }
-
-    /// The recording that it reads, if it is one; of perturbed pairs that is told once.
-    pub fn record(&self) -> Option<RunRecord> {
-        let facts = self.facts.as_ref().filter(|_| self.run.stress.is_none())?;
-        facts.record.clone()
-    }
-
-    /// Number of its pairs, once all were read.
-    pub fn pairs(&self) -> Option<u64> {
-        let end = self.facts.as_ref().and_then(|facts| facts.end.as_ref());
-        end.map(|end| end.pairs)
-    }
-
-    /// Forgets what is kept of an algorithm whose results depend on all earlier pairs, unless it is
-    /// all, and of one session.
-    pub fn forget_partial(&mut self, label: &str) {
-        let pairs = self.pairs();
-        let is_whole = Some(self.kept.count(label)) == pairs;
-        if !is_whole || self.kept.sessions(label).len() > 1 {
-            self.kept.forget(label);
-        }
-    }
-
-    /// The reason to doubt its truth, by the algorithms of the plan.
-    pub fn doubt(&self, plan: &ReportPlan) -> Option<String> {
-        let mut scales = self.facts.as_ref()?.scales.clone();
-        scales
-            .algorithms
-            .retain(|label, _| plan.identity(label).is_some());
-        scales.doubt()
-    }
-
-    /// True if all its pairs were read, and every algorithm has a result of each or failed on it.
-    pub fn is_whole(&self, plan: &ReportPlan) -> bool {
-        let count = |label: &str| self.kept.count(label);
-        if plan.is_driven() {
-            return plan.manifest.labels().all(|label| count(label) > 0);
-        }
-        let pairs = self.pairs();
-        pairs.is_some()
-            && plan
-                .labels_of(&self.run)
-                .into_iter()
-                .all(|label| Some(count(label)) == pairs)
-    }
-}
+use svl_score::manifest::hash;
 
 /// The rows of a report's tables, without those of the cells.
 #[derive(Default)]
@@ -122,13 +39,9 @@ pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
         ["grid", "cells", "checkpoint"].map(|key| description.and_then(|value| value.get(key)));
     let mut text = format!("{} {:?} {rule:?}", plan.manifest.scenario, plan.labels());
     for run in runs {
-        text += &format!("\n{:?}", run.run);
-        for label in plan.labels() {
-            text += &format!("\n{label} {:?}", run.kept.places(label));
-        }
-        for stored in run.kept.seals() {
-            text += &format!("\n{:?}", stored.seal.files);
-        }
+        text += &format!("\n{:?} {}", run.run, run.facts.inputs());
+        let units = run.all().map(|unit| unit.checksum.as_str());
+        text += &units.collect::<Vec<_>>().join(" ");
     }
     hash(&text)
 }
@@ -217,43 +130,52 @@ pub fn collect_tables(
     mut take: impl FnMut(TakenRows<'_>) -> Result<()>,
 ) -> Result<ReportTables> {
     let mut tables = ReportTables::default();
-    let places = plan.manifest.labels().map(str::to_owned).zip(0..);
-    let places: HashMap<String, usize> = places.collect();
     let rule = ScoreRule::new(plan)?;
     let mut accuracy = AccuracyTally::new(rule.cells);
     let mut reliability = ReliabilityTallies::default();
     for run in runs {
         accuracy.begin_run();
         let mut tallies = RunTallies::new(plan, &rule, &run.run);
-        let mut collect = |mut rows_of_pair: PairRows| -> Result<()> {
-            rows_of_pair.sort(&places);
-            if let Some(pair) = &rows_of_pair.pair {
-                rule.add_agreed(&mut rows_of_pair.rows, &rows_of_pair.cells, pair.has_rig);
-            }
-            if let (Some(row), false) = (rows_of_pair.rows.first(), plan.is_driven()) {
-                accuracy.add(row.stamp_ns, &rows_of_pair.cells);
-                reliability.add(&rows_of_pair.cells);
-            }
-            take(TakenRows {
-                rows: &rows_of_pair.rows,
-                cells: rows_of_pair.cells,
-                failures: &rows_of_pair.failures,
-            })?;
-            tallies.add(&rows_of_pair.rows, &rows_of_pair.frames);
-            tables.failures.extend(rows_of_pair.failures);
-            tables.rows.extend(rows_of_pair.rows);
-            tables.drives.extend(rows_of_pair.drives);
-            tables.tracks.extend(rows_of_pair.tracks);
-            Ok(())
-        };
-        if plan.is_driven() {
-            for label in plan.labels() {
-                if let Some((_, seal)) = run.kept.first(label) {
-                    collect(PairRows::from_drive(seal)?)?;
+        let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {
+            if let Some(pair) = pair {
+                rule.add_agreed(&mut rows.rows, &rows.cells, pair.has_rig);
+                if let Some(row) = rows.rows.first() {
+                    accuracy.add(row.stamp_ns, &rows.cells);
+                    reliability.add(&rows.cells);
                 }
             }
-        } else {
-            each_pair(&run.kept, plan, has_cells, &mut collect)?;
+            take(TakenRows {
+                rows: &rows.rows,
+                cells: rows.cells,
+                failures: &rows.failures,
+            })?;
+            tallies.add(&rows.rows, &rows.frames);
+            tables.failures.extend(rows.failures);
+            tables.rows.extend(rows.rows);
+            tables.drives.extend(rows.drives);
+            tables.tracks.extend(rows.tracks);
+            Ok(())
+        };
+        let is_read = |table: &str| has_cells || table != "cells";
+        let scenario = &plan.manifest.scenario;
+        for block in 0..run.blocks(plan) {
+            let units = plan.labels().into_iter().filter_map(|label| run.unit(label, block));
+            let readers = units.map(|unit| UnitReader::open(unit, scenario, is_read));
+            let mut readers = readers.collect::<Result<Vec<_>>>()?;
+            if plan.is_driven() {
+                for reader in &mut readers {
+                    collect(reader.take(None)?, None)?;
+                }
+                continue;
+            }
+            let pairs = run.facts.pairs.iter().skip((block * BLOCK) as usize);
+            for pair in pairs.take(BLOCK as usize) {
+                let mut rows = UnitRows::default();
+                for reader in &mut readers {
+                    rows.append(reader.take(Some(pair.sequence))?);
+                }
+                collect(rows, Some(pair))?;
+            }
         }
         tables.checkpoints.extend(tallies.into_rows());
     }
@@ -267,197 +189,6 @@ fn write_table<R: Record + Clone>(folder: &Path, name: &str, rows: &[R]) -> Resu
     table.push(rows.iter().cloned())?;
     table.finish()
 }
-
-/// The rows of a pair, or of a drive.
-#[derive(Default)]
-struct PairRows {
-    pair: Option<SealedPair>,
-    rows: Vec<Row>,
-    cells: Vec<CellRow>,
-    failures: Vec<FailureRow>,
-    frames: Vec<FrameRow>,
-    drives: Vec<DriveRow>,
-    tracks: Vec<TrackRow>,
-}
-
-impl PairRows {
-    fn from_drive(seal: &StoredSeal) -> Result<Self> {
-        Ok(Self {
-            pair: None,
-            rows: seal.whole(ROWS)?,
-            cells: seal.whole(CELLS)?,
-            failures: seal.whole(FAILURES)?,
-            frames: Vec::new(),
-            drives: seal.whole(DRIVES)?,
-            tracks: seal.whole(TRACKS)?,
-        })
-    }
-
-    /// Sorts the rows by the places of their algorithms; those of an algorithm keep their order.
-    fn sort(&mut self, places: &HashMap<String, usize>) {
-        let place = |label: &str| places.get(label).copied();
-        self.rows.sort_by_key(|row| place(&row.algorithm));
-        self.cells.sort_by_key(|row| place(&row.algorithm));
-        self.failures.sort_by_key(|row| place(&row.algorithm));
-    }
-}
-
-/// Hands on the rows of each pair of a run, from whichever seals have them.
-fn each_pair(
-    kept: &KeptResults,
-    plan: &ReportPlan,
-    has_cells: bool,
-    take: &mut impl FnMut(PairRows) -> Result<()>,
-) -> Result<()> {
-    let labels = plan.labels();
-    // Per block the places with results, and the seals that they are taken of.
-    let mut blocks: BTreeMap<u64, BTreeMap<u64, Vec<usize>>> = BTreeMap::new();
-    for label in &labels {
-        for (&place, &seal) in kept.places(label).into_iter().flatten() {
-            let block = blocks.entry(place / super::BLOCK).or_default();
-            let seals = block.entry(place).or_default();
-            if !seals.contains(&seal) {
-                seals.push(seal);
-            }
-        }
-    }
-    for places in blocks.into_values() {
-        let mut readers: BTreeMap<usize, SealReader<'_>> = BTreeMap::new();
-        for (place, seals) in places {
-            let mut rows_of_pair = PairRows::default();
-            for i in seals {
-                let reader = match readers.entry(i) {
-                    std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-                    std::collections::btree_map::Entry::Vacant(entry) => {
-                        entry.insert(SealReader::open(&kept.seals()[i], has_cells)?)
-                    }
-                };
-                let is_taken = |label: &str| kept.seal(label, place) == Some(i);
-                reader.take(place, &is_taken, &mut rows_of_pair)?;
-            }
-            take(rows_of_pair)?;
-        }
-    }
-    Ok(())
-}
-
-/// The tables of a seal, read pair by pair.
-struct SealReader<'a> {
-    pairs: std::slice::Iter<'a, SealedPair>,
-    rows: PairReader<Row>,
-    cells: PairReader<CellRow>,
-    failures: PairReader<FailureRow>,
-    frames: PairReader<FrameRow>,
-}
-
-impl<'a> SealReader<'a> {
-    fn open(stored: &'a StoredSeal, has_cells: bool) -> Result<Self> {
-        Ok(Self {
-            pairs: stored.seal.pairs.iter(),
-            rows: PairReader::open(stored, ROWS)?,
-            cells: if has_cells {
-                PairReader::open(stored, CELLS)?
-            } else {
-                PairReader::default()
-            },
-            failures: PairReader::open(stored, FAILURES)?,
-            frames: PairReader::open(stored, FRAMES)?,
-        })
-    }
-
-    /// Adds the rows of the pair at `place` that are taken, by their algorithms.
-    fn take(
-        &mut self,
-        place: u64,
-        is_taken: &dyn Fn(&str) -> bool,
-        rows_of_pair: &mut PairRows,
-    ) -> Result<()> {
-        for pair in self.pairs.by_ref() {
-            let is_here = pair.place == place;
-            let keep = |label: &str| is_here && is_taken(label);
-            self.rows
-                .take(pair.sequence, &keep, &mut rows_of_pair.rows)?;
-            self.cells
-                .take(pair.sequence, &keep, &mut rows_of_pair.cells)?;
-            self.failures
-                .take(pair.sequence, &keep, &mut rows_of_pair.failures)?;
-            self.frames
-                .take(pair.sequence, &keep, &mut rows_of_pair.frames)?;
-            if is_here {
-                rows_of_pair.pair = Some(pair.clone());
-                break;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A table of a seal, whose rows are in the order of the pairs.
-struct PairReader<R> {
-    reader: Option<RowReader<R>>,
-    next: Option<R>,
-}
-
-impl<R> Default for PairReader<R> {
-    fn default() -> Self {
-        Self {
-            reader: None,
-            next: None,
-        }
-    }
-}
-
-impl<R: RowOfPair> PairReader<R> {
-    fn open(stored: &StoredSeal, table: &str) -> Result<Self> {
-        let file = stored.table(table);
-        let reader = file.map(|(path, bytes)| RowReader::open_beginning(&path, bytes));
-        let mut reader = reader.transpose()?;
-        let next = match &mut reader {
-            Some(reader) => reader.next().transpose()?,
-            None => None,
-        };
-        Ok(Self { reader, next })
-    }
-
-    fn take(
-        &mut self,
-        sequence: u64,
-        keep: &dyn Fn(&str) -> bool,
-        rows: &mut Vec<R>,
-    ) -> Result<()> {
-        while let Some(row) = self.next.take_if(|row| row.sequence() == sequence) {
-            if keep(row.algorithm()) {
-                rows.push(row);
-            }
-            if let Some(reader) = &mut self.reader {
-                self.next = reader.next().transpose()?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A row of a pair.
-trait RowOfPair: Record {
-    fn sequence(&self) -> u64;
-    fn algorithm(&self) -> &str;
-}
-
-macro_rules! pair_rows {
-    ($($kind:ty),*) => {$(
-        impl RowOfPair for $kind {
-            fn sequence(&self) -> u64 {
-                self.sequence
-            }
-
-            fn algorithm(&self) -> &str {
-                &self.algorithm
-            }
-        }
-    )*};
-}
-
-pair_rows!(Row, CellRow, FailureRow, FrameRow);
 
 /// The rules of the scenario by which its frames were scored.
 struct ScoreRule {

@@ -8,5 +8,5 @@ mod unit;
 
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
-pub use scale::{MeasuredScales, TruthScales};
+pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales};
 pub use unit::TruthUnit;

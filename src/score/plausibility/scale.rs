@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
 
-/// Frames that are compared, and pixels of each.
-const FRAMES: u64 = 20;
+/// Frames of a run that are compared, and pixels of each.
+pub const SCALE_FRAMES: u64 = 20;
 const PIXELS: f64 = 2000.0;
 /// Disparities below this say little about a factor, pixels.
 const MIN_PX: f64 = 4.0;
@@ -44,7 +44,7 @@ impl TruthScales {
             return;
         };
         let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
-        if self.frames == FRAMES || is_reference || judged.estimates.is_empty() {
+        if self.frames == SCALE_FRAMES || is_reference || judged.estimates.is_empty() {
             return;
         }
         self.frames += 1;
@@ -93,6 +93,15 @@ pub struct AlgorithmScale {
 }
 
 impl MeasuredScales {
+    /// Those of one algorithm, if there are some.
+    pub fn of(&self, label: &str) -> Option<Self> {
+        let scale = self.algorithms.get(label)?;
+        Some(Self {
+            origin: self.origin.clone(),
+            algorithms: BTreeMap::from([(label.to_owned(), *scale)]),
+        })
+    }
+
     /// The reason to doubt the truth, with the likely unit.
     pub fn doubt(&self) -> Option<String> {
         let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
 use svl_recording::StampOrigin;
 
@@ -159,7 +159,7 @@ impl Scene {
             Some(number) => name.replace('*', number),
             None => name.replace("{}", own),
         };
-        Some(self.folder.join(name)).filter(|p| p.is_file())
+        Some(self.folder.join(name)).filter(|p| inputs::is_file(p))
     }
 
     fn images(&self) -> Result<[DecodedImage; 2]> {
@@ -222,7 +222,7 @@ fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
     IMAGE_ENDINGS
         .iter()
         .map(|ending| folder.join(format!("{name}.{ending}")))
-        .find(|p| p.is_file())
+        .find(|p| inputs::is_file(p))
 }
 
 /// The text that stands for `*` in the images that `pattern` names, in order.
@@ -247,15 +247,9 @@ fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
 
 /// The names in a folder, in order; names that are not UTF-8 belong to no data set.
 fn names(folder: &Path) -> Result<BTreeSet<String>> {
-    let io = |e| Error::io(folder, e);
-    let entries = std::fs::read_dir(folder)
-        .map_err(io)?
-        .collect::<std::io::Result<Vec<_>>>()
-        .map_err(io)?;
-    Ok(entries
-        .into_iter()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .collect())
+    let paths = inputs::list(folder).map_err(|e| Error::io(folder, e))?;
+    let name = |path: &PathBuf| Some(path.file_name()?.to_str()?.to_owned());
+    Ok(paths.iter().filter_map(name).collect())
 }
 
 /// Error that there is no scene `name` below `root`, with the cure.

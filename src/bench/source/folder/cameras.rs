@@ -3,8 +3,8 @@
 use super::layout::{Cameras, Layout};
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::{self, read_calib, read_projections};
-use svl_core::Result;
 use svl_core::stereo::{Geometry, StereoCalibration};
+use svl_core::{Result, inputs};
 use svl_files::read_text;
 
 pub(super) const CALIB: &str = "calib.txt";
@@ -33,7 +33,7 @@ pub(super) fn cameras(
     };
     let cameras = layout.map_or(&Cameras::Rectified, |layout| &layout.cameras);
     let calib = folder.join(CALIB);
-    if calib.is_file() {
+    if inputs::is_file(&calib) {
         if let Cameras::Projections([left, right]) = cameras
             && read_text(&calib, MAX_BYTES)?.contains(&format!("{left}:"))
         {
@@ -47,7 +47,7 @@ pub(super) fn cameras(
     };
     let sensors = |folders: &[&str; 2]| {
         let both = folders.map(|camera| folder.join(camera).join("sensor.yaml"));
-        both.iter().all(|file| file.is_file()).then(|| {
+        both.iter().all(|file| inputs::is_file(file)).then(|| {
             let read = files::read(folder).map_err(|e| e.to_string());
             raw(read.map(Some))
         })
@@ -84,7 +84,7 @@ fn calibration_of_the_day(folder: &Path) -> Option<PathBuf> {
         .ancestors()
         .take(3)
         .map(|folder| folder.join(CAM_TO_CAM));
-    files.into_iter().find(|file| file.is_file())
+    files.into_iter().find(|file| inputs::is_file(file))
 }
 
 /// Reason why a pair does not fit the rig of earlier pairs.

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_files::IMAGE_ENDINGS;
 
 /// A folder of many pairs.
@@ -149,7 +149,7 @@ pub(super) fn find_ending(folder: &Path, pattern: &str, endings: &[&str]) -> Res
         return Ok(images);
     }
     // Without a `*` it is one image.
-    if folder.is_file() {
+    if inputs::is_file(&folder) {
         images.insert(Vec::new(), folder);
     }
     Ok(images)
@@ -167,7 +167,7 @@ fn below(mut path: PathBuf, parts: &[&str], endings: &[&str]) -> Result<Option<P
             _ => return Ok(None),
         }
     }
-    Ok(path.is_file().then_some(path))
+    Ok(inputs::is_file(&path).then_some(path))
 }
 
 /// The entry of that name, in any case, an image also without its extension.
@@ -220,14 +220,7 @@ pub(super) fn stem<'a>(name: &'a [u8], endings: &[&str]) -> Option<&'a [u8]> {
 
 /// Entries of a folder, in the order of the names.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let io = |e| Error::io(folder, e);
-    let entries = std::fs::read_dir(folder).map_err(io)?;
-    let mut paths: Vec<_> = entries
-        .map(|entry| entry.map(|entry| entry.path()).map_err(io))
-        .collect::<Result<_>>()?;
-    // Names of one case before the other: read_dir has no order of its own.
-    paths.sort_unstable();
-    Ok(paths)
+    inputs::list(folder).map_err(|e| Error::io(folder, e))
 }
 
 /// Natural order: runs of digits by their number, 8 before 13.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, counted, inputs};
 use svl_files::{has_ending, read_depth, read_disparity_steps, read_points};
 use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities};
 use svl_score::plausibility::{TruthUnit, is_better_match};
@@ -451,7 +451,7 @@ fn scanner(folder: &Path, layout: Option<&Layout>) -> Result<Isometry3<f64>> {
     let real = folder.canonicalize().map_err(|e| Error::io(folder, e))?;
     let file = |name: &str| {
         let mut files = real.ancestors().take(3).map(|folder| folder.join(name));
-        files.find(|file| file.is_file())
+        files.find(|file| inputs::is_file(file))
     };
     match layout.map(|layout| &layout.cameras) {
         Some(Cameras::CamToCam([left, _])) => {

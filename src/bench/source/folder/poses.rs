@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Translation3, Vector3};
 use std::path::Path;
 use svl_calibrate::files::read_offset;
 use svl_core::stereo::{Pose, motion};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_files::read_text;
 
 /// Limit of the file's size, bytes: a million lines.
@@ -34,11 +34,11 @@ pub(super) fn poses(
         Some(real.parent()?.parent()?.join("poses").join(name))
     };
     let places = [Some(real.join("poses.txt")), sequence_poses()];
-    let Some(path) = places.into_iter().flatten().find(|path| path.is_file()) else {
+    let Some(path) = places.into_iter().flatten().find(|path| inputs::is_file(path)) else {
         return none();
     };
     let calib = folder.join(CALIB);
-    let to_left = if calib.is_file() {
+    let to_left = if inputs::is_file(&calib) {
         read_offset(&calib, left)?
     } else if *left == "P0" {
         Translation3::identity()

@@ -4,7 +4,7 @@ use super::layout::{Layout, stem};
 use super::pairs::PairFiles;
 use std::collections::HashMap;
 use std::path::Path;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_files::{IMAGE_ENDINGS, read_text};
 
 /// Limit of the size of a file of stamps, in bytes: some million lines.
@@ -92,7 +92,7 @@ enum StampFile {
 impl StampFile {
     /// None without such a file.
     fn read(path: &Path) -> Result<Option<Self>> {
-        if !path.is_file() {
+        if !inputs::is_file(path) {
             return Ok(None);
         }
         let text = read_text(path, MAX_BYTES)?;

@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use svl_core::stereo::{Gray, MAX_SIDE};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, inputs};
 use svl_files::{DecodedImage, ffmpeg};
 
 /// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
@@ -66,6 +66,8 @@ impl VideoInfo {
     fn read(path: &Path) -> Result<Self> {
         let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:packet=pts_time:\
                        format=duration";
+        // Another program opens it.
+        inputs::register(path);
         let mut command = Command::new("ffprobe");
         command
             .args(["-v", "error", "-select_streams", "v:0", "-of", "json"])

@@ -113,7 +113,7 @@ pub(crate) struct Args {
     /// comparable
     #[arg(long)]
     times: bool,
-    /// Remove what the folder has of algorithms and runs that are not asked for any more
+    /// Remove what the folder has of algorithms and options that are not asked for any more
     #[arg(long)]
     prune: bool,
     /// Folder, new or empty, for each plot of the page as an SVG file

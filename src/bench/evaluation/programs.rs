@@ -1,0 +1,104 @@
+//! Programs whose results are kept: one pair of each block is matched again, as a command may run
+//! another program than before, or the same one with other files.
+
+use super::run_opener::OpenedRun;
+use super::scored_runs::RunWork;
+use crate::source::{AssumeRectified, Source};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::{Error, Result, interrupt};
+use svl_report::{Row, hash_words};
+
+/// What came of matching pairs again.
+enum Answer {
+    Same,
+    /// That of the pair with this number is another.
+    Other(u64),
+    /// The pairs are not those of the results.
+    OtherPairs,
+}
+
+impl RunWork<'_> {
+    /// Matches the first pair of each block again by each program that results are kept of, and
+    /// forgets them if an answer is another. Pairs that a program failed on are matched again.
+    pub(super) fn check_programs(&mut self) -> Result<()> {
+        for algorithm in &self.plan.scenario.algorithms {
+            if algorithm.spec().is_program() {
+                self.check_program(algorithm)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_program(&mut self, algorithm: &Algorithm) -> Result<()> {
+        let label = algorithm.label();
+        for run in &mut self.session.runs {
+            run.retain(|own, _, unit| own != label || !unit.has_failures());
+        }
+        let has_memory = self.run_memory.contains(label);
+        for i in 0..self.runs.len() {
+            let units = self.session.runs[i].units(label);
+            // Of later blocks, results depend on all earlier pairs.
+            let units = units.filter(|(block, _)| *block == 0 || !has_memory);
+            let rows = units.map(|(_, unit)| unit.first_row());
+            let rows: Vec<Row> = rows.filter_map(Result::transpose).collect::<Result<_>>()?;
+            if rows.is_empty() {
+                continue;
+            }
+            let mut opener = self.opener()?;
+            let opened = opener.open(self.runs[i])?;
+            drop(opener);
+            match answers(algorithm, opened, &rows)? {
+                Answer::Same => {}
+                Answer::Other(sequence) => {
+                    tracing::warn!(
+                        "{label}: its result of pair {sequence} is another than before: all its \
+                         pairs are matched again"
+                    );
+                    self.session.forget_algorithm(label);
+                    return Ok(());
+                }
+                Answer::OtherPairs => {
+                    let changed: Vec<_> = (0..self.runs.len()).map(|j| j == i).collect();
+                    self.compare(&changed)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Matches the pairs of these rows again.
+fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Answer> {
+    let OpenedRun {
+        source: mut run,
+        judge,
+        files: _,
+    } = opened;
+    let mut source = AssumeRectified::new(&mut run);
+    let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
+    let mut rows = rows.iter().peekable();
+    while let Some(row) = rows.peek() {
+        let Some(frame) = source.next()? else {
+            return Ok(Answer::OtherPairs);
+        };
+        if interrupt::requested() {
+            return Err(Error::Interrupted);
+        }
+        if frame.sequence != row.sequence {
+            continue;
+        }
+        if hash_words(frame.input_hash(frame.pair.hash())) != row.input_hash {
+            return Ok(Answer::OtherPairs);
+        }
+        let context = MatchContext::for_frame(&frame, judge.grid, judge.cells);
+        output.begin();
+        let matched = matcher.compute(frame.rectified()?, &context, &mut output);
+        let hash = output.disparity.hash();
+        let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
+        if matched.is_err() || hash_words(hash) != row.result_hash {
+            return Ok(Answer::Other(row.sequence));
+        }
+        rows.next();
+    }
+    Ok(Answer::Same)
+}

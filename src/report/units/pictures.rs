@@ -1,0 +1,128 @@
+//! Pictures of the pairs of a unit.
+
+use crate::html::{CheckpointFigure, FrameShot, SceneFigure};
+use crate::rows::Row;
+use serde::{Deserialize, Serialize};
+use serde_json::value::{RawValue, to_raw_value};
+use svl_core::{Error, Result};
+use svl_score::judge::CheckpointFrame;
+
+/// An image file, and the size of the image that it is of.
+pub type StoredImage = (Vec<u8>, (usize, usize));
+
+/// Pictures of the pairs of a unit.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub struct BlockPictures {
+    /// The best and the worst frame of each checkpoint, by its number.
+    pub checkpoints: Vec<CheckpointShot>,
+    /// Frames by their places in the run.
+    pub samples: Vec<(u64, CheckpointFigure)>,
+    /// Scenes by their places in the run.
+    pub scenes: Vec<(u64, SceneFigure)>,
+}
+
+impl BlockPictures {
+    /// The numbers of the pairs that they show.
+    pub fn sequences(&self) -> impl Iterator<Item = u64> {
+        let samples = self.samples.iter().flat_map(|(_, figure)| &figure.shots);
+        let scenes = self.scenes.iter().flat_map(|(_, scene)| &scene.shots);
+        let checkpoints = self.checkpoints.iter().map(|shot| shot.sequence);
+        checkpoints
+            .chain(samples.map(|(_, shot)| shot.row.sequence))
+            .chain(scenes.map(|shot| shot.row.sequence))
+    }
+
+    /// The left image of the row's pair, if they show it: the file, and the size of the image.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if a picture is not what svl writes.
+    pub fn left(self, row: &Row) -> Result<Option<StoredImage>> {
+        let is_own = |own: &Row| own.pair_hash == row.pair_hash;
+        for shot in self
+            .checkpoints
+            .iter()
+            .filter(|shot| shot.sequence == row.sequence)
+        {
+            let shot = shot.shot()?;
+            if is_own(&shot.row) {
+                return Ok(Some((shot.left, shot.size)));
+            }
+        }
+        let samples = self
+            .samples
+            .into_iter()
+            .flat_map(|(_, figure)| figure.shots);
+        let mut samples = samples.filter(|(_, shot)| is_own(&shot.row));
+        if let Some((_, shot)) = samples.next() {
+            return Ok(Some((shot.left, shot.size)));
+        }
+        let shows = |scene: &SceneFigure| scene.shots.iter().any(|shot| is_own(&shot.row));
+        let mut scenes = self.scenes.into_iter().filter(|(_, scene)| shows(scene));
+        Ok(scenes.next().map(|(_, scene)| (scene.left, scene.size)))
+    }
+}
+
+/// The picture of a frame that shows a checkpoint.
+#[derive(Clone, Serialize, Deserialize)]
+pub struct CheckpointShot {
+    pub algorithm: String,
+    pub checkpoint: u32,
+    pub sequence: u64,
+    frame: StoredFrame,
+    /// Parsed only if it is shown.
+    shot: Box<RawValue>,
+}
+
+/// The result of a checkpoint in a frame.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct StoredFrame {
+    passed: bool,
+    missing: usize,
+    wrong: usize,
+    order_holds: bool,
+    /// None if it is infinite.
+    error: Option<f64>,
+}
+
+impl CheckpointShot {
+    /// The picture of a frame with the result of that checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for numbers that JSON does not have.
+    pub fn new(checkpoint: u32, frame: &CheckpointFrame, shot: &FrameShot) -> Result<Self> {
+        let stored = to_raw_value(shot);
+        Ok(Self {
+            algorithm: shot.row.algorithm.clone(),
+            checkpoint,
+            sequence: shot.row.sequence,
+            frame: StoredFrame {
+                passed: frame.passed,
+                missing: frame.missing,
+                wrong: frame.wrong,
+                order_holds: frame.order_holds,
+                error: Some(frame.error).filter(|error| error.is_finite()),
+            },
+            shot: stored.map_err(|e| Error::Invalid(format!("pictures: {e}")))?,
+        })
+    }
+
+    /// The result of the checkpoint.
+    pub fn frame(&self) -> CheckpointFrame {
+        CheckpointFrame {
+            passed: self.frame.passed,
+            missing: self.frame.missing,
+            wrong: self.frame.wrong,
+            order_holds: self.frame.order_holds,
+            error: self.frame.error.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// The picture.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is not what svl writes.
+    pub fn shot(&self) -> Result<FrameShot> {
+        let shot = serde_json::from_str(self.shot.get());
+        shot.map_err(|e| Error::Invalid(format!("pictures: {e}")))
+    }
+}

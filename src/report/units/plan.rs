@@ -1,0 +1,154 @@
+//! The list of a report: what it is of, as digests.
+
+use super::unit::unit_format;
+use serde::{Deserialize, Serialize};
+use svl_core::Result;
+use svl_score::losses::Missing;
+use svl_score::manifest::{AlgorithmRecord, Manifest, Purpose, hash};
+
+/// Limit of the algorithms with pictures: the first of the report.
+const MAX_PICTURED: usize = 8;
+
+/// What a report is of, as the last `svl score` on its folder asked for it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReportPlan {
+    /// [`unit_format`] of the program that wrote it.
+    format: String,
+    pub manifest: Manifest,
+    /// All runs, in their order.
+    pub runs: Vec<ReportRun>,
+    /// Per limit of the scenario its line in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limit_lines: Vec<usize>,
+    /// Pairs that were lost as live topics were recorded for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<Missing>,
+}
+
+/// An algorithm of a report, as far as its units depend on it.
+pub struct PlannedAlgorithm<'a> {
+    pub label: &'a str,
+    /// Digest of the algorithm, its parameters and its name in the rows.
+    pub digest: String,
+    /// True if a result depends on all earlier pairs of its run.
+    pub has_run_memory: bool,
+    /// The name of the maps that it reports, if others computed them.
+    pub maps: Option<String>,
+}
+
+impl ReportPlan {
+    /// The report of these runs under the options of a manifest. `runs`: their keys; they get their
+    /// digests here.
+    ///
+    /// # Errors
+    /// Those of [`Manifest::identity_hash`].
+    pub fn new(manifest: Manifest, mut runs: Vec<ReportRun>) -> Result<Self> {
+        let (format, options) = (unit_format(), manifest.identity_hash(Purpose::Keep)?);
+        for run in &mut runs {
+            let key = (&run.run, run.seed, &run.stress);
+            run.digest = hash(&format!("{format} {options} {key:?}"));
+        }
+        Ok(Self {
+            format,
+            manifest,
+            runs,
+            limit_lines: Vec::new(),
+            lost: None,
+        })
+    }
+
+    /// True if both are of the same runs under the same options.
+    pub fn has_runs_of(&self, other: &Self) -> bool {
+        self.runs == other.runs
+    }
+
+    /// True if the runs are drives.
+    pub fn is_driven(&self) -> bool {
+        let description = self.manifest.description.as_ref();
+        let kind = description.and_then(|value| value.pointer("/source/kind"));
+        kind.is_some_and(|kind| kind == "drive")
+    }
+
+    /// The labels of the algorithms, in their order.
+    pub fn labels(&self) -> Vec<&str> {
+        self.manifest.labels().collect()
+    }
+
+    /// The algorithms with pictures: a page is to be sent around.
+    pub fn pictured(&self) -> Vec<&str> {
+        self.manifest.labels().take(MAX_PICTURED).collect()
+    }
+
+    /// The algorithms that match a run: a map that others computed is not that of perturbed pairs.
+    pub fn algorithms_of(&self, run: &ReportRun) -> Vec<PlannedAlgorithm<'_>> {
+        let is_own = |record: &&AlgorithmRecord| run.stress.is_none() || !record.is_recorded();
+        let records = self.manifest.algorithms.iter().filter(is_own);
+        records.map(PlannedAlgorithm::new).collect()
+    }
+
+    /// The digests of all algorithms.
+    pub fn digests(&self) -> Vec<String> {
+        let records = self.manifest.algorithms.iter();
+        records.map(|own| PlannedAlgorithm::new(own).digest).collect()
+    }
+
+    /// Digest of all runs and algorithms.
+    pub fn digest(&self) -> String {
+        hash(&format!("{:?} {:?}", self.runs, self.digests()))
+    }
+}
+
+impl<'a> PlannedAlgorithm<'a> {
+    fn new(record: &'a AlgorithmRecord) -> Self {
+        let AlgorithmRecord {
+            name,
+            label,
+            parameters,
+            parameters_hash,
+            has_run_memory,
+            ..
+        } = record;
+        Self {
+            label,
+            digest: hash(&format!("{label}={name}:{parameters_hash}")),
+            has_run_memory: *has_run_memory,
+            maps: record.is_recorded().then(|| format!("{name}:{parameters}")),
+        }
+    }
+}
+
+/// A run of a report.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct ReportRun {
+    /// The key of the run in the rows.
+    pub run: Option<String>,
+    pub seed: Option<u64>,
+    pub stress: Option<String>,
+    /// Digest of the key, of the options of the run and of svl's sources.
+    pub digest: String,
+}
+
+impl ReportRun {
+    fn keys(&self, seed: &str) -> Vec<String> {
+        let seed = self.seed.map(|number| format!("{seed}{number}"));
+        let keys = [self.run.clone(), seed, self.stress.clone()];
+        keys.into_iter().flatten().collect()
+    }
+
+    /// The name of its folder: words for a reader, and its digest.
+    pub fn folder(&self) -> String {
+        let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+        let safe = |c: char| if is_safe(c) { c } else { '-' };
+        let words = self.keys("seed-").join("-");
+        let name: String = words.chars().take(60).map(safe).collect();
+        format!("{}-{}", name.trim_start_matches('.'), &self.digest[..16])
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        match &self.keys("seed ")[..] {
+            [] => "the scenes".to_owned(),
+            keys => keys.join(", "),
+        }
+    }
+}

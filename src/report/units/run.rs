@@ -1,0 +1,328 @@
+//! A run of a report under its options: its facts, and the units of its algorithms.
+
+use super::plan::{PlannedAlgorithm, ReportPlan, ReportRun};
+use super::store::{StoredSession, Units};
+use super::unit::Unit;
+use super::BLOCK;
+use crate::summary::TopicDelay;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use svl_core::Result;
+use svl_core::inputs::FileStamp;
+use svl_core::stereo::Losses;
+use svl_score::manifest::{RunRecord, hash};
+use svl_score::plausibility::MeasuredScales;
+
+/// What is known of a run besides the results of algorithms.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunFacts {
+    pub record: Option<RunRecord>,
+    /// The files that were opened, as they were: they only decide if the pairs are decoded again.
+    pub files: Vec<FileStamp>,
+    /// Digest of the runs whose pairs were registered before, which it has no copies of.
+    pub after: String,
+    /// The pairs, in their order.
+    pub pairs: Vec<PairFacts>,
+    /// All that is in no pair; none unless the run was read to its end.
+    pub losses: Option<Losses>,
+    /// The error that ended it early.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Its warnings, and those of algorithms, by their digests.
+    pub warnings: Vec<RunWarning>,
+    /// Delays of the topics that it reads maps from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub latency: Vec<TopicDelay>,
+}
+
+/// A pair of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PairFacts {
+    pub sequence: u64,
+    /// Digest of all that rows depend on: pixels, stamp, calibration, truth, pose and name.
+    pub hash: String,
+    /// True if it has a calibration.
+    pub has_rig: bool,
+    /// Hashes of the maps that others computed, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub maps: BTreeMap<String, String>,
+}
+
+impl RunFacts {
+    /// Digest of the content of all pairs, in their order.
+    pub fn inputs(&self) -> String {
+        let hashes: Vec<_> = self.pairs.iter().map(|pair| pair.hash.as_str()).collect();
+        hash(&hashes.join("\n"))
+    }
+
+    /// Adds the warnings that are known of the same pairs.
+    pub fn join(&mut self, other: &Self) {
+        for warning in &other.warnings {
+            warning.clone().add_to(&mut self.warnings);
+        }
+    }
+}
+
+impl PlannedAlgorithm<'_> {
+    /// The name of the unit of a block, of the pairs of the run so far.
+    pub fn unit_name(&self, block: u64, pairs: &[PairFacts]) -> String {
+        let end = pairs.len().min(((block + 1) * BLOCK) as usize);
+        let begin = match self.has_run_memory {
+            true => 0,
+            false => (block * BLOCK) as usize,
+        };
+        let mut text = self.digest.clone();
+        for pair in &pairs[begin.min(end)..end] {
+            text += &pair.hash;
+            let map = self.maps.as_ref().and_then(|name| pair.maps.get(name));
+            text += map.map_or("", String::as_str);
+        }
+        format!("{block:05}-{}", &hash(&text)[..16])
+    }
+}
+
+/// A run of a report with the units that the report lists.
+#[derive(Default)]
+pub struct RunUnits {
+    pub run: ReportRun,
+    /// Of a run that was never read to its end, the pairs that units are of.
+    pub facts: RunFacts,
+    /// Per algorithm its units, by block.
+    units: BTreeMap<String, BTreeMap<u64, Unit>>,
+}
+
+impl RunUnits {
+    /// Reads the units of a run. `damaged` gets the file of each one that cannot be used.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`].
+    pub fn read(
+        folder: &Units,
+        plan: &ReportPlan,
+        run: &ReportRun,
+        sessions: &[StoredSession],
+        damaged: impl FnMut(PathBuf),
+    ) -> Result<Self> {
+        let facts = match folder.facts(run)? {
+            Some(facts) => facts,
+            None => RunFacts {
+                pairs: folder.pairs_of_units(run)?,
+                ..RunFacts::default()
+            },
+        };
+        Self::of_facts(folder, plan, run, sessions, facts, damaged)
+    }
+
+    /// As [`RunUnits::read`], of a run with these facts.
+    ///
+    /// # Errors
+    /// As [`RunUnits::read`].
+    pub fn of_facts(
+        folder: &Units,
+        plan: &ReportPlan,
+        run: &ReportRun,
+        sessions: &[StoredSession],
+        facts: RunFacts,
+        mut damaged: impl FnMut(PathBuf),
+    ) -> Result<Self> {
+        let mut found = Self {
+            run: run.clone(),
+            facts,
+            units: BTreeMap::new(),
+        };
+        let pictured = plan.pictured();
+        for algorithm in plan.algorithms_of(run) {
+            // Perturbed pairs are not shown.
+            let is_pictured = run.stress.is_none() && pictured.contains(&algorithm.label);
+            for block in 0..found.blocks(plan) {
+                let name = algorithm.unit_name(block, &found.facts.pairs);
+                let path = folder.unit_path(run, &name);
+                let unit = match Unit::read(&path, &run.digest) {
+                    Ok(Some(unit)) => unit,
+                    Ok(None) => continue,
+                    Err(_) => {
+                        damaged(path);
+                        continue;
+                    }
+                };
+                let has_session = sessions.iter().any(|own| own.manifest.run_id == unit.session);
+                if has_session && (unit.has_pictures || !is_pictured) {
+                    let own = found.units.entry(algorithm.label.to_owned()).or_default();
+                    own.insert(block, unit);
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// The units of an algorithm, by block.
+    pub fn units(&self, label: &str) -> impl Iterator<Item = (u64, &Unit)> {
+        let units = self.units.get(label).into_iter().flatten();
+        units.map(|(block, unit)| (*block, unit))
+    }
+
+    /// All units.
+    pub fn all(&self) -> impl Iterator<Item = &Unit> {
+        self.units.values().flat_map(BTreeMap::values)
+    }
+
+    /// The unit of an algorithm in a block.
+    pub fn unit(&self, label: &str, block: u64) -> Option<&Unit> {
+        self.units.get(label)?.get(&block)
+    }
+
+    /// Leaves out the units that are not kept.
+    pub fn retain(&mut self, mut is_kept: impl FnMut(&str, u64, &Unit) -> bool) {
+        for (label, units) in &mut self.units {
+            units.retain(|block, unit| is_kept(label, *block, unit));
+        }
+    }
+
+    /// Leaves out the units of blocks in which those of the algorithms are of several sessions, or
+    /// not all there.
+    pub fn retain_equal_blocks(&mut self, plan: &ReportPlan) {
+        let algorithms = plan.algorithms_of(&self.run).len();
+        let mut sessions: BTreeMap<u64, (usize, BTreeSet<String>)> = BTreeMap::new();
+        for (block, unit) in self.units.values().flatten() {
+            let (count, own) = sessions.entry(*block).or_default();
+            *count += 1;
+            own.insert(unit.session.clone());
+        }
+        let is_equal = |block| {
+            let (count, own): &(usize, BTreeSet<String>) = &sessions[&block];
+            *count == algorithms && own.len() == 1
+        };
+        self.retain(|_, block, _| is_equal(block));
+    }
+
+    /// The number of blocks, as far as they are known.
+    pub fn blocks(&self, plan: &ReportPlan) -> u64 {
+        match plan.is_driven() {
+            true => 1,
+            false => (self.facts.pairs.len() as u64).div_ceil(BLOCK),
+        }
+    }
+
+    /// The recording that it reads, if it is one; of perturbed pairs that is told once.
+    pub fn record(&self) -> Option<RunRecord> {
+        let is_told = self.run.stress.is_none();
+        self.facts.record.clone().filter(|_| is_told)
+    }
+
+    /// True if all its pairs were read.
+    pub fn is_read(&self) -> bool {
+        self.facts.losses.is_some()
+    }
+
+    /// True if all its pairs were read, and these algorithms have all units.
+    pub fn has_all(&self, plan: &ReportPlan, mut labels: impl Iterator<Item = String>) -> bool {
+        let blocks = self.blocks(plan);
+        (plan.is_driven() || self.is_read())
+            && labels.all(|label| self.units(&label).count() as u64 == blocks)
+    }
+
+    /// True if all its pairs were read, and every algorithm has a result of each or failed on it.
+    pub fn is_whole(&self, plan: &ReportPlan) -> bool {
+        let algorithms = plan.algorithms_of(&self.run).into_iter();
+        self.has_all(plan, algorithms.map(|own| own.label.to_owned()))
+    }
+
+    /// The reason to doubt its truth.
+    pub fn doubt(&self) -> Option<String> {
+        let mut scales = MeasuredScales::default();
+        for units in self.units.values() {
+            // Those of the first block with enough pixels.
+            if let Some(own) = units.values().filter_map(|unit| unit.scale.clone()).next() {
+                scales.origin = own.origin;
+                scales.algorithms.extend(own.algorithms);
+            }
+        }
+        // Perturbed pairs have the truth of the others.
+        scales.doubt().filter(|_| self.run.stress.is_none())
+    }
+
+    /// The warnings of the run and of the algorithms of the plan, added to others.
+    pub fn add_warnings(&self, plan: &ReportPlan, warnings: &mut Vec<RunWarning>) {
+        let algorithms = plan.algorithms_of(&self.run);
+        for warning in &self.facts.warnings {
+            let label = |digest: &String| {
+                let mut own = algorithms.iter();
+                let own = own.find(|own| own.digest == *digest)?;
+                Some(own.label.to_owned())
+            };
+            let labels: Vec<_> = warning.algorithms.iter().filter_map(label).collect();
+            if !labels.is_empty() || warning.algorithms.is_empty() {
+                let text = warning.text.clone();
+                let algorithms = labels;
+                RunWarning { text, algorithms }.add_to(warnings);
+            }
+        }
+    }
+}
+
+/// A warning of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunWarning {
+    /// Without the names of its algorithms.
+    pub text: String,
+    /// The algorithms that it is of; empty for one of the run itself.
+    pub algorithms: Vec<String>,
+}
+
+impl RunWarning {
+    /// A warning, which names its algorithms before a colon; none for that of a failure on a pair,
+    /// which a table has. Of algorithms it has the digests.
+    pub fn new(warning: String, algorithms: &[PlannedAlgorithm<'_>]) -> Option<Self> {
+        let digest = |label: &str| {
+            let mut own = algorithms.iter();
+            own.find(|own| own.label == label).map(|own| own.digest.clone())
+        };
+        let for_run = |text| Self {
+            text,
+            algorithms: Vec::new(),
+        };
+        let Some((head, text)) = warning.split_once(": ") else {
+            return Some(for_run(warning));
+        };
+        let failed = head.split_once(" on pair ");
+        if failed.is_some_and(|(label, _)| digest(label).is_some()) {
+            return None;
+        }
+        Some(match head.split(", ").map(digest).collect::<Option<_>>() {
+            Some(algorithms) => Self {
+                text: text.to_owned(),
+                algorithms,
+            },
+            None => for_run(warning),
+        })
+    }
+
+    /// Adds a warning to others: of one text the algorithms together.
+    pub fn add_to(self, warnings: &mut Vec<Self>) {
+        let is_same = |own: &&mut Self| {
+            own.text == self.text && own.algorithms.is_empty() == self.algorithms.is_empty()
+        };
+        match warnings.iter_mut().find(is_same) {
+            Some(own) => {
+                for label in self.algorithms {
+                    if !own.algorithms.contains(&label) {
+                        own.algorithms.push(label);
+                    }
+                }
+            }
+            None => warnings.push(self),
+        }
+    }
+
+    /// Its words, with its algorithms in the order of these.
+    pub fn words(&self, labels: &[&str]) -> String {
+        let named = labels.iter().copied();
+        let named = named.filter(|label| self.algorithms.iter().any(|own| own == label));
+        let named: Vec<_> = named.collect();
+        match named.is_empty() {
+            true => self.text.clone(),
+            false => format!("{}: {}", named.join(", "), self.text),
+        }
+    }
+}

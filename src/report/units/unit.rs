@@ -1,0 +1,376 @@
+//! A unit: an algorithm over a block of pairs of a run, or a drive, as one file.
+//!
+//! The first line is the checksum of all that follows, the second the header, as JSON; then come
+//! the tables, as CSV, and the pictures.
+
+use super::pictures::BlockPictures;
+use super::run::PairFacts;
+use super::store::{json, write_whole};
+use crate::csv_rows::{RowReader, csv_error};
+use crate::drives::{CoursePlan, DriveRow, TrackRow};
+use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
+use serde::{Deserialize, Serialize};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_score::manifest::{hash, hash_bytes};
+use svl_score::plausibility::MeasuredScales;
+
+/// What a unit has besides its tables.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UnitHeader {
+    /// Digest of its run, and its own name.
+    pub run: String,
+    pub name: String,
+    pub label: String,
+    /// The session that matched it.
+    pub session: String,
+    /// The block in its run; 0 for a drive.
+    pub block: u64,
+    /// The pairs of the block; none of a drive.
+    pub pairs: Vec<PairFacts>,
+    /// True unless its algorithm was not among those with pictures.
+    pub has_pictures: bool,
+    /// The factor between the truth and the algorithm, if there are enough pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<MeasuredScales>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drive: Option<DriveFacts>,
+    /// The tables and the pictures that it has, with their lengths in bytes.
+    parts: Vec<(String, usize)>,
+}
+
+/// What a drive has besides its rows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DriveFacts {
+    pub course: CoursePlan,
+}
+
+/// The part of the pictures.
+const PICTURES: &str = "pictures";
+
+/// The form of the files; a change of [`BlockPictures`] or of a header changes it.
+const FORM: &str = "units with checksums, pictures with truth and errors";
+
+/// The text of a table.
+struct TableText<R> {
+    writer: Option<csv::Writer<Vec<u8>>>,
+    row: std::marker::PhantomData<R>,
+}
+
+impl<R> Default for TableText<R> {
+    fn default() -> Self {
+        Self {
+            writer: None,
+            row: std::marker::PhantomData,
+        }
+    }
+}
+
+impl<R: Record> TableText<R> {
+    fn push(&mut self, rows: &[R]) -> csv::Result<()> {
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let writer = match &mut self.writer {
+            Some(writer) => writer,
+            None => {
+                let mut builder = csv::WriterBuilder::new();
+                let writer = builder.has_headers(false).from_writer(Vec::new());
+                let writer = self.writer.insert(writer);
+                writer.write_record(R::columns().iter().map(|column| column.name))?;
+                writer
+            }
+        };
+        rows.iter().try_for_each(|row| writer.serialize(row.values()))
+    }
+
+    fn into_bytes(self) -> Vec<u8> {
+        let writer = self.writer.map(csv::Writer::into_inner);
+        writer.map_or_else(Vec::new, |bytes| bytes.expect("memory takes all"))
+    }
+}
+
+/// A row of a unit.
+trait UnitRow: Record {
+    /// The pair that it is of, unless it is of a drive.
+    fn sequence(&self) -> Option<u64>;
+
+    /// Sets what is the report's: the name of the scenario.
+    fn set_scenario(&mut self, _: &str) {}
+}
+
+macro_rules! unit_row_field {
+    (sequence) => {
+        fn sequence(&self) -> Option<u64> {
+            Some(self.sequence)
+        }
+    };
+    (drive) => {
+        fn sequence(&self) -> Option<u64> {
+            None
+        }
+    };
+    (scenario) => {
+        fn set_scenario(&mut self, scenario: &str) {
+            scenario.clone_into(&mut self.scenario);
+        }
+    };
+}
+
+/// Declares the tables of a unit: what each row has, besides its own columns, to be found by.
+macro_rules! unit_tables {
+    ($($(#[$about:meta])* $table:ident: $row:ident($($field:ident),*),)*) => {
+        /// Rows of a unit: those of a pair, or of a drive.
+        #[derive(Default)]
+        pub struct UnitRows {
+            $($(#[$about])* pub $table: Vec<$row>,)*
+        }
+
+        impl UnitRows {
+            /// Adds the rows of another algorithm.
+            pub(super) fn append(&mut self, mut other: Self) {
+                $(self.$table.append(&mut other.$table);)*
+            }
+        }
+
+        $(impl UnitRow for $row {
+            $(unit_row_field! { $field })*
+        })*
+
+        /// Identifies the columns of all tables of units, and their form: other versions of svl
+        /// have others.
+        pub(super) fn unit_format() -> String {
+            let columns = [$($row::columns()),*];
+            let names = columns.iter().flatten().map(|column| column.name);
+            hash(&names.chain([FORM]).collect::<Vec<_>>().join("\n"))
+        }
+
+        #[derive(Default)]
+        struct UnitTexts {
+            $($table: TableText<$row>,)*
+        }
+
+        impl UnitTexts {
+            fn push(&mut self, rows: &UnitRows) -> csv::Result<()> {
+                $(self.$table.push(&rows.$table)?;)*
+                Ok(())
+            }
+
+            fn into_parts(self) -> Vec<(String, Vec<u8>)> {
+                let parts = [$((stringify!($table).to_owned(), self.$table.into_bytes())),*];
+                parts.into_iter().filter(|(_, bytes)| !bytes.is_empty()).collect()
+            }
+        }
+
+        /// Reads the tables of a unit, pair by pair.
+        pub(super) struct UnitReader<'a> {
+            scenario: &'a str,
+            $($table: TableReader<$row>,)*
+        }
+
+        impl<'a> UnitReader<'a> {
+            /// The tables of a report of that scenario; `is_read` chooses among them by name.
+            ///
+            /// # Errors
+            /// [`Error::Io`], [`Error::Format`].
+            pub(super) fn open(
+                unit: &Unit,
+                scenario: &'a str,
+                is_read: impl Fn(&str) -> bool,
+            ) -> Result<Self> {
+                let mut parts = unit.parts(is_read)?;
+                Ok(Self {
+                    scenario,
+                    $($table: TableReader::open(unit, parts.remove(stringify!($table)))?,)*
+                })
+            }
+
+            /// The next rows: those of a pair, or all.
+            ///
+            /// # Errors
+            /// [`Error::Format`] for a line that is no row.
+            pub(super) fn take(&mut self, sequence: Option<u64>) -> Result<UnitRows> {
+                Ok(UnitRows {
+                    $($table: self.$table.take(sequence, self.scenario)?,)*
+                })
+            }
+        }
+    };
+}
+
+unit_tables! {
+    rows: Row(sequence, scenario),
+    cells: CellRow(sequence, scenario),
+    failures: FailureRow(sequence, scenario),
+    /// Results of checkpoints.
+    frames: FrameRow(sequence),
+    drives: DriveRow(drive, scenario),
+    tracks: TrackRow(drive, scenario),
+}
+
+/// A table of a unit, whose rows are in the order of the pairs.
+struct TableReader<R> {
+    reader: Option<RowReader<R>>,
+    next: Option<R>,
+}
+
+impl<R: UnitRow> TableReader<R> {
+    fn open(unit: &Unit, text: Option<Vec<u8>>) -> Result<Self> {
+        let reader = text.map(|text| RowReader::new(&unit.path, Box::new(Cursor::new(text))));
+        let mut reader = reader.transpose()?;
+        let next = reader.as_mut().and_then(Iterator::next).transpose()?;
+        Ok(Self { reader, next })
+    }
+
+    fn take(&mut self, sequence: Option<u64>, scenario: &str) -> Result<Vec<R>> {
+        let is_taken = |row: &mut R| sequence.is_none() || row.sequence() == sequence;
+        let mut rows = Vec::new();
+        while let Some(mut row) = self.next.take_if(is_taken) {
+            row.set_scenario(scenario);
+            rows.push(row);
+            self.next = self.reader.as_mut().and_then(Iterator::next).transpose()?;
+        }
+        Ok(rows)
+    }
+}
+
+/// Collects the rows of a unit, and writes it.
+#[derive(Default)]
+pub struct UnitWriter {
+    pub header: UnitHeader,
+    texts: UnitTexts,
+}
+
+impl UnitWriter {
+    /// Takes the rows of a pair, or of a drive.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a value that a table cannot have.
+    pub fn push(&mut self, rows: &UnitRows) -> Result<()> {
+        let pushed = self.texts.push(rows);
+        pushed.map_err(|e| csv_error(Path::new("a unit"), e))
+    }
+
+    /// Writes the unit, whole, in the place of one of its name. `path`: as
+    /// [`super::Units::unit_path`] gives it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file.
+    pub fn write(mut self, path: &Path, pictures: Option<&BlockPictures>) -> Result<()> {
+        let mut parts = self.texts.into_parts();
+        if let Some(pictures) = pictures {
+            parts.push((PICTURES.to_owned(), json(pictures)?));
+        }
+        let length = |(name, bytes): &(String, Vec<u8>)| (name.clone(), bytes.len());
+        self.header.parts = parts.iter().map(length).collect();
+        let mut text = json(&self.header)?;
+        text.push(b'\n');
+        parts.iter().for_each(|(_, bytes)| text.extend_from_slice(bytes));
+        write_whole(path, &[hash_bytes(&text).as_bytes(), b"\n", &text])
+    }
+}
+
+/// A unit of a report's folder.
+#[derive(Clone, Debug)]
+pub struct Unit {
+    path: PathBuf,
+    pub checksum: String,
+    header: UnitHeader,
+}
+
+impl std::ops::Deref for Unit {
+    type Target = UnitHeader;
+
+    fn deref(&self) -> &UnitHeader {
+        &self.header
+    }
+}
+
+impl Unit {
+    /// Reads the header of a unit, and checks all of it; none if it is not there.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not the unit of its run and its name.
+    pub fn read(path: &Path, run: &str) -> Result<Option<Self>> {
+        let bytes = match std::fs::read(path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            bytes => bytes.map_err(|e| Error::io(path, e))?,
+        };
+        let damaged = || Error::format(path, "is damaged");
+        let (checksum, text) = split_line(&bytes).ok_or_else(damaged)?;
+        let checksum = String::from_utf8_lossy(checksum).into_owned();
+        let header = split_line(text).and_then(|(line, _)| serde_json::from_slice(line).ok());
+        let header: UnitHeader = header.ok_or_else(damaged)?;
+        let is_own = header.run == run && path.file_stem().is_some_and(|stem| *stem == *header.name);
+        if !is_own || hash_bytes(text) != checksum {
+            return Err(damaged());
+        }
+        Ok(Some(Self {
+            path: path.to_owned(),
+            checksum,
+            header,
+        }))
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The first row.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`].
+    pub fn first_row(&self) -> Result<Option<Row>> {
+        let mut reader = UnitReader::open(self, "", |table| table == "rows")?;
+        Ok(reader.rows.next.take())
+    }
+
+    /// True if its algorithm failed on a pair.
+    pub fn has_failures(&self) -> bool {
+        self.parts.iter().any(|(name, _)| name == "failures")
+    }
+
+    /// Its pictures, if it has some.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`].
+    pub fn pictures(&self) -> Result<Option<BlockPictures>> {
+        let pictures = self.parts(|part| part == PICTURES)?.remove(PICTURES);
+        let parsed = pictures.map(|text| serde_json::from_slice(&text)).transpose();
+        parsed.map_err(|e| Error::format(&self.path, e.to_string()))
+    }
+
+    /// Those of its parts that are chosen by name.
+    fn parts(&self, is_read: impl Fn(&str) -> bool) -> Result<Parts> {
+        let mut parts = Vec::new();
+        if self.header.parts.iter().any(|(name, _)| is_read(name)) {
+            let bytes = std::fs::read(&self.path).map_err(|e| Error::io(&self.path, e))?;
+            let lengths: usize = self.header.parts.iter().map(|(_, length)| length).sum();
+            // The parts are the end of the file, which was checked.
+            let mut at = bytes.len().saturating_sub(lengths);
+            for (name, length) in &self.header.parts {
+                if is_read(name) {
+                    let part = bytes.get(at..at + length).unwrap_or_default();
+                    parts.push((name.clone(), part.to_owned()));
+                }
+                at += length;
+            }
+        }
+        Ok(Parts(parts))
+    }
+}
+
+struct Parts(Vec<(String, Vec<u8>)>);
+
+impl Parts {
+    fn remove(&mut self, name: &str) -> Option<Vec<u8>> {
+        let place = self.0.iter().position(|(own, _)| own == name)?;
+        Some(self.0.swap_remove(place).1)
+    }
+}
+
+fn split_line(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let end = bytes.iter().position(|byte| *byte == b'\n')?;
+    Some((&bytes[..end], &bytes[end + 1..]))
+}
