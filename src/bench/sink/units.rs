@@ -79,12 +79,12 @@ impl UnitSink {
         self.units.run_folder(&self.run)?;
         for algorithm in self.plan.algorithms_of(&self.run) {
             let PlannedAlgorithm { label, .. } = algorithm;
-            let Some(writer) = block.get_mut(label).map(std::mem::take) else {
+            let Some(mut writer) = block.remove(label) else {
                 continue;
             };
             let name = algorithm.unit_name(number, &pairs);
             let path = self.units.unit_path(&self.run, &name);
-            let header = UnitHeader {
+            writer.header = UnitHeader {
                 run: self.run.digest.clone(),
                 name,
                 label: label.to_owned(),
@@ -95,7 +95,7 @@ impl UnitSink {
                 scale: scales.of(label),
                 ..UnitHeader::default()
             };
-            UnitWriter { header, ..writer }.write(&path, pictures.remove(label).as_ref())?;
+            writer.write(&path, pictures.remove(label).as_ref())?;
         }
         Ok(())
     }

@@ -36,8 +36,8 @@ pub struct UnitHeader {
     pub scale: Option<MeasuredScales>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive: Option<DriveFacts>,
-    /// The tables and the pictures that it has, with their lengths in bytes.
-    parts: Vec<(String, usize)>,
+    /// The tables and the pictures that it has, with their lengths in bytes, once it is written.
+    pub parts: Vec<(String, usize)>,
 }
 
 /// What a drive has besides its rows.

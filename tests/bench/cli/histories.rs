@@ -1,7 +1,9 @@
 //! Random histories of a report's folder: whatever was done to it, the report is that of a fresh
 //! run.
+#![cfg(unix)]
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, Ran};
+use super::results::{assert_same_report, json, replace_with_time};
 use fastrand::Rng;
 use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
@@ -9,7 +11,7 @@ use std::time::Duration;
 
 /// The histories by default and in `.ci/nightly`; the variable `SVL_HISTORIES` has another number
 /// of them, and `SVL_HISTORY` the first.
-const HISTORIES: [std::ops::Range<u64>; 2] = [1..2, 0..20];
+const HISTORIES: [std::ops::Range<u64>; 2] = [0..4, 0..40];
 
 /// Commands of a history.
 const STEPS: usize = 6;
@@ -39,7 +41,13 @@ struct History {
     random: Rng,
     pairs: Pairs,
     algorithms: BTreeSet<&'static str>,
+    /// Those that were written ever.
+    written: Vec<&'static str>,
+    /// Options of the runs.
     stress: bool,
+    range: &'static str,
+    crop: &'static str,
+    truth: bool,
     /// What was done, for the message of a failure.
     log: Vec<String>,
     fresh: usize,
@@ -56,8 +64,11 @@ impl History {
         match pairs {
             Pairs::Arena => drop(fixture.write_recorded_arena("short.toml", 70)),
             Pairs::Folders => {
-                for (folder, count) in [("one", 150), ("two", 20)] {
-                    (0..count).for_each(|i| write_pair(&fixture, folder, i, i % 5));
+                for (folder, count) in FOLDERS {
+                    for i in 0..count {
+                        write_pair(&fixture, folder, i, i % 5);
+                        write_truth(&fixture, folder, i, i % 5);
+                    }
                 }
             }
         }
@@ -67,7 +78,11 @@ impl History {
             random,
             pairs,
             algorithms: BTreeSet::from([first]),
+            written: vec![first],
             stress: false,
+            range: "",
+            crop: "",
+            truth: false,
             log: Vec::new(),
             fresh: 0,
         }
@@ -87,6 +102,11 @@ impl History {
         }
         if self.stress {
             line.extend(["--stress", "noise=8"]);
+        }
+        line.extend(self.range.split_whitespace());
+        line.extend(self.crop.split_whitespace());
+        if self.truth {
+            line.extend(["--truth", "../truth/*.npy:disparity=1"]);
         }
         line.into_iter().map(str::to_owned).collect()
     }
@@ -120,14 +140,13 @@ impl History {
     }
 
     fn step(&mut self) {
-        match self.random.u8(..10) {
+        match self.random.u8(..16) {
             0..3 => self.kill(),
             3 | 4 => {
                 let algorithm = ALGORITHMS[self.random.usize(..ALGORITHMS.len())];
-                let name = |text: &str| text.split('=').next().unwrap().to_owned();
-                self.algorithms
-                    .retain(|own| name(own) != name(algorithm) || !algorithm.starts_with("a="));
+                self.algorithms.retain(|own| label(own) != label(algorithm));
                 self.algorithms.insert(algorithm);
+                self.written.push(algorithm);
                 self.run(&["-o", "r"]);
             }
             5 => {
@@ -141,14 +160,8 @@ impl History {
                 };
                 self.run(&[&["-o", "r"], prune].concat());
             }
-            6 if self.pairs == Pairs::Folders => {
-                let (folder, count) = *self.random.choice(&[("one", 150), ("two", 20)]).unwrap();
-                let (i, shift) = (self.random.usize(..count), self.random.usize(..7));
-                self.log
-                    .push(format!("pair {i} of {folder} has shift {shift}"));
-                write_pair(&self.fixture, folder, i, shift);
-            }
-            7 => {
+            6 | 7 if self.pairs == Pairs::Folders => self.change_file(),
+            8 => {
                 let shards = self.random.usize(2..4);
                 for i in 1..=shards {
                     let shard = format!("{i}/{shards}");
@@ -157,7 +170,7 @@ impl History {
                     self.run(&[&["--shard", &shard, "-o", "r"], force].concat());
                 }
             }
-            8 => {
+            9 => {
                 let n = self.log.len();
                 let parts: Vec<_> = (1..=2).map(|i| format!("p{n}-{i}")).collect();
                 for (i, part) in parts.iter().enumerate() {
@@ -165,9 +178,16 @@ impl History {
                 }
                 self.log.push("merge".to_owned());
                 self.fixture
-                    .run(&format!("merge {} -o r -q", parts.join(" ")));
+                    .run(&format!("report {} -o r -q", parts.join(" ")));
             }
-            9 => self.stress = !self.stress,
+            10 => self.stress = !self.stress,
+            11 => self.range = *self.random.choice(&["", "--every 3", "--to 1.5"]).unwrap(),
+            12 if self.pairs == Pairs::Folders => match self.random.bool() {
+                true => self.crop = *self.random.choice(&["", "--crop 4,0,40,36"]).unwrap(),
+                false => self.truth = !self.truth,
+            },
+            13 => self.race(),
+            14 => self.fill(),
             _ => {
                 let again = *self.random.choice(&["--force", "--times"]).unwrap();
                 self.run(&["-o", "r", again]);
@@ -175,82 +195,133 @@ impl History {
         }
     }
 
+    /// Changes an image or a truth: written anew, or put in its place with its time.
+    fn change_file(&mut self) {
+        let (folder, count) = *self.random.choice(&FOLDERS).unwrap();
+        let (i, shift) = (self.random.usize(..count), self.random.usize(..7));
+        let (is_truth, is_kept) = (self.random.bool(), self.random.bool());
+        self.log.push(format!(
+            "pair {i} of {folder} has shift {shift}; truth: {is_truth}, time kept: {is_kept}"
+        ));
+        let paths = match is_truth {
+            true => vec![truth_path(folder, i)],
+            false => ["left", "right"].map(|side| image_path(folder, side, i)).to_vec(),
+        };
+        let before: Vec<_> = paths.iter().map(|path| self.fixture.bytes(path)).collect();
+        let stored = tempfile::tempdir().unwrap();
+        for (n, path) in paths.iter().enumerate() {
+            std::fs::rename(self.fixture.path(path), stored.path().join(n.to_string())).unwrap();
+        }
+        match is_truth {
+            true => write_truth(&self.fixture, folder, i, shift),
+            false => write_pair(&self.fixture, folder, i, shift),
+        }
+        for (n, path) in paths.iter().enumerate().filter(|_| is_kept) {
+            let new = self.fixture.bytes(path);
+            assert_eq!(new.len(), before[n].len());
+            std::fs::rename(stored.path().join(n.to_string()), self.fixture.path(path)).unwrap();
+            replace_with_time(&self.fixture.path(path), &new);
+        }
+    }
+
+    /// Two processes at once: one of them may find the folder taken.
+    fn race(&mut self) {
+        let mut line = self.score();
+        line.extend(["-o".to_owned(), "r".to_owned()]);
+        self.log.push(format!("twice at once: {}", line.join(" ")));
+        let line: Vec<_> = line.iter().map(String::as_str).collect();
+        let [one, two] = std::thread::scope(|scope| {
+            let both = [0, 1].map(|_| scope.spawn(|| self.fixture.svl(&line)));
+            both.map(|ran| ran.join().unwrap())
+        });
+        let is_good = |ran: &Ran| ran.code == Some(0) || ran.stderr.contains("another svl writes");
+        assert!(is_good(&one) && is_good(&two), "{}\n{}", one.stderr, two.stderr);
+    }
+
+    /// A command that may write no file larger than that.
+    fn fill(&mut self) {
+        let kib = self.random.u64(1..200);
+        let line = self.score().join("' '");
+        self.log.push(format!("'{line}' with files up to {kib} KiB"));
+        let svl = assert_cmd::cargo::cargo_bin!("svl").display();
+        let text = format!("trap '' XFSZ; ulimit -f {kib}; exec {svl} '{line}' -o r");
+        let mut bash = Command::new("bash");
+        let bash = bash.args(["-c", &text]).current_dir(self.fixture.path(""));
+        let ran = bash.output().unwrap();
+        let said = String::from_utf8_lossy(&ran.stderr);
+        assert!(matches!(ran.status.code(), Some(0 | 1 | 4)), "{said}");
+        assert!(!said.contains("panicked"), "{said}");
+    }
+
     /// Compares the report with that of a fresh run.
     fn compare(&mut self) {
-        self.run(&["-o", "r"]);
+        let prune: &[_] = if self.random.bool() {
+            &["--prune"]
+        } else {
+            &[]
+        };
+        self.run(&[&["-o", "r"], prune].concat());
+        // Algorithms of earlier commands with the same options stand behind those asked for.
+        let manifest = json(&self.fixture, "r/manifest.json");
+        let labels = manifest["algorithms"].as_array().unwrap().iter();
+        let labels: Vec<_> = labels.map(|own| own["label"].as_str().unwrap()).collect();
+        let own: Vec<_> = self.algorithms.iter().map(|own| label(own)).collect();
+        assert_eq!(labels[..own.len()], own, "{}", self.log.join("\n"));
+        assert!(prune.is_empty() || labels.len() == own.len());
         self.fresh += 1;
         let fresh = format!("fresh-{}", self.fresh);
-        self.run(&["-o", &fresh]);
-        let order = if self.random.bool() { "r" } else { "fresh" };
-        if order == "r" {
+        let mut more = vec!["-o", &fresh];
+        let earlier: Vec<_> = labels[own.len()..].iter().map(|own| self.written(own)).collect();
+        for algorithm in &earlier {
+            more.extend(["--algo", algorithm.as_str()]);
+        }
+        self.run(&more);
+        if self.random.bool() {
             self.log.push("report".to_owned());
             self.fixture.run("report r");
         }
-        for (name, has_times) in [
-            ("rows.csv", true),
-            ("cells.csv", false),
-            ("failures.csv", false),
-            ("checkpoints.csv", false),
-            ("verdicts.csv", false),
-            ("algorithms.csv", false),
-            ("summary.csv", true),
-        ] {
-            let [own, other] = ["r", &fresh].map(|folder| {
-                let text = self.fixture.text(&format!("{folder}/{name}"));
-                match has_times {
-                    true => untimed(&text),
-                    false => text,
-                }
-            });
-            assert!(own == other, "{name} differs:\n{}", self.log.join("\n"));
-        }
-        let [own, other] = ["r", &fresh].map(|folder| {
-            let page = self.fixture.text(&format!("{folder}/index.html"));
-            let images = page.split("\"data:image/").skip(1);
-            let images = images.map(|rest| rest.split('"').next().unwrap().to_owned());
-            images.collect::<Vec<_>>()
-        });
-        assert!(own == other, "images differ:\n{}", self.log.join("\n"));
-        let [own, other] = ["r", &fresh].map(|folder| {
-            let text = self.fixture.text(&format!("{folder}/manifest.json"));
-            let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
-            let texts = manifest["warnings"].as_array().cloned().unwrap_or_default();
-            let warnings = texts.iter().map(|text| text.as_str().unwrap().to_owned());
-            let hashes = manifest["algorithms"].as_array().unwrap().iter();
-            let hashes: Vec<_> = hashes.map(|own| own["results_hash"].clone()).collect();
-            let text = self.fixture.text(&format!("{folder}/summary.json"));
-            let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
-            (
-                warnings.collect::<BTreeSet<_>>(),
-                hashes,
-                manifest["pairs_hash"].clone(),
-                summary["missing"].clone(),
-                summary["state"].clone(),
-            )
-        });
-        assert_eq!(own, other, "{}", self.log.join("\n"));
+        assert_same_report(&self.fixture, ["r", &fresh], &self.log.join("\n"));
     }
+
+    /// The last algorithm that was written so, by its label.
+    fn written(&self, name: &str) -> String {
+        let mut written = self.written.iter().rev();
+        let found = written.find(|own| label(own) == name);
+        (*found.unwrap()).to_owned()
+    }
+}
+
+fn label(algorithm: &str) -> &str {
+    if algorithm.starts_with("a=") {
+        "a"
+    } else {
+        algorithm
+    }
+}
+
+/// The folders of pairs, with the number of their pairs.
+const FOLDERS: [(&str, usize); 2] = [("one", 150), ("two", 20)];
+
+fn image_path(folder: &str, side: &str, i: usize) -> String {
+    format!("{folder}/{side}_{i:03}.pgm")
 }
 
 fn write_pair(fixture: &Fixture, folder: &str, i: usize, shift: usize) {
-    let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}_{i:03}.pgm"));
+    let [left, right] = ["left", "right"].map(|side| image_path(folder, side, i));
     fixture.write_pair(&left, &right, (48, 36), shift);
 }
 
-/// A table without the columns of times and of what belongs to a session.
-fn untimed(text: &str) -> String {
-    let mut lines = csv::Reader::from_reader(text.as_bytes());
-    let heads = lines.headers().unwrap().clone();
-    let but = ["_us", "_ms", "_s", "outliers", "memory_mb", "session"];
-    let is_kept = |head: &str| but.iter().all(|ending| !head.ends_with(ending));
-    let mut kept = String::new();
-    for line in lines.records() {
-        let line = line.unwrap();
-        let cells = line.iter().zip(&heads).filter(|(_, head)| is_kept(head));
-        let cells: Vec<_> = cells.map(|(cell, _)| cell).collect();
-        kept += &(cells.join(",") + "\n");
-    }
-    kept
+/// Both folders have the same truths: names are numbers.
+fn truth_path(_: &str, i: usize) -> String {
+    format!("truth/{i:03}.npy")
+}
+
+fn write_truth(fixture: &Fixture, folder: &str, i: usize, shift: usize) {
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (36, 48)}\n";
+    let length = (header.len() as u16).to_le_bytes();
+    let pixels = (shift as f32).to_le_bytes().repeat(48 * 36);
+    let bytes = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), &pixels].concat();
+    fixture.write(&truth_path(folder, i), bytes);
 }
 
 #[test]

@@ -38,6 +38,7 @@ mod rectify;
 mod reference;
 mod replay;
 mod reproduce;
+mod results;
 mod score;
 mod score_recordings;
 mod screens;
