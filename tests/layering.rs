@@ -79,7 +79,7 @@ const PACKAGES: [Package; 15] = [
     },
     Package {
         root: "live/lib.rs",
-        layers: &[&["dds"], &["bridge"]],
+        layers: &[&["dds"]],
     },
     Package {
         root: "bench/lib.rs",

@@ -20,7 +20,6 @@ pub mod compare;
 mod csv_rows;
 mod descriptions;
 mod drives;
-pub mod evidence;
 mod gate;
 pub mod html;
 mod junit;

@@ -28,8 +28,6 @@ const PARSED: &[(&str, &str)] = &[
     ("svl record ros2:", "needs live topics; ros2:: has some"),
     ("svl replay ros2:", "needs live topics; ros2:: has some"),
     ("svl info ros2:", "needs live topics; ros2:: has some"),
-    ("svl info foxglove:", "needs a bridge; ros2:: has one"),
-    ("svl record foxglove:", "needs a bridge; ros2:: has one"),
     (
         "svl replay run.mcap --publish",
         "needs a network; ros2:: has one",
@@ -212,12 +210,11 @@ fn root() -> &'static Path {
 }
 
 /// Folders with documents.
-const FOLDERS: [&str; 9] = [
+const FOLDERS: [&str; 8] = [
     "",
     "docs",
     "docs/results",
     "docs/tutorials",
-    "adapters/python",
     "firmware",
     "fuzz",
     "recordings",

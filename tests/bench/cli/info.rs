@@ -36,12 +36,15 @@ fn says_whether_pairs_are_raw_and_misaligned() {
     fixture.run("record arena.toml -o a.mcap");
     fixture.run("replay a.mcap --algo v4 --algo v3 -o result.mcap");
     let words = "misaligned v4: both images at the same height (median of 3 pairs; 0 .. 0 px";
-    assert_says(&fixture.run("info result.mcap"), &[words]);
+    let measured = "misaligned 0.25 px vertically (median of ";
+    assert_says(&fixture.run("info result.mcap"), &[words, measured]);
     let json = fixture.json("info result.mcap --json");
     let v4 = serde_json::json!([
         { "algorithm": "v4", "pairs": 3, "median_px": 0, "min_px": 0, "max_px": 0 }
     ]);
     assert_eq!(json["misalignment"], v4);
+    let measured = json["first_pairs"]["misalignment"]["median_abs_px"].as_f64();
+    assert!((measured.unwrap() - 0.25).abs() < 0.05, "{measured:?}");
 }
 
 #[test]

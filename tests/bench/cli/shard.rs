@@ -106,7 +106,7 @@ pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::proce
         crate::common::skip("no Snakemake");
         return None;
     }
-    let file = format!("{}/workflow/Snakefile", env!("CARGO_MANIFEST_DIR"));
+    let file = format!("{}/examples/cluster/Snakefile", env!("CARGO_MANIFEST_DIR"));
     let svl = format!("svl={}", assert_cmd::cargo::cargo_bin!("svl").display());
     let run = ["-s", &file, "--cores", "2", "--config", &svl];
     Some(snakemake(&[&run, config].concat()))
