@@ -210,7 +210,7 @@ fn heavy_crates_have_one_user() {
     for (package, heavy) in [
         ("svl-recording", &["mcap", "zstd", "rusqlite"][..]),
         ("svl-report", &["polars", "plotters", "minijinja"]),
-        ("svl-live", &["rustdds", "tungstenite"]),
+        ("svl-live", &["rustdds"]),
         ("svl-grab", &["aravis", "serial2"]),
         ("svl-viewer", &["rerun"]),
         ("svl", &["svl-thesis", "svl-viewer", "ratatui"]),

@@ -20,8 +20,8 @@ use svl_score::scenario::SourceOptions;
 /// one is.
 const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
-/// One in this many of them is measured for vertical misalignment.
-const MEASURED_EVERY: u64 = 4;
+/// Pairs are measured for vertical misalignment until that many points have matched.
+const ENOUGH_POINTS: usize = 500;
 
 /// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -101,7 +101,7 @@ impl SourceFacts {
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
-            if own.pairs.is_multiple_of(MEASURED_EVERY) {
+            if meter.matches().len() < ENOUGH_POINTS {
                 meter.add(&frame.pair);
             }
             own.count(&frame);

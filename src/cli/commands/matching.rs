@@ -32,7 +32,7 @@ Examples:
       --why why.png --preview p.png
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
   svl match im0.png im1.png -o cloud.ply --calib calib.txt
-  svl match im0.png im1.png --algo v5 -o d.pfm --json      why each cell is known
+  svl match im0.png im1.png --algo v5 -o d.pfm --json    why cells are known
   svl match im0.png im1.png --algo sgm -o d.pfm --stixels stixels.png
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf

@@ -89,7 +89,8 @@ fn the_first_pairs_answer_the_first_questions() {
     assert!((rig(&ros, "baseline_m") - 0.044).abs() < 1e-9);
     let lines = [
         "pairs      3: /stereo/left/image_rect, 10.00 a second, with /stereo/right/image_rect",
-        "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nnearest    0.180 m",
+        "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nmisaligned 0.2",
+        "nearest    0.180 m",
         "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs; ",
     ];
     assert_says(&fixture.run("info ros.mcap"), &lines);
