@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl::calibrate::files::{Hints, inputs, read_with};
-use svl::depth::{GridSettings, Stixels};
+use svl::depth::GridSettings;
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
@@ -34,7 +34,6 @@ Examples:
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
   svl match im0.png im1.png -o cloud.ply --calib calib.txt
   svl match im0.png im1.png --algo v5 -o d.pfm --evidence cells.html
-  svl match im0.png im1.png --algo sgm -o d.pfm --stixels stixels.png
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. CLOUD.ply has a point in metres and its grey value per pixel with
@@ -63,12 +62,6 @@ pub(crate) struct Args {
     /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
-    /// Table or picture of the stixels
-    #[arg(
-        long, value_name = "S.csv|S.png",
-        value_parser = usage::ending(&["csv", "png"])
-    )]
-    stixels: Option<PathBuf>,
     /// HTML page that shows why each cell of v5 is known, or is not
     #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
     evidence: Option<PathBuf>,
@@ -223,7 +216,6 @@ fn claim(args: &Args) -> svl::Result<Outputs> {
         Some(&args.output),
         args.why.as_ref(),
         args.preview.as_ref(),
-        args.stixels.as_ref(),
         args.evidence.as_ref(),
     ];
     let calibration = args.calib.as_deref().map(inputs).transpose()?;
@@ -255,15 +247,6 @@ fn write_maps(
         let finite = map.disparity().pixels().filter(|d| d.is_finite());
         let max_px = finite.fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(map, max_px))?;
-    }
-    if let Some(path) = &args.stixels {
-        let stixels = Stixels::new(map.disparity());
-        if files::has_ending(path, "png") {
-            let picture = overlay::stixels(pair.left(), &stixels);
-            files::write_png(path, width, height, &picture)?;
-        } else {
-            write(path, table(&stixels, rig)?)?;
-        }
     }
     Ok(())
 }
@@ -297,57 +280,6 @@ impl<'a> MatchReport<'a> {
             cells: CellReport::from_grid(grid),
         }
     }
-}
-
-/// A row of the table of stixels.
-#[derive(Serialize)]
-struct StixelRow {
-    left: usize,
-    top: usize,
-    width: usize,
-    height: usize,
-    surface: &'static str,
-    disparity_px: f32,
-    slope_px: f32,
-    support: f32,
-    /// At the middle row.
-    distance_m: Option<f64>,
-}
-
-impl StixelRow {
-    const COLUMNS: [&'static str; 9] = [
-        "left",
-        "top",
-        "width",
-        "height",
-        "surface",
-        "disparity_px",
-        "slope_px",
-        "support",
-        "distance_m",
-    ];
-}
-
-fn table(stixels: &Stixels, rig: Option<&Rig>) -> anyhow::Result<String> {
-    // A table without stixels has its header, too.
-    let mut csv = csv::WriterBuilder::new()
-        .has_headers(false)
-        .from_writer(Vec::new());
-    csv.write_record(StixelRow::COLUMNS)?;
-    for stixel in &stixels.stixels {
-        csv.serialize(StixelRow {
-            left: stixel.columns.start,
-            top: stixel.rows.start,
-            width: stixel.columns.len(),
-            height: stixel.rows.len(),
-            surface: if stixel.is_ground { "ground" } else { "object" },
-            disparity_px: stixel.disparity_px,
-            slope_px: stixel.slope,
-            support: stixel.support,
-            distance_m: rig.and_then(|rig| rig.depth_m(stixel.disparity_px.into())),
-        })?;
-    }
-    Ok(String::from_utf8(csv.into_inner()?)?)
 }
 
 /// Distances row by row, none if unknown.

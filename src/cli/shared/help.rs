@@ -44,7 +44,7 @@ const HEADINGS: &[(&str, &str)] = &[
     ("Training", "tables_only fit_seed epochs hidden"),
     (
         "Output",
-        "output force rows cells why preview stixels evidence error_map figure figures table \
+        "output force rows cells why preview evidence error_map figure figures table \
          compress ros2 publish dense near camera_height rerun drives sort \
          columns explain junit print_scenario to rectify example web markdown json",
     ),
