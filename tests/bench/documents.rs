@@ -89,7 +89,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl score scenarios/drive.toml",
         "takes minutes; cli::drive has a short one",
     ),
-    ("svl merge part1 part2", "cli::shard merges parts"),
+    ("svl report part1 part2", "cli::shard joins parts"),
     (
         "svl score scenarios/close.toml",
         "trains first; cli::filter has a short one",

@@ -12,7 +12,6 @@ mod help;
 mod info;
 mod label;
 mod matching;
-mod merge;
 mod record;
 mod recover;
 mod replay;
@@ -31,7 +30,6 @@ pub(super) enum Command {
     Replay(replay::Args),
     Score(score::Args),
     Report(report::Args),
-    Merge(merge::Args),
     Compare(compare::Args),
     Reproduce(reproduce::Args),
     Match(matching::Args),
@@ -72,8 +70,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
-            Self::Report(args) => report::run(&args),
-            Self::Merge(args) => merge::run(&args, quiet),
+            Self::Report(args) => report::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),

@@ -15,9 +15,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
     (
         "Score and compare",
-        &[
-            "score", "report", "merge", "compare", "match", "eval", "bench",
-        ],
+        &["score", "report", "compare", "match", "eval", "bench"],
     ),
     ("Tune and train", &["tune", "label", "train"]),
     ("Calibrate", &["calibrate"]),

@@ -40,7 +40,7 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("convert", &["calibrate", "record"]),
     ("download", &["datasets"]),
     ("fetch", &["datasets"]),
-    ("join", &["merge"]),
+    ("join", &["report"]),
 ];
 
 /// The name of standard output among files.

@@ -56,7 +56,7 @@ fn copies_are_scored_once_and_reported() {
         let part = &shard[..1];
         fixture.run(&format!("{score} --shard {shard} -q -o part{part}"));
     }
-    fixture.run("merge part1 part2 -q -o merged");
+    fixture.run("report part1 part2 -q -o merged");
     assert_eq!(rows("merged"), rows("all"));
     // Perturbed, the pairs are those of the recording still.
     fixture.run("score run.mcap cut.mcap --algo v3 --rerun none --stress noise=4 -q -o stressed");
@@ -216,7 +216,7 @@ fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
     for i in [1, 2] {
         fixture.run(&format!("{score} --shard {i}/2 -o part{i}"));
     }
-    fixture.run("merge part1 part2 -q -o merged");
+    fixture.run("report part1 part2 -q -o merged");
     for report in ["whole", "merged"] {
         let rows: Vec<Row> = read_rows(&fixture.path(&format!("{report}/rows.csv"))).unwrap();
         let pairs = rows.into_iter().map(|row| (row.run.unwrap(), row.sequence));
