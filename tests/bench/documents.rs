@@ -73,10 +73,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl label windows",
         "needs a terminal; cli::filter drives it",
     ),
-    (
-        "svl tune",
-        "needs a terminal, or minutes; cli::tune drives it",
-    ),
+    ("svl tune", "needs a terminal; cli::tune drives it"),
     (
         "svl train filter",
         "takes minutes; cli::filter has short ones",

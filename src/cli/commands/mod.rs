@@ -57,11 +57,7 @@ impl Command {
 
     /// True for tools that wait for keys while other threads compute.
     pub(super) fn waits_for_keys(&self) -> bool {
-        match self {
-            Self::Tune(args) => args.is_by_hand(),
-            Self::Label(_) => true,
-            _ => false,
-        }
+        matches!(self, Self::Tune(_) | Self::Label(_))
     }
 
     /// Runs the subcommand. `program`: the whole command line, for what describes it.

@@ -48,15 +48,14 @@ const HEADINGS: &[(&str, &str)] = &[
     ),
     (
         "Run",
-        "times prune shard resume script speed yes threads verbose quiet help version",
+        "times prune shard script speed yes threads verbose quiet help version",
     ),
 ];
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
     sample shape tolerance figures publish dense near camera_height drives times \
-    prune junit print_scenario script epochs test_seeds \
-    trials pairs";
+    prune junit print_scenario script epochs pairs";
 
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
