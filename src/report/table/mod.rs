@@ -8,8 +8,8 @@ mod latex;
 mod markdown;
 mod terminal;
 
-pub use markdown::escape_prose;
 pub(crate) use markdown::escape;
+pub use markdown::escape_prose;
 pub use terminal::TerminalStyle;
 pub(crate) use terminal::wrapped;
 
