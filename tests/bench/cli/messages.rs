@@ -249,6 +249,7 @@ const COMMANDS: &str = "
     score small.toml --every 2
     score small.toml --repeat 3
     record small.toml -o o.mcap
+    tune small.toml --algo v3 --script keys
     # label, train, tune
     label checkpoints sim --script keys
     label checkpoints nothing.mcap --script keys

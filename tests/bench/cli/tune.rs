@@ -145,7 +145,8 @@ fn the_tuned_algorithm_is_written_and_scored() {
         "w enter screen q",
     )
     .done();
-    assert_says(&text, &["tuned.toml: exists"]);
+    assert_says(&text, &["tuned.toml: exists already; name another file"]);
+    assert!(!text.contains("--force"), "{text}");
     // The user's own scenario scores, and its settings are copied into the one written.
     let own = fixture
         .text("tuned.toml")

@@ -25,8 +25,9 @@ use worker::TuneWorker;
 
 /// Tune algorithms on a source by hand
 ///
-/// The parameters on the terminal, their effect on the frame in Rerun, and the metrics over a sample
-/// of the source, compared with the first setting. A sweep of `svl score` tries many settings.
+/// The parameters on the terminal, their effect on the frame in Rerun, and the metrics over a
+/// sample of the source, compared with the first setting. A sweep of `svl score` tries many
+/// settings.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
