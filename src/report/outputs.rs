@@ -429,7 +429,10 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
 /// As [`Outputs::claim`]; [`Error::Io`].
 pub fn write_with_page(path: &Path, toml: &str, markdown: &str) -> Result<String> {
     let page = path.with_extension("md");
-    if let Some(there) = [path, &page].into_iter().find(|path| path.exists()) {
+    if let Some(there) = [path, page.as_path()]
+        .into_iter()
+        .find(|path| path.exists())
+    {
         let words = format!("{}: exists already; name another file", there.display());
         return Err(Error::Invalid(words));
     }
