@@ -197,8 +197,10 @@ impl Manifest {
         let written = description.and_then(|value| value.get(key)).cloned();
         let part = written.map(serde_json::from_value).transpose();
         part.map_err(|e| {
-            let cure = "score it again";
-            Error::Invalid(format!("the manifest of the report: {key}: {e}; {cure}"))
+            let name = &self.scenario;
+            Error::Invalid(format!(
+                "the report of '{name}': {key}: {e}; score it again"
+            ))
         })
     }
 
