@@ -1,34 +1,17 @@
 #!/usr/bin/env bash
 # v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/rivals.sh DATASETS
-# Prints, for each set of scenes, of v5 (and revision 2), and v3, bm and sgm with the median of each cell and with that
-# of its stixels: right and wrong cells, missed and false obstacles by the median, near obstacles missed by the nearest
-# quarter, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the drives. The
-# reports stay in reports/rivals-*.
+# Prints, for each set of scenes, of v5 (and revision 2), v3, bm and sgm: right and wrong cells, missed and false
+# obstacles by the median, near obstacles missed by the nearest quarter, and wrong cells of the known ones with their
+# 95 % interval (bootstrap over the seeds); then the drives. The reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/.."
 svl() { cargo run --profile "${PROFILE:-release}" --quiet --locked -- "$@"; }
-mkdir -p reports
-
-# The scenario, with that decision.
-with() {
-  if grep -q '^\[grid\]' "$2"; then
-    sed "s/^\[grid\]/[grid]\ndecision = \"$1\"/" "$2"
-  else
-    sed "s/^\[source\]/[grid]\ndecision = \"$1\"\n\n[source]/" "$2"
-  fi > "reports/rivals-$1.toml"
-}
-own=(--algo v5 --algo v5:revision=2)
-dense=(--algo v3 --algo bm --algo sgm)
+algorithms=(--algo v5 --algo v5:revision=2 --algo v3 --algo bm --algo sgm)
 score() {
-  local name="$1" scenario="$2"
-  shift 2
-  for decision in median stixels; do
-    with "$decision" "$scenario"
-    [ "$decision" = median ] && algorithms=("${own[@]}" "${dense[@]}") || algorithms=("${dense[@]}")
-    svl score "reports/rivals-$decision.toml" "${algorithms[@]}" "$@" --quiet \
-      -o "reports/rivals-$name-$decision" > /dev/null
-  done
+  local name="$1"
+  shift
+  svl score "$@" "${algorithms[@]}" --quiet -o "reports/rivals-$name" > /dev/null
 }
 
 score arena scenarios/arena.toml --seeds 31..33 --rerun none
@@ -50,17 +33,15 @@ for name, parts in SETS.items():
     counts = collections.defaultdict(lambda: collections.defaultdict(collections.Counter))
     near = collections.defaultdict(collections.Counter)
     for part in parts:
-        for decision in ("median", "stixels"):
-            label = lambda row: row["algorithm"] + (", stixels" if decision == "stixels" else "")
-            for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/cells.csv")):
-                if row["verdict"] != "no-truth":
-                    of = counts[label(row)][row["seed"]]
-                    of[row["verdict"]] += 1
-                    of["all"] += 1
-                    of["missed"] += row["missed_median"] == "true"
-                    of["false"] += row["false_median"] == "true"
-            for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/summary.csv")):
-                near[label(row)].update({key: int(row[key] or 0) for key in ("missed", "near", "found")})
+        for row in csv.DictReader(open(f"reports/rivals-{part}/cells.csv")):
+            if row["verdict"] != "no-truth":
+                of = counts[row["algorithm"]][row["seed"]]
+                of[row["verdict"]] += 1
+                of["all"] += 1
+                of["missed"] += row["missed_median"] == "true"
+                of["false"] += row["false_median"] == "true"
+        for row in csv.DictReader(open(f"reports/rivals-{part}/summary.csv")):
+            near[row["algorithm"]].update({key: int(row[key] or 0) for key in ("missed", "near", "found")})
     print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles | near ones found, % | missed "
           "| wrong, % of the known |\n|---|---:|---:|---:|---:|---:|")
     for algorithm, seeds in counts.items():
@@ -77,15 +58,14 @@ for name, parts in SETS.items():
               f"| {100 * near[algorithm]['found'] / max(near[algorithm]['near'], 1):.1f} "
               f"| {near[algorithm]['missed']} of {near[algorithm]['near']} | {known(of):.2f}{interval} |")
 print("\ndrives\n\n| algorithm | courses | finished, % | collisions | near misses | driven, m |\n|---|---:|---:|---:|---:|---:|")
-for decision in ("median", "stixels"):
-    sums = collections.defaultdict(collections.Counter)
-    for row in csv.DictReader(open(f"reports/rivals-drives-{decision}/drives.csv")):
-        of = sums[row["algorithm"] + (", stixels" if decision == "stixels" else "")]
-        of["courses"] += 1
-        of["finished"] += row["finished"] == "true"
-        for key in ("collisions", "near_misses", "driven_m"):
-            of[key] += float(row[key])
-    for algorithm, of in sums.items():
-        print(f"| {algorithm} | {of['courses']} | {100 * of['finished'] / of['courses']:.0f} | {of['collisions']:.0f} | "
-              f"{of['near_misses']:.0f} | {of['driven_m']:.0f} |")
+sums = collections.defaultdict(collections.Counter)
+for row in csv.DictReader(open("reports/rivals-drives/drives.csv")):
+    of = sums[row["algorithm"]]
+    of["courses"] += 1
+    of["finished"] += row["finished"] == "true"
+    for key in ("collisions", "near_misses", "driven_m"):
+        of[key] += float(row[key])
+for algorithm, of in sums.items():
+    print(f"| {algorithm} | {of['courses']} | {100 * of['finished'] / of['courses']:.0f} | {of['collisions']:.0f} | "
+          f"{of['near_misses']:.0f} | {of['driven_m']:.0f} |")
 PYTHON

@@ -89,8 +89,7 @@ const PACKAGES: [Package; 15] = [
             &["run"],
             &["console", "drive", "record"],
             &["runs"],
-            &["tune"],
-            &["evaluation"],
+            &["evaluation", "tune"],
         ],
     },
     Package {

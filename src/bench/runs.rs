@@ -148,7 +148,7 @@ pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSour
 }
 
 /// Number of the scenario's runs.
-pub fn count(scenario: &Scenario) -> Result<usize> {
+fn count(scenario: &Scenario) -> Result<usize> {
     Ok(match &scenario.source {
         ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => seeds.len(),
         ScenarioSource::Dataset { .. } => 1,

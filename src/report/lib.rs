@@ -49,7 +49,6 @@ mod words;
 pub use accuracy::AccuracyRow;
 pub use algorithm_parameters::write_algorithms;
 pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
-pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
 pub use descriptions::{METRIC_NAMES, TABLES, TableDescription};

@@ -71,10 +71,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl label windows",
         "needs a terminal; cli::filter drives it",
     ),
-    (
-        "svl tune",
-        "needs a terminal, or minutes; cli::tune drives it",
-    ),
+    ("svl tune", "needs a terminal; cli::tune drives it"),
     (
         "svl train filter",
         "takes minutes; cli::filter has short ones",
@@ -87,7 +84,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl score scenarios/drive.toml",
         "takes minutes; cli::drive has a short one",
     ),
-    ("svl merge part1 part2", "cli::shard merges parts"),
+    ("svl report part1 part2", "cli::shard joins parts"),
     (
         "svl score scenarios/close.toml",
         "trains first; cli::filter has a short one",

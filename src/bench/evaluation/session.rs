@@ -38,7 +38,11 @@ impl EvaluationSession {
     ) -> Result<Self> {
         let units = Units::for_report(plan.folder);
         let mut again = plan.again;
-        if units.exist() && !units.are_readable() {
+        let is_unreadable = units.exist() && !units.are_readable();
+        // Shards of one run are of one svl, which is checked below.
+        let is_other =
+            plan.shard.is_none() && units.have_other_sources(manifest.sources.as_deref());
+        if is_unreadable || is_other {
             let folder = plan.folder.display();
             tracing::warn!("{folder}: is of another version of svl: all is matched again");
             again = Again::All;

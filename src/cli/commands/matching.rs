@@ -9,10 +9,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl::calibrate::files::{Hints, inputs, read_with};
+use svl::depth::GridSettings;
 use svl::depth::decision::VerdictTable;
-use svl::depth::{GridSettings, Stixels};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::outputs::{Outputs, write};
+use svl::outputs::Outputs;
 use svl::recording::CellReport;
 use svl::rectify::Rectifier;
 use svl::runs::refuse_recorded;
@@ -33,7 +33,6 @@ Examples:
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
   svl match im0.png im1.png -o cloud.ply --calib calib.txt
   svl match im0.png im1.png --algo v5 -o d.pfm --json    why cells are known
-  svl match im0.png im1.png --algo sgm -o d.pfm --stixels stixels.png
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. CLOUD.ply has a point in metres and its grey value per pixel with
@@ -62,12 +61,6 @@ pub(crate) struct Args {
     /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
-    /// Table or picture of the stixels
-    #[arg(
-        long, value_name = "S.csv|S.png",
-        value_parser = usage::ending(&["csv", "png"])
-    )]
-    stixels: Option<PathBuf>,
     /// Calibration, for distances; of raw cameras, the images are rectified first
     ///
     /// Any format that `svl calibrate convert` reads. Write two files as left.yaml,right.yaml.
@@ -264,12 +257,7 @@ fn check(args: &Args) -> anyhow::Result<()> {
 }
 
 fn claim(args: &Args) -> svl::Result<Outputs> {
-    let outputs = [
-        Some(&args.output),
-        args.why.as_ref(),
-        args.preview.as_ref(),
-        args.stixels.as_ref(),
-    ];
+    let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
     let calibration = args.calib.as_deref().map(inputs).transpose()?;
     let images = [&args.left, &args.right].into_iter();
     let read = images.chain(calibration.iter().flatten());
@@ -299,15 +287,6 @@ fn write_maps(
         let finite = map.disparity().pixels().filter(|d| d.is_finite());
         let max_px = finite.fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(map, max_px))?;
-    }
-    if let Some(path) = &args.stixels {
-        let stixels = Stixels::new(map.disparity());
-        if files::has_ending(path, "png") {
-            let picture = overlay::stixels(pair.left(), &stixels);
-            files::write_png(path, width, height, &picture)?;
-        } else {
-            write(path, table(&stixels, rig)?)?;
-        }
     }
     Ok(())
 }
@@ -342,57 +321,6 @@ impl<'a> MatchReport<'a> {
             cells: MatchCell::all(map, grid, table),
         }
     }
-}
-
-/// A row of the table of stixels.
-#[derive(Serialize)]
-struct StixelRow {
-    left: usize,
-    top: usize,
-    width: usize,
-    height: usize,
-    surface: &'static str,
-    disparity_px: f32,
-    slope_px: f32,
-    support: f32,
-    /// At the middle row.
-    distance_m: Option<f64>,
-}
-
-impl StixelRow {
-    const COLUMNS: [&'static str; 9] = [
-        "left",
-        "top",
-        "width",
-        "height",
-        "surface",
-        "disparity_px",
-        "slope_px",
-        "support",
-        "distance_m",
-    ];
-}
-
-fn table(stixels: &Stixels, rig: Option<&Rig>) -> anyhow::Result<String> {
-    // A table without stixels has its header, too.
-    let mut csv = csv::WriterBuilder::new()
-        .has_headers(false)
-        .from_writer(Vec::new());
-    csv.write_record(StixelRow::COLUMNS)?;
-    for stixel in &stixels.stixels {
-        csv.serialize(StixelRow {
-            left: stixel.columns.start,
-            top: stixel.rows.start,
-            width: stixel.columns.len(),
-            height: stixel.rows.len(),
-            surface: if stixel.is_ground { "ground" } else { "object" },
-            disparity_px: stixel.disparity_px,
-            slope_px: stixel.slope,
-            support: stixel.support,
-            distance_m: rig.and_then(|rig| rig.depth_m(stixel.disparity_px.into())),
-        })?;
-    }
-    Ok(String::from_utf8(csv.into_inner()?)?)
 }
 
 /// Distances row by row, none if unknown.

@@ -31,8 +31,8 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("fix", &["recover"]),
     ("capture", &["record"]),
     ("sim", &["record"]),
-    ("search", &["tune"]),
-    ("optimize", &["tune"]),
+    ("search", &["score", "tune"]),
+    ("optimize", &["score", "tune"]),
     ("annotate", &["label"]),
     ("fit", &["train"]),
     ("benchmark", &["bench"]),
@@ -40,7 +40,7 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("convert", &["calibrate", "record"]),
     ("download", &["datasets"]),
     ("fetch", &["datasets"]),
-    ("join", &["merge"]),
+    ("join", &["report"]),
 ];
 
 /// The name of standard output among files.

@@ -163,6 +163,16 @@ impl Units {
         })
     }
 
+    /// True if a svl with other sources wrote the plan.
+    pub fn have_other_sources(&self, sources: Option<&str>) -> bool {
+        let plan = read_json::<serde_json::Value>(&self.plan_path());
+        let written = plan
+            .as_ref()
+            .ok()
+            .and_then(|plan| plan.pointer("/manifest/sources"));
+        written.is_some_and(|written| written.as_str() != sources)
+    }
+
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn write_plan(&self, plan: &ReportPlan) -> Result<()> {

@@ -114,7 +114,7 @@ fn runs_of_other_options_are_not_mixed() {
     // Shards with other options are not parts of one run.
     fixture.run("score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none");
     fixture.run("score run.mcap --algo v3 --shard 2/2 -o part2 --reference sgm --rerun none");
-    let merged = fixture.svl("merge part1 part2 -o whole");
+    let merged = fixture.svl("report part1 part2 -o whole");
     merged.failed(1, &["part2", "not of the same run", "source.reference"]);
 
     fixture.run("score run.mcap --algo v3 --every 2 -o two --rerun none");

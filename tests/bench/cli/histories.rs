@@ -163,9 +163,9 @@ impl History {
                 for (i, part) in parts.iter().enumerate() {
                     self.run(&["--shard", &format!("{}/2", i + 1), "-o", part]);
                 }
-                self.log.push("merge".to_owned());
+                self.log.push("parts".to_owned());
                 self.fixture
-                    .run(&format!("merge {} -o r -q", parts.join(" ")));
+                    .run(&format!("report {} -o r -q", parts.join(" ")));
             }
             9 => self.stress = !self.stress,
             _ => {

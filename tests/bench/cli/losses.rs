@@ -257,7 +257,7 @@ fn shards_that_miss_something_are_merged() {
         ran.code
     };
     assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(0)));
-    let merged = fixture.svl("merge p1 p2 -o all -q --json");
+    let merged = fixture.svl("report p1 p2 -o all -q --json");
     assert_eq!(merged.code, Some(4), "{}", merged.stderr);
     assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
     let merged = json(&merged.stdout);
@@ -271,7 +271,7 @@ fn shards_that_miss_something_are_merged() {
     );
     // One of six is 17 %.
     let allowed = |limit: &str| {
-        let ran = fixture.svl(&format!("merge p1 p2 -o all -q --allow-loss {limit}"));
+        let ran = fixture.svl(&format!("report p1 p2 -o all -q --allow-loss {limit}"));
         (
             ran.code,
             json(&fixture.text("all/summary.json"))["state"].clone(),

@@ -187,28 +187,3 @@ fn each_cell_has_the_parts_of_its_score() {
     assert!(cells.iter().all(|cell| cell.get("score").is_none()));
     assert!(cells.iter().any(|cell| cell["reason"].is_string()));
 }
-
-#[test]
-fn stixels_are_a_table_or_a_picture() {
-    let fixture = Fixture::new();
-    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
-    fixture.run("match l.pgm r.pgm --algo bm -o d.pfm --stixels s.csv");
-    let table = fixture.text("s.csv");
-    let header = "left,top,width,height,surface,disparity_px,slope_px,support,distance_m";
-    assert_eq!(table.lines().next(), Some(header));
-    // One plane at 7 px; without a calibration there are no distances.
-    assert!(table.lines().count() > 10, "{table}");
-    for line in table.lines().skip(1) {
-        let cells: Vec<_> = line.split(',').collect();
-        let px: f64 = cells[5].parse().unwrap();
-        assert!(
-            cells[4] == "object" && (px - 7.0).abs() < 0.5 && cells[8].is_empty(),
-            "{line}"
-        );
-    }
-    fixture.run("match l.pgm r.pgm --algo bm -o d2.pfm --stixels s.png");
-    let picture = image::open(fixture.path("s.png")).unwrap();
-    assert_eq!((picture.width(), picture.height()), (160, 96));
-    fixture.fails("match l.pgm r.pgm -o d3.pfm --stixels s.txt => 2: --stixels | .csv");
-    fixture.fails("match l.pgm r.pgm -o d4.pfm --stixels s.csv => 1: s.csv | --force");
-}

@@ -1,4 +1,4 @@
-//! `svl merge`: parts that do not belong together, and the contents that are not joined.
+//! `svl report -o`: parts that do not belong together, and the contents that are not joined.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
@@ -58,11 +58,11 @@ fn parts_of_changed_pictures_are_refused() {
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
     fixture.fails(
-        "merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of",
+        "report p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of",
     );
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
-    fixture.run("merge p3 p2 p1 -o all -q");
+    fixture.run("report p3 p2 p1 -o all -q");
 }
 
 #[test]
@@ -78,11 +78,11 @@ fn broken_files_of_a_part_are_named_with_the_cure() {
     ] {
         fixture.write(file, text);
         fixture.fails(&format!(
-            "merge p1 p2 p3 -o all => 1: {file}: {what} | score it again"
+            "report p1 p2 p3 -o all => 1: {file}: {what} | score it again"
         ));
     }
     fixture.write(file, whole);
-    fixture.run("merge p1 p2 p3 -o all -q");
+    fixture.run("report p1 p2 p3 -o all -q");
     fixture.write("all/manifest.json", "{");
     fixture.fails("compare all all => 1: all/manifest.json: is cut off | score it again");
 }
@@ -107,7 +107,7 @@ fn parts_of_another_program_are_refused() {
         assert_eq!(score(part, "30%"), Some(0));
     }
     for (limit, code) in [("", 0), ("--allow-loss 10%", 4)] {
-        let ran = fixture.svl(&format!("merge p1 p2 -o all -q {limit}"));
+        let ran = fixture.svl(&format!("report p1 p2 -o all -q {limit}"));
         assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
         let unknown = "some: its program reports no version and no model";
         let manifest = fixture.text("all/manifest.json");
@@ -126,7 +126,7 @@ fn parts_of_another_program_are_refused() {
     program("1");
     program("2");
     fixture
-        .fails("merge p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
+        .fails("report p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_merged_report_names_its_machines() {
     edit(&fixture, &session(&fixture, "2"), |session| {
         session["manifest"]["machine"]["processor"] = "another".into();
     });
-    fixture.run("merge p1 p2 p3 -o all -q");
+    fixture.run("report p1 p2 p3 -o all -q");
     let hash = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));
         let summary: Value = serde_json::from_str(&text).unwrap();

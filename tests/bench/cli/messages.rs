@@ -249,7 +249,7 @@ const COMMANDS: &str = "
     score small.toml --every 2
     score small.toml --repeat 3
     record small.toml -o o.mcap
-    tune small.toml --algo v3 --auto -o b.toml
+    tune small.toml --algo v3 --script keys
     # label, train, tune
     label checkpoints sim --script keys
     label checkpoints nothing.mcap --script keys
@@ -283,23 +283,7 @@ const COMMANDS: &str = "
     tune run.mcap
     tune run.mcap other.mcap
     tune nothing.mcap --script bad
-    tune nothing.mcap --auto -o o.toml
-    tune run.mcap --auto
-    tune run.mcap --auto -o o.csv
-    tune run.mcap --auto -o mine.toml
-    tune sim --auto -o o.toml
-    tune run.mcap --auto -o o.toml --maximize rigth
-    tune run.mcap --auto -o o.toml --maximize passed
-    tune run.mcap --auto -o o.toml --subject-to wrong=3
-    tune run.mcap --auto -o o.toml --subject-to agreed<=3
-    tune run.mcap --auto -o o.toml --algo v3 --vary texture
-    tune run.mcap --auto -o o.toml --algo v3 --vary subpixel=maybe
-    tune run.mcap --auto -o o.toml --algo truth --vary max_disparity=9..5
-    tune run.mcap --auto -o o.toml --test run.mcap
-    tune run.mcap --auto -o o.toml --test-seeds 3
-    tune run.mcap --auto -o o.toml --maximize unrivalled
-    tune run.mcap --vary p1
-    tune run.mcap --script bad --auto -o o.toml
+    tune run.mcap -o o.csv
 ";
 
 /// Small inputs, most of them wrong in one way.

@@ -1,4 +1,4 @@
-//! `svl score --shard` and `svl merge`: parts make the report of one machine.
+//! `svl score --shard` and `svl report -o`: parts make the report of one machine.
 
 use super::fixture::{Fixture, assert_says};
 
@@ -31,7 +31,7 @@ fn merged(fixture: &Fixture, line: &str, shards: usize) {
         fixture.run(&format!("{line} --shard {i}/{shards} -o {}", part(i)));
     }
     let parts: Vec<_> = (1..=shards).rev().map(part).collect();
-    fixture.run(&format!("merge {} -o all-{shards} -q", parts.join(" ")));
+    fixture.run(&format!("report {} -o all-{shards} -q", parts.join(" ")));
 }
 
 #[test]
@@ -199,13 +199,16 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
     fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
     fixture.run(&format!("{line} -o whole"));
+    std::fs::create_dir(fixture.path("empty")).unwrap();
     fixture.fails(
         "
-        merge p1 p2 -o p1 => 2: p1: is a part | -o
-        merge p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
-        merge p1 other -o all => 1: other: is not of the same run as p1 | algorithms
-        merge p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
-        merge p1 nothing -o all => 1: nothing: is not a report
+        report p1 p2 -o p1 => 2: p1: is a part | -o
+        report p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
+        report p1 other -o all => 1: other: is not of the same run as p1 | algorithms
+        report p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
+        report p1 nothing -o all => 2: nothing: no such folder
+        report p1 empty -o all => 1: empty: is not a report
+        report p1 p2 => 2: -o FOLDER
         score short.toml --shard 3/2 -o x => 2: I from 1 to N
         score short.toml --shard 1/2 => 2: -o
         ",
@@ -214,18 +217,18 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     let cells = unit(&fixture, "p2", ".cells.csv");
     let whole = fixture.text(&cells);
     fixture.write(&cells, whole.replace("right", "wrong"));
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    fixture.fails("report p1 p2 -o all => 1: .cells.csv: was changed after it was written");
     // The state after an interrupted copy.
     let kept: Vec<_> = whole.lines().take(20).collect();
     fixture.write(&cells, kept.join("\n") + "\n");
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    fixture.fails("report p1 p2 -o all => 1: .cells.csv: was changed after it was written");
     std::fs::remove_file(fixture.path(&cells)).unwrap();
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    fixture.fails("report p1 p2 -o all => 1: .cells.csv: was changed after it was written");
     // The same command matches again what is damaged.
     let ran = fixture.svl(&format!("{line} --shard 2/2 -o p2").replace("-q ", ""));
     assert_eq!(ran.code, Some(0));
     assert_says(&ran.stderr, &[".cells.csv: was cut or edited"]);
-    fixture.run("merge p1 p2 -o all -q");
+    fixture.run("report p1 p2 -o all -q");
     let missing = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));
         serde_json::from_str::<serde_json::Value>(&text).unwrap()["missing"].take()

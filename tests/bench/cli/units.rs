@@ -129,19 +129,25 @@ fn a_folder_of_another_version_is_matched_again() {
     fixture.run(line);
     let rows = fixture.text("r/rows.csv");
     let plan = fixture.text("r/units/plan.json");
-    let mut plan: Value = serde_json::from_str(&plan).unwrap();
-    plan["format"] = "another".into();
-    fixture.write("r/units/plan.json", plan.to_string());
-    fixture.fails("report r => 1: r/units: its tables are of another version of svl | svl score");
-    let ran = fixture.svl(line);
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    assert_says(
-        &ran.stderr,
-        &["r: is of another version of svl: all is matched again"],
-    );
-    let pairs = |rows: &str| rows.lines().count();
-    assert_eq!(pairs(&fixture.text("r/rows.csv")), pairs(&rows));
-    fixture.run("report r");
+    let plan: Value = serde_json::from_str(&plan).unwrap();
+    for (field, can_be_read) in [("/format", false), ("/manifest/sources", true)] {
+        let mut plan = plan.clone();
+        *plan.pointer_mut(field).unwrap() = "another".into();
+        fixture.write("r/units/plan.json", plan.to_string());
+        if !can_be_read {
+            let words = "r/units: its tables are of another version of svl | svl score";
+            fixture.fails(&format!("report r => 1: {words}"));
+        }
+        let ran = fixture.svl(line);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_says(
+            &ran.stderr,
+            &["r: is of another version of svl: all is matched again"],
+        );
+        let pairs = |rows: &str| rows.lines().count();
+        assert_eq!(pairs(&fixture.text("r/rows.csv")), pairs(&rows));
+        fixture.run("report r");
+    }
 }
 
 #[test]
