@@ -44,6 +44,8 @@ const COMMANDS: &str = "
     calibrate distance ten=a.mcap
     calibrate distance 1m=
     calibrate convert a.xml b.yaml --to euroc
+    calibrate convert a.xml b.txt --to kitti-raw
+    calibrate convert a.xml b.yaml --to boofcv
     generate completions nosuch
     record sim:foo=1
     record sim:size=8x8
@@ -203,7 +205,7 @@ const COMMANDS: &str = "
     calibrate convert cv.yml cv.yml --force --unit m
     calibrate convert cv.yml c.xml --unit foot
     calibrate convert cv.yml c.xml --from opencw
-    calibrate convert cv.yml c.xml --from boofcv
+    calibrate convert cv.yml c.xml --from kalibr
     calibrate convert cv.yml l.yaml,r.yaml --unit m
     calibrate convert cv.yml l.yaml,r.yaml --unit squares
     calibrate convert cv.yml c.txt --to kitti --unit m
