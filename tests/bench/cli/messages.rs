@@ -35,8 +35,8 @@ const COMMANDS: &str = "
     bench --size 8x8
     match l.png r.png -o a.pfm --algo exec
     reproduce 9.9
-    datasets fetch nosuch
-    datasets fetch eth3d nosuch
+    datasets fetch eth3d
+    fetch eth3d
     eval a.pfm b.pfm --protocol kitti
     eval a.pfm b.pfm --protocol eth3d --disparity-scale 1e300
     calibrate board board --squares 2x2 -o a.xml
@@ -85,7 +85,7 @@ const COMMANDS: &str = "
     info ''
     record --left ''
     score a.toml --scenes ''
-    datasets fetch eth3d --from ''
+    datasets --data ''
     calibrate convert a.xml ,
     replay sim
     replay arena --algo v3
@@ -93,7 +93,6 @@ const COMMANDS: &str = "
     score ''
     calibrate distance ''
     calibrate check ''
-    datasets fetch eth3d
     record --alpha 0.5
     nosuch
     record nosuch
@@ -118,7 +117,7 @@ const COMMANDS: &str = "
     calibrate board nosuch --yes -o a.xml
     calibrate convert nosuch.xml a.yaml
     calibrate distance nosuch.csv
-    datasets fetch eth3d --from nosuch --data d
+    datasets --data nosuch
     # record
     record -o there.mcap
     record nowhere -o o.mcap
