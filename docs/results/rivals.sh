@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/rivals.sh DATASETS
+# v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/results/rivals.sh DATASETS
 # Prints, for each set of scenes, of v5 (and revision 2), and v3, bm and sgm with the median of each cell and with that
 # of its stixels: right and wrong cells, missed and false obstacles by the median, near obstacles missed by the nearest
 # quarter, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the drives. The
 # reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 svl() { cargo run --profile "${PROFILE:-release}" --quiet --locked -- "$@"; }
 mkdir -p reports
 
