@@ -102,14 +102,8 @@ const PARSED: &[(&str, &str)] = &[
         "opens a window",
     ),
     ("svl score arena --gate", "the short arena breaks limits"),
-    (
-        "svl score scenarios/middeval3.toml",
-        "needs its data set",
-    ),
-    (
-        "svl score scenarios/kitti2015.toml",
-        "needs its data set",
-    ),
+    ("svl score scenarios/middeval3.toml", "needs its data set"),
+    ("svl score scenarios/kitti2015.toml", "needs its data set"),
     (
         "svl score scenarios/middlebury.toml",
         "takes seconds; cli::score runs it",

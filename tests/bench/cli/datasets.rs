@@ -2,42 +2,33 @@
 
 use super::fixture::Fixture;
 
-/// Empty files of a scene each: the names decide.
-fn write(fixture: &Fixture, folder: &str, scenes: &[String], files: &[&str]) {
-    for scene in scenes {
-        for file in files {
-            let name = file.replace('*', scene);
-            let path = if file.contains('*') {
-                format!("d/{folder}/{name}")
-            } else {
-                format!("d/{folder}/{scene}/{name}")
-            };
-            fixture.write(&path, "12345");
+/// Folders of data sets, of which some are whole: the number of scenes, and the files of each.
+const DATA: &str = "
+    middlebury2003 2 */im2.png */im6.png */disp2.png */disp6.png
+    middlebury2006/FullSize 21 */view1.png */view5.png
+    eth3d/two_view_training 27 */im0.png */im1.png */calib.txt
+    eth3d/two_view_training_gt 26 */disp0GT.pfm
+    kitti2015/training 200 image_2/*_10.png image_3/*_10.png disp_occ_0/*_10.png
+    kitti2015/testing 200 image_2/*_10.png image_3/*_10.png
+    kitti2012/training 1 image_0/*_10.png";
+
+/// Bytes of each file. The names alone decide.
+const BYTES: u64 = 5;
+
+fn data() -> Fixture {
+    let fixture = Fixture::new();
+    for line in DATA.trim().lines() {
+        let mut words = line.split_whitespace();
+        let folder = words.next().unwrap();
+        let scenes: usize = words.next().unwrap().parse().unwrap();
+        for file in words {
+            for scene in 0..scenes {
+                let name = file.replace('*', &format!("{scene:06}"));
+                fixture.write(&format!("d/{folder}/{name}"), [0; BYTES as usize]);
+            }
         }
     }
-}
-
-/// Numbers below `count`, as text.
-fn numbers(count: usize) -> Vec<String> {
-    (0..count).map(|i| format!("{i:06}")).collect()
-}
-
-/// A folder of data sets, of which some are whole.
-fn data(fixture: &Fixture) {
-    let both = ["cones".to_owned(), "teddy".to_owned()];
-    let files = ["im2.png", "im6.png", "disp2.png", "disp6.png"];
-    write(fixture, "middlebury2003", &both, &files);
-    // Other sizes than that of the scenario.
-    write(fixture, "middlebury2006/FullSize", &numbers(21), &["view1.png", "view5.png"]);
-    let scenes = numbers(27);
-    write(fixture, "eth3d/two_view_training", &scenes, &["im0.png", "im1.png", "calib.txt"]);
-    write(fixture, "eth3d/two_view_training_gt", &scenes[1..], &["disp0GT.pfm"]);
-    let pair = ["image_2/*_10.png", "image_3/*_10.png"];
-    let truth = ["disp_occ_0/*_10.png", "disp_noc_0/*_10.png"];
-    for (folder, files) in [("training", &truth[..]), ("training", &pair), ("testing", &pair)] {
-        write(fixture, &format!("kitti2015/{folder}"), &numbers(200), files);
-    }
-    write(fixture, "kitti2012/training", &numbers(1), &["image_0/*_10.png"]);
+    fixture
 }
 
 #[test]
@@ -49,8 +40,7 @@ fn without_a_folder_it_lists_the_layouts() {
 
 #[test]
 fn it_says_what_is_there_and_what_is_missing() {
-    let fixture = Fixture::new();
-    data(&fixture);
+    let fixture = data();
     // A link that leads back adds nothing.
     #[cfg(unix)]
     std::os::unix::fs::symlink(fixture.path("d/eth3d"), fixture.path("d/eth3d/again")).unwrap();
@@ -62,18 +52,19 @@ fn it_says_what_is_there_and_what_is_missing() {
 
 #[test]
 fn json_has_pages_and_numbers() {
-    let fixture = Fixture::new();
-    data(&fixture);
+    let fixture = data();
     let json = fixture.json("datasets --data d --json");
-    let named = |name: &str| json.as_array().unwrap().iter().find(|d| d["name"] == name).unwrap();
+    let sets = json.as_array().unwrap();
+    let named = |name: &str| sets.iter().find(|set| set["name"] == name).unwrap();
     let kitti = named("kitti2015");
-    assert!(kitti["home"].as_str().unwrap().starts_with("https://www.cvlibs.net/"));
-    assert_eq!((&kitti["folder"], &kitti["scenes"]), (&"kitti2015/training".into(), &200.into()));
+    let home = kitti["home"].as_str().unwrap();
+    assert!(home.starts_with("https://www.cvlibs.net/"), "{home}");
+    assert_eq!(kitti["folder"], "kitti2015/training");
+    assert_eq!(kitti["scenes"], 200);
     assert_eq!(kitti["there"]["scenes"], 400);
-    assert_eq!(kitti["there"]["bytes"], 200 * 6 * 5);
-    assert_eq!(
-        kitti["there"]["missing"],
-        serde_json::json!(["calibration of 200 scenes in kitti2015/training"])
-    );
-    assert_eq!(named("middlebury2003")["there"]["missing"], serde_json::json!([]));
+    assert_eq!(kitti["there"]["bytes"], 200 * 5 * BYTES);
+    let missing = ["calibration of 200 scenes in kitti2015/training"];
+    assert_eq!(kitti["there"]["missing"], serde_json::json!(missing));
+    let whole = &named("middlebury2003")["there"]["missing"];
+    assert_eq!(whole, &serde_json::json!([]));
 }

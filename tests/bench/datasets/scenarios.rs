@@ -43,9 +43,14 @@ fn the_page_says_where_each_data_set_is_and_which_folder_it_gives() {
     let page = std::fs::read_to_string(page).unwrap();
     for dataset in DATASETS {
         let scenes = dataset.scenes.to_string();
-        let row = page.lines().find(|line| line.starts_with(&format!("| [{}] |", dataset.name)));
+        let row = page
+            .lines()
+            .find(|line| line.starts_with(&format!("| [{}] |", dataset.name)));
         let row = row.unwrap_or_else(|| panic!("no row of {}", dataset.name));
         assert_says(row, &[dataset.licence, dataset.folder, &scenes]);
-        assert_says(&page, &[&format!("\n[{}]: {}\n", dataset.name, dataset.home)]);
+        assert_says(
+            &page,
+            &[&format!("\n[{}]: {}\n", dataset.name, dataset.home)],
+        );
     }
 }

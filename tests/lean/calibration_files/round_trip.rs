@@ -118,10 +118,7 @@ fn losses_of_a_format_are_reported() {
     }
     let k3 = folder.write("kalibr", &raw()).unwrap_err().to_string();
     assert_says(&k3, &["radtan k1 k2 p1 p2", "plumb_bob with 5", "--to"]);
-    for (format, word) in [
-        ("ros", "has none"),
-        ("middlebury", "no rectification"),
-    ] {
+    for (format, word) in [("ros", "has none"), ("middlebury", "no rectification")] {
         let error = folder
             .write(format, &unrectified(&raw()))
             .unwrap_err()

@@ -22,11 +22,20 @@ impl Inventory {
     /// Looks for `dataset` below `root`, the folder of the data sets.
     pub fn of(dataset: &Dataset, root: &Path) -> Self {
         let mut found = Self::default();
-        let own = root.join(dataset.name);
-        if own.is_dir()
-            && let Err(error) = found.add(&own, &mut BTreeSet::new())
-        {
-            found.missing.push(error.to_string());
+        let mut folders = vec![root.join(dataset.name)];
+        folders.retain(|own| own.is_dir());
+        // Links may lead back.
+        let mut seen = BTreeSet::new();
+        while let Some(folder) = folders.pop() {
+            if !seen.insert(folder.canonicalize().ok()) {
+                continue;
+            }
+            let added = found
+                .add_files(&folder, &mut folders)
+                .and_then(|()| found.add_scenes(&folder));
+            if let Err(error) = added {
+                found.missing.push(error.to_string());
+            }
         }
         // An error was reported above.
         let scored = Scene::all_in(&root.join(dataset.folder), "").unwrap_or_default();
@@ -44,23 +53,23 @@ impl Inventory {
         found
     }
 
-    /// Adds the scenes and files in `folder` and below. `seen`: the folders so far, as links may
-    /// lead back.
-    fn add(&mut self, folder: &Path, seen: &mut BTreeSet<PathBuf>) -> Result<()> {
+    /// Adds the files in `folder`, and the folders in it to `below`.
+    fn add_files(&mut self, folder: &Path, below: &mut Vec<PathBuf>) -> Result<()> {
         let io = |e| Error::io(folder, e);
-        if !seen.insert(folder.canonicalize().map_err(io)?) {
-            return Ok(());
-        }
-        self.scenes += Scene::all_in(folder, "")?.len();
-        for entry in std::fs::read_dir(folder).map_err(io)? {
+        for entry in folder.read_dir().map_err(io)? {
             let path = entry.map_err(io)?.path();
             match path.metadata() {
-                Ok(file) if file.is_dir() => self.add(&path, seen)?,
+                Ok(file) if file.is_dir() => below.push(path),
                 Ok(file) => self.bytes += file.len(),
                 // A link that leads nowhere.
                 Err(_) => {}
             }
         }
+        Ok(())
+    }
+
+    fn add_scenes(&mut self, folder: &Path) -> Result<()> {
+        self.scenes += Scene::all_in(folder, "")?.len();
         Ok(())
     }
 }
