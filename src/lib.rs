@@ -24,7 +24,7 @@ pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
     rectify, statistics, stereo, timing,
 };
-pub use svl_files::{self as files, BuildInfo, fetch, overlay, slow_profile};
+pub use svl_files::{self as files, BuildInfo, overlay, slow_profile};
 pub use svl_grab as grab;
 #[cfg(feature = "ros2")]
 pub use svl_live::dds;

@@ -62,7 +62,6 @@ const PACKAGES: [Package; 15] = [
             &["image"],
             &["disparity"],
             &["depth"],
-            &["fetch"],
         ],
     },
     Package {

@@ -216,6 +216,11 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
         "annex-e",
         include_bytes!("../../tests/lean/calibration_files/annex_e.xml"),
     )?;
+    seed(
+        "calibration_files",
+        "kitti-raw",
+        include_bytes!("../../tests/lean/calibration_files/kitti_raw.txt"),
+    )?;
     Ok(())
 }
 

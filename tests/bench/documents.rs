@@ -60,7 +60,6 @@ const PARSED: &[(&str, &str)] = &[
         "svl score depth.toml",
         "recording::recorded_depth follows the page",
     ),
-    ("svl datasets fetch", "needs the network"),
     ("svl train v5", "takes minutes; cli::train is a short one"),
     ("svl view", "opens a window"),
     (
@@ -98,14 +97,8 @@ const PARSED: &[(&str, &str)] = &[
         "opens a window",
     ),
     ("svl score arena --gate", "the short arena breaks limits"),
-    (
-        "svl score scenarios/middeval3.toml",
-        "needs a data set that is fetched",
-    ),
-    (
-        "svl score scenarios/kitti2015.toml",
-        "needs a data set that is fetched",
-    ),
+    ("svl score scenarios/middeval3.toml", "needs its data set"),
+    ("svl score scenarios/kitti2015.toml", "needs its data set"),
     (
         "svl score scenarios/middlebury.toml",
         "takes seconds; cli::score runs it",
@@ -150,7 +143,7 @@ const SHORTER: [(&str, &str); 5] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 19] = [
+const OTHERS: [&str; 21] = [
     "cargo",
     "docker",
     "src/c/install.sh",
@@ -170,6 +163,8 @@ const OTHERS: [&str; 19] = [
     "tar",
     "packaging/build.sh",
     "snakemake",
+    "curl",
+    "7z",
 ];
 
 /// Commands that make the inputs of the examples from `left.png`, `right.png`, `pictures/` and

@@ -81,7 +81,7 @@ impl Command {
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Columns(args) => columns::run(&args),
-            Self::Datasets(args) => datasets::run(&args, quiet),
+            Self::Datasets(args) => datasets::run(&args),
             Self::Generate(args) => generate::run(&args, program()),
             // Printed before anything is set up.
             Self::Help(_) => Ok(()),

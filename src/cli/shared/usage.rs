@@ -38,8 +38,6 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("benchmark", &["bench"]),
     ("time", &["bench"]),
     ("convert", &["calibrate", "record"]),
-    ("download", &["datasets"]),
-    ("fetch", &["datasets"]),
     ("join", &["report"]),
 ];
 

@@ -37,7 +37,7 @@ fn figures(fixture: &Fixture, folder: &str) -> Vec<String> {
                 .read_event()
                 .unwrap_or_else(|e| panic!("{name}: {e}"))
             {
-                Event::Start(start) if elements == 0 => assert_eq!(start.name().as_ref(), b"svg"),
+                Event::Start(start) if elements == 0 => assert_eq!(start.name().as_ref(), "svg"),
                 Event::Eof => break,
                 _ => {}
             }

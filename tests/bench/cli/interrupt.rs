@@ -2,7 +2,6 @@
 #![cfg(unix)]
 
 use super::fixture::Fixture;
-use super::server::{Manners, Server};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
@@ -194,34 +193,6 @@ fn a_score_reports_what_it_had() {
     assert!((1..120).contains(&pairs), "{pairs}");
     let lines = fixture.text(rows).lines().count() as u64;
     assert_eq!(lines, total + 1);
-}
-
-#[test]
-fn a_download_keeps_what_came() {
-    let fixture = Fixture::new();
-    let file = "cones/cones-png-2.zip";
-    let server = Server::new(
-        &[(file, vec![7; 1 << 20])],
-        Manners {
-            drips: true,
-            ..Manners::default()
-        },
-    );
-    let part = format!("d/middlebury2003/{file}.part");
-    let line = format!(
-        "datasets fetch middlebury2003 --from {} --data d -q",
-        server.url
-    );
-    let (code, stderr) = interrupted(&fixture, &line, || size(&fixture, &part) > 2000);
-    assert_eq!(code, Some(1));
-    assert!(
-        stderr.contains("stopped; run it again to resume from there")
-            && stderr.lines().count() == 1,
-        "{stderr}"
-    );
-    assert!(
-        size(&fixture, &part) > 2000 && !fixture.path(&format!("d/middlebury2003/{file}")).exists()
-    );
 }
 
 #[test]

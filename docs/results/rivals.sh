@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/rivals.sh DATASETS
+# v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/results/rivals.sh DATASETS
 # Prints, for each set of scenes, of v5 (and revision 2), v3, bm and sgm: right and wrong cells, missed and false
 # obstacles by the median, near obstacles missed by the nearest quarter, and wrong cells of the known ones with their
 # 95 % interval (bootstrap over the seeds); then the drives. The reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 svl() { cargo run --profile "${PROFILE:-release}" --quiet --locked -- "$@"; }
 algorithms=(--algo v5 --algo v5:revision=2 --algo v3 --algo bm --algo sgm)
 score() {
