@@ -72,11 +72,7 @@ fn decisions(criterion: &mut Criterion) {
     let matched = sgm.match_pair(RectifiedPair::assume(&pair), None);
     let map = matched.expect("the pair can be matched").disparity;
     let mut group = criterion.benchmark_group("decisions");
-    for decision in [
-        CellDecision::Median,
-        CellDecision::Stixels,
-        CellDecision::Safe,
-    ] {
+    for decision in [CellDecision::Median, CellDecision::Safe] {
         let settings = GridSettings {
             decision,
             ..GridSettings::default()

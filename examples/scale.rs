@@ -199,7 +199,7 @@ fn figure(svl: &Path) -> Result<String, Failure> {
     // The runs are rendered once.
     run("score arena --seeds 1..8 --algo bm -q --rerun none -o all")?;
     let mut shards: [Curve; 2] =
-        ["all shards, one after the other", "svl merge"].map(|name| (name.to_owned(), Vec::new()));
+        ["all shards, one after the other", "svl report"].map(|name| (name.to_owned(), Vec::new()));
     for count in [1, 2, 4, 8] {
         let mut all_s = 0.0;
         for number in 1..=count {
@@ -209,9 +209,9 @@ fn figure(svl: &Path) -> Result<String, Failure> {
             ))?;
         }
         let parts: Vec<_> = (1..=count).map(|number| format!("p{number}")).collect();
-        let merge_s = run(&format!("merge {} -o all -q", parts.join(" ")))?;
+        let report_s = run(&format!("report {} -o all -q", parts.join(" ")))?;
         shards[0].1.push((count as f64, all_s));
-        shards[1].1.push((count as f64, merge_s));
+        shards[1].1.push((count as f64, report_s));
     }
     panels.push(panel(
         "Eight runs of the arena, bm",

@@ -1,17 +1,8 @@
 //! svl: the record/replay bench for stereo vision that keeps robots from hitting things.
 //!
-//! One idea: **every run is source → matchers → judge → sinks; a subcommand only chooses them.**
-//!
-//! ```text
-//! source ──Frame──▶ matchers ──Estimate──▶ judge ──Judged──▶ sinks
-//! arena               v3                                      recording (MCAP)
-//! recording           ...                                     Rerun
-//! data set                                                    tables ──▶ report
-//! ```
-//!
-//! This crate re-exports the modules of its packages. A robot links `svl-core` ([`stereo`],
-//! [`kernel`], [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files,
-//! `svl-calibrate`.
+//! `docs/architecture.md` draws the parts of a run. This crate re-exports the modules of its
+//! packages. A robot links `svl-core` ([`stereo`], [`kernel`], [`matcher`], [`filter`], [`depth`],
+//! [`rectify`]) and, for calibration files, `svl-calibrate`.
 //!
 //! ```
 //! use svl::depth::{self, GridSettings};
@@ -33,10 +24,10 @@ pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
     rectify, statistics, stereo, timing,
 };
-pub use svl_files::{self as files, BuildInfo, fetch, overlay, slow_profile};
+pub use svl_files::{self as files, BuildInfo, overlay, slow_profile};
 pub use svl_grab as grab;
 #[cfg(feature = "ros2")]
-pub use svl_live::{bridge, dds};
+pub use svl_live::dds;
 pub use svl_recording as recording;
 pub use svl_report::{self as report, outputs};
 pub use svl_score::{

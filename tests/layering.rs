@@ -62,7 +62,6 @@ const PACKAGES: [Package; 15] = [
             &["image"],
             &["disparity"],
             &["depth"],
-            &["fetch"],
         ],
     },
     Package {
@@ -79,7 +78,7 @@ const PACKAGES: [Package; 15] = [
     },
     Package {
         root: "live/lib.rs",
-        layers: &[&["dds"], &["bridge"]],
+        layers: &[&["dds"]],
     },
     Package {
         root: "bench/lib.rs",
@@ -89,8 +88,7 @@ const PACKAGES: [Package; 15] = [
             &["run"],
             &["console", "drive", "record"],
             &["runs"],
-            &["tune"],
-            &["evaluation"],
+            &["evaluation", "tune"],
         ],
     },
     Package {
@@ -210,7 +208,7 @@ fn heavy_crates_have_one_user() {
     for (package, heavy) in [
         ("svl-recording", &["mcap", "zstd", "rusqlite"][..]),
         ("svl-report", &["polars", "plotters", "minijinja"]),
-        ("svl-live", &["rustdds", "tungstenite"]),
+        ("svl-live", &["rustdds"]),
         ("svl-grab", &["aravis", "serial2"]),
         ("svl-viewer", &["rerun"]),
         ("svl", &["svl-thesis", "svl-viewer", "ratatui"]),

@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
-# Makes the pictures of commands and pages: bash docs/pictures/make.sh DATASETS
+# Makes the pictures of commands and pages: bash docs/pictures/make.sh
 # Needs python3, `script` of util-linux, and the browser chromium-headless-shell, or another that BROWSER names. SVL names
 # a program in place of the release build. docs/rerun.png is a screenshot of `svl view reports/arena`.
 set -euo pipefail
-datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/../.."
 root="$PWD"
 if [ -z "${SVL:-}" ]; then
@@ -45,6 +44,3 @@ page story.png 1200,745 story.html
 
 svl score arena --quiet >/dev/null
 page report.png 1200,980 reports/arena/index.html
-cp "$datasets/middlebury2014q/Playroom"/{im0.png,im1.png,calib.txt} .
-svl match im0.png im1.png --algo v5 --calib calib.txt -o d.pfm --evidence evidence.html >/dev/null
-page evidence.png 1000,760 evidence.html

@@ -106,7 +106,6 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     npz()?;
     ros1()?;
     live()?;
-    bridge()?;
     mcap()
 }
 
@@ -216,6 +215,11 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
         "calibration_files",
         "annex-e",
         include_bytes!("../../tests/lean/calibration_files/annex_e.xml"),
+    )?;
+    seed(
+        "calibration_files",
+        "kitti-raw",
+        include_bytes!("../../tests/lean/calibration_files/kitti_raw.txt"),
     )?;
     Ok(())
 }
@@ -407,30 +411,6 @@ fn live() -> Result<(), Box<dyn std::error::Error>> {
             )?;
         }
     }
-    Ok(())
-}
-
-/// Messages of a bridge.
-fn bridge() -> Result<(), Box<dyn std::error::Error>> {
-    for (name, text) in [
-        (
-            "advertise",
-            r#"{"op":"advertise","channels":[
-                {"id":1,"topic":"/a","encoding":"cdr","schemaName":"b"}]}"#,
-        ),
-        ("unadvertise", r#"{"op":"unadvertise","channelIds":[1,2]}"#),
-        (
-            "status",
-            r#"{"op":"status","level":1,"message":"x","id":"y"}"#,
-        ),
-        (
-            "server",
-            r#"{"op":"serverInfo","name":"x","capabilities":[],"metadata":{}}"#,
-        ),
-    ] {
-        seed("bridge", name, text.as_bytes())?;
-    }
-    seed("bridge", "data", &[&[1; 13][..], b"cdr"].concat())?;
     Ok(())
 }
 

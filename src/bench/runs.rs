@@ -156,7 +156,7 @@ pub(crate) fn checked_count(scenario: &Scenario) -> Result<usize> {
 }
 
 /// Number of the scenario's runs.
-pub fn count(scenario: &Scenario) -> Result<usize> {
+fn count(scenario: &Scenario) -> Result<usize> {
     Ok(match &scenario.source {
         ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => seeds.len(),
         ScenarioSource::Dataset { .. } => 1,

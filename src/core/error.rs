@@ -98,9 +98,6 @@ pub enum Error {
         reason: String,
         stderr: String,
     },
-    /// A download failed.
-    #[error("{url}: {reason}")]
-    Download { url: String, reason: String },
     /// A camera or its trigger failed during the recording. Earlier frames are valid.
     #[error("{camera}: {reason}")]
     Camera { camera: String, reason: String },
@@ -135,14 +132,6 @@ impl Error {
     pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::Format {
             path: path.into(),
-            reason: reason.into(),
-        }
-    }
-
-    /// A download of `url` that failed.
-    pub fn download(url: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Download {
-            url: url.into(),
             reason: reason.into(),
         }
     }

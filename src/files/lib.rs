@@ -6,7 +6,6 @@ mod columns;
 mod decoded;
 mod depth;
 mod disparity;
-pub mod fetch;
 pub mod ffmpeg;
 mod image;
 mod jpeg;

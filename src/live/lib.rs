@@ -1,4 +1,3 @@
-//! Live ROS 2 topics, over DDS or a Foxglove bridge.
+//! Live ROS 2 topics over DDS.
 
-pub mod bridge;
 pub mod dds;

@@ -78,11 +78,11 @@ impl Summary {
 }
 
 /// The objectives of a robot.
-pub const OBJECTIVES: [&str; 4] = ["right", "wrong", "unrivalled", "time"];
+const OBJECTIVES: [&str; 4] = ["right", "wrong", "unrivalled", "time"];
 
 /// The objectives that any of the items has a value for, and the items that no other one dominates:
 /// at least as good by all of them, and better by one.
-pub fn pareto_front<'a, T>(
+fn pareto_front<'a, T>(
     items: &'a [T],
     objectives: &[&str],
     value: impl Fn(&T, &Metric) -> Option<f64>,
@@ -103,7 +103,7 @@ pub fn pareto_front<'a, T>(
 }
 
 /// The better value first, none last.
-pub fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
+pub(super) fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
     match (a, b) {
         (Some(a), Some(b)) => match metric.better {
             Better::Less => a.total_cmp(&b),

@@ -442,14 +442,21 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, content).map_err(|e| Error::io(path, e))
 }
 
-/// Writes a scenario and, beside it, the page that describes the search. Returns their names in
-/// words.
+/// Writes a scenario and, beside it, the page that describes it; replaces nothing. Returns their
+/// names in words.
 ///
 /// # Errors
 /// As [`Outputs::claim`]; [`Error::Io`].
-pub fn write_with_page(path: &Path, toml: &str, markdown: &str, force: bool) -> Result<String> {
+pub fn write_with_page(path: &Path, toml: &str, markdown: &str) -> Result<String> {
     let page = path.with_extension("md");
-    let mut outputs = Outputs::claim(force, [], [path, &page])?;
+    if let Some(there) = [path, page.as_path()]
+        .into_iter()
+        .find(|path| path.exists())
+    {
+        let words = format!("{}: exists already; name another file", there.display());
+        return Err(Error::Invalid(words));
+    }
+    let mut outputs = Outputs::claim(false, [], [path, &page])?;
     outputs.set_aside()?;
     write(path, toml)?;
     write(&page, markdown)?;

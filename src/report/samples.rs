@@ -48,7 +48,7 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
 }
 
 /// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.
-pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+pub(super) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
     sample(metric, rows)?.total()
 }
 

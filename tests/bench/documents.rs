@@ -28,8 +28,6 @@ const PARSED: &[(&str, &str)] = &[
     ("svl record ros2:", "needs live topics; ros2:: has some"),
     ("svl replay ros2:", "needs live topics; ros2:: has some"),
     ("svl info ros2:", "needs live topics; ros2:: has some"),
-    ("svl info foxglove:", "needs a bridge; ros2:: has one"),
-    ("svl record foxglove:", "needs a bridge; ros2:: has one"),
     (
         "svl replay run.mcap --publish",
         "needs a network; ros2:: has one",
@@ -62,7 +60,6 @@ const PARSED: &[(&str, &str)] = &[
         "svl score depth.toml",
         "recording::recorded_depth follows the page",
     ),
-    ("svl datasets fetch", "needs the network"),
     ("svl train v5", "takes minutes; cli::train is a short one"),
     ("svl view", "opens a window"),
     (
@@ -73,10 +70,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl label windows",
         "needs a terminal; cli::filter drives it",
     ),
-    (
-        "svl tune",
-        "needs a terminal, or minutes; cli::tune drives it",
-    ),
+    ("svl tune", "needs a terminal; cli::tune drives it"),
     (
         "svl train filter",
         "takes minutes; cli::filter has short ones",
@@ -89,7 +83,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl score scenarios/drive.toml",
         "takes minutes; cli::drive has a short one",
     ),
-    ("svl merge part1 part2", "cli::shard merges parts"),
+    ("svl report part1 part2", "cli::shard joins parts"),
     (
         "svl score scenarios/close.toml",
         "trains first; cli::filter has a short one",
@@ -103,14 +97,8 @@ const PARSED: &[(&str, &str)] = &[
         "opens a window",
     ),
     ("svl score arena --gate", "the short arena breaks limits"),
-    (
-        "svl score scenarios/middeval3.toml",
-        "needs a data set that is fetched",
-    ),
-    (
-        "svl score scenarios/kitti2015.toml",
-        "needs a data set that is fetched",
-    ),
+    ("svl score scenarios/middeval3.toml", "needs its data set"),
+    ("svl score scenarios/kitti2015.toml", "needs its data set"),
     (
         "svl score scenarios/middlebury.toml",
         "takes seconds; cli::score runs it",
@@ -155,7 +143,7 @@ const SHORTER: [(&str, &str); 5] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 19] = [
+const OTHERS: [&str; 21] = [
     "cargo",
     "docker",
     "src/c/install.sh",
@@ -175,6 +163,8 @@ const OTHERS: [&str; 19] = [
     "tar",
     "packaging/build.sh",
     "snakemake",
+    "curl",
+    "7z",
 ];
 
 /// Commands that make the inputs of the examples from `left.png`, `right.png`, `pictures/` and
@@ -212,12 +202,11 @@ fn root() -> &'static Path {
 }
 
 /// Folders with documents.
-const FOLDERS: [&str; 9] = [
+const FOLDERS: [&str; 8] = [
     "",
     "docs",
     "docs/results",
     "docs/tutorials",
-    "adapters/python",
     "firmware",
     "fuzz",
     "recordings",

@@ -1,11 +1,10 @@
-"""The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, or a Foxglove bridge, on the loopback interface.
+"""The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, on the loopback interface.
 
     ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched]
-    ros2_topics.py publish PORT PAIRS HZ WIDTH HEIGHT bridge [raw] [ENCODING]
     ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
 
-`latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per
-message that svl publishes. `ENCODING`: the bridge's word for CDR.
+`latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per
+pair: stamp and CRC-32 of left and right. `read` prints a JSON line per message that svl publishes.
 """
 
 import json
@@ -175,36 +174,14 @@ RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.
 FOCAL, BASELINE, DISPARITY = 400.0, 0.1, 16
 
 
-class BridgeWriter:
-    """A channel of a bridge, as foxglove_bridge has one for a topic of ROS 2."""
-
-    def __init__(self, topic, kind, encoding):
-        from foxglove import Channel, Schema
-
-        name = kind.__idl_typename__.replace("::dds_::", "::").removesuffix("_").replace("::", "/")
-        schema = Schema(name=name, encoding="ros2msg", data=b"")
-        self.channel = Channel(topic, schema=schema, message_encoding=encoding)
-
-    def write(self, message):
-        self.channel.log(message.serialize())
-
-
 def publish(domain, pairs, hz, width, height, *options):
     topics = ["/cam/left/", "/cam/right/"]
     name = "image_raw" if "raw" in options else "image_rect"
     width, height, hz = int(width), int(height), float(hz)
     Image = image_of(width * height)
     latched = "latched" in options
-    if "bridge" in options:
-        import foxglove
-
-        # It lives until this process ends.
-        server = foxglove.start_server(host="127.0.0.1", port=int(domain))
-        encoding = next((option for option in options if option not in ("bridge", "raw")), "cdr")
-        writer = lambda topic, kind, qos: BridgeWriter(topic, kind, encoding)
-    else:
-        participant = DomainParticipant(int(domain))
-        writer = lambda topic, kind, qos: DataWriter(participant, Topic(participant, f"rt{topic}", kind), qos=qos)
+    participant = DomainParticipant(int(domain))
+    writer = lambda topic, kind, qos: DataWriter(participant, Topic(participant, f"rt{topic}", kind), qos=qos)
     images = [writer(f"{topic}{name}", Image, BEST_EFFORT) for topic in topics]
     infos = [writer(f"{topic}camera_info", CameraInfo, LATCHED if latched else RELIABLE) for topic in topics]
     # A textured wall, moved a little from pair to pair, on images of the same scene.
@@ -231,10 +208,6 @@ def publish(domain, pairs, hz, width, height, *options):
         lines.append({"stamp_ns": now, "crc": sent})
     for line in lines:
         print(json.dumps(line))
-    if "bridge" in options:
-        sys.stdout.flush()
-        # An orderly end of the server may hang.
-        os._exit(0)
 
 
 def described(message):

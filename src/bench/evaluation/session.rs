@@ -55,6 +55,10 @@ impl EvaluationSession {
         let is_shared = shard.is_some() && sessions.iter().any(is_other) && plan.again != Again::All;
         let asked = list.manifest.algorithms.len();
         if let Some(known) = &known {
+            if known.manifest.sources != list.manifest.sources && !is_shared {
+                let folder = plan.folder.display();
+                tracing::warn!("{folder}: is of another version of svl: all is matched again");
+            }
             if is_shared && known.digest() != list.digest() {
                 return Err(refused(plan, known, &list)?);
             }

@@ -1,6 +1,5 @@
 //! Sweeps: parameters over ranges and lists of values, one algorithm for each combination.
 
-use crate::tune::quasi_random;
 use std::collections::BTreeSet;
 use std::str::FromStr;
 use svl_core::matcher::{self, Algorithm, Range, labelled};
@@ -169,6 +168,15 @@ fn spread(lengths: &[usize], count: usize) -> Vec<Vec<usize>> {
         }
     }
     places
+}
+
+/// Point `i` of a quasi-random sequence that fills the unit cube of these dimensions evenly: R2
+/// of Roberts 2018, generalized.
+fn quasi_random(i: usize, dimensions: usize) -> impl Iterator<Item = f64> {
+    // The root of x^(d+1) = x + 1, by iteration.
+    let power = 1.0 / (dimensions as f64 + 1.0);
+    let root = (0..64).fold(2.0_f64, |x, _| (1.0 + x).powf(power));
+    (0..dimensions).map(move |k| (0.5 + i as f64 * root.powi(-(k as i32 + 1))).fract())
 }
 
 /// The values of `FROM..TO/STEP`, each in its shortest exact form.

@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
+use svl_core::rectify::{Alignment, AlignmentMeter};
 use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result};
 use svl_recording::{PairGeometry, RawCamera, Reader};
@@ -19,6 +20,8 @@ use svl_score::scenario::SourceOptions;
 /// one is.
 const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
+/// Pairs are measured for vertical misalignment until that many points have matched.
+const ENOUGH_POINTS: usize = 500;
 
 /// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,6 +47,9 @@ pub struct SourceFacts {
     pub rig: Option<Rig>,
     /// True if size and rig are those of all pairs that were looked at.
     pub is_constant: bool,
+    /// Vertical misalignment of the first pairs, of raw pairs after rectification; none if too few
+    /// points matched.
+    pub misalignment: Option<Alignment>,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
 }
@@ -91,10 +97,13 @@ impl SourceFacts {
             open(request)?
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
-        let mut spread = TruthSpread::default();
+        let (mut spread, mut meter) = (TruthSpread::default(), AlignmentMeter::new());
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
+            if meter.matches().len() < ENOUGH_POINTS {
+                meter.add(&frame.pair);
+            }
             own.count(&frame);
             spread.add(&frame);
             has_truth |= frame.truth.is_some();
@@ -130,6 +139,7 @@ impl SourceFacts {
             },
             rig,
             is_constant,
+            misalignment: meter.alignment(),
             nearest: rig
                 .as_ref()
                 .and_then(NearestDistance::for_default_algorithm),

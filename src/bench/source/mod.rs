@@ -12,7 +12,6 @@ mod live;
 mod live_topics;
 mod measured;
 #[cfg(feature = "ros2")]
-mod network;
 mod open;
 mod opened;
 mod plausible;

@@ -177,18 +177,6 @@ pub const SOURCES: &[SourceKind] = &[
         open: live_topics::open,
     },
     SourceKind {
-        name: "foxglove:ws://HOST:PORT[/LEFT,RIGHT]",
-        noun: "topics of a Foxglove bridge",
-        help: "the same through a running foxglove_bridge, where DDS does not reach",
-        origin: SourceOrigin::Topics(LiveTopics {
-            prefix: "foxglove:ws://",
-            listen: live_topics::listen,
-        }),
-        options: live_topics::OPTIONS,
-        recognizes: |name| name.starts_with("foxglove:"),
-        open: live_topics::open,
-    },
-    SourceKind {
         name: "SCENARIO.toml",
         noun: "a scenario",
         help: "the arena with other parameters",

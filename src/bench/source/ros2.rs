@@ -1,7 +1,5 @@
-//! Live ROS 2 topics as a source, over DDS or through a Foxglove bridge: pairs formed as those of a
-//! bag, by a thread of its own.
+//! Live ROS 2 topics as a source, over DDS: pairs formed as those of a bag, by a thread of its own.
 
-use super::network::{Inbox, Joined, TopicNetwork};
 use super::opened::Opened;
 use super::request::Request;
 use super::{Heard, Source};
@@ -13,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 use svl_core::stereo::{Frame, Geometry, GrabberReport, Losses};
 use svl_core::{Error, Result, counted};
 use svl_grab::{Pushed, Queue, WhenFull};
-use svl_live::dds::FoundTopic;
+use svl_live::dds::{Address, Domain, FoundTopic, TopicInbox};
 use svl_recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
 
 /// Longest wait for publishers of the topics, and for the first pair of their messages.
@@ -45,7 +43,7 @@ struct TopicSource {
 /// Receives messages and forms pairs.
 struct Receiver {
     name: String,
-    inbox: Inbox,
+    inbox: TopicInbox,
     pairs: TopicPairs,
     /// Pairs of images that do not fit each other.
     unreadable: u64,
@@ -69,17 +67,16 @@ struct Receiver {
 /// Opens the topics that a request names, or those found by type and name.
 pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
     let mut selection = request.selection();
-    let Joined {
-        mut network, named, ..
-    } = TopicNetwork::join(request.name)?;
-    if let Some([left, right]) = named {
+    let address: Address = request.name.parse()?;
+    if let Some([left, right]) = address.pair()? {
         (selection.left, selection.right) = (Some(left), Some(right));
     }
     let stopped = request.host.stopped;
-    let (pairs, topics) = find(&mut network, request.name, &selection, stopped)?;
+    let domain = Domain::join(&address)?;
+    let (pairs, topics) = find(&domain, request.name, &selection, stopped)?;
     let mut receiver = Receiver {
         name: request.name.to_owned(),
-        inbox: network.subscribe(&topics)?,
+        inbox: TopicInbox::new(domain, &topics)?,
         pairs,
         unreadable: 0,
         unreadable_images: [0; 2],
@@ -126,14 +123,14 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
 
 /// The topics, once `is_enough` and no further one was found for a while, or after a long wait.
 fn settled(
-    network: &mut TopicNetwork,
+    domain: &Domain,
     stopped: fn() -> bool,
     is_enough: impl Fn(&[FoundTopic]) -> bool,
 ) -> Result<Vec<FoundTopic>> {
     let (began, mut changed) = (Instant::now(), Instant::now());
     let mut known = Vec::new();
     loop {
-        let found = network.topics()?;
+        let found = domain.topics();
         if found != known {
             (known, changed) = (found, Instant::now());
         }
@@ -150,7 +147,7 @@ fn settled(
 
 /// Waits for the topics of both cameras and of their calibrations.
 fn find(
-    network: &mut TopicNetwork,
+    domain: &Domain,
     name: &str,
     selection: &Selection,
     stopped: fn() -> bool,
@@ -159,7 +156,7 @@ fn find(
         known.iter().map(|found| found.topic.clone()).collect()
     };
     let choose = |known: &[FoundTopic]| TopicPairs::new(name, &topics(known), selection);
-    let known = settled(network, stopped, |known| choose(known).is_ok())?;
+    let known = settled(domain, stopped, |known| choose(known).is_ok())?;
     let pairs = choose(&known).map_err(|reason| {
         let found = counted(known.len() as u64, "topic");
         let cure = format!("`svl info {name}` lists what is published");
@@ -322,8 +319,7 @@ impl Receiver {
 
     /// Messages lost of both cameras.
     fn lost(&self) -> u64 {
-        let lost = self.inbox.lost().into_iter();
-        let images = lost.take(self.heard.len());
+        let images = self.inbox.lost().take(self.heard.len());
         images.map(|(_, lost)| lost).sum()
     }
 
@@ -354,16 +350,14 @@ impl Receiver {
             ("dropped_pairs", dropped),
             ("unread_pairs", unread),
         ];
-        let mut lost = self.inbox.lost();
-        let are_counted = !lost.is_empty();
-        lost.retain(|(_, lost)| *lost > 0);
+        let lost = self.inbox.lost().filter(|(_, lost)| *lost > 0);
+        let lost: Vec<_> = lost.collect();
         let words = lost
             .iter()
             .map(|(topic, lost)| format!("{lost} of {topic}"));
         let words: Vec<_> = words.collect();
         let words = match &words[..] {
-            [] if are_counted => "no message lost".to_owned(),
-            [] => "losses unknown, as a bridge numbers no messages".to_owned(),
+            [] => "no message lost".to_owned(),
             words => format!("messages lost: {}", words.join(", ")),
         };
         let mut text = format!(
@@ -496,14 +490,17 @@ const MAX_LISTEN_BYTES: usize = 512 << 20;
 /// # Errors
 /// [`Error::Camera`] if nothing is published; those of the network and of the temporary bag.
 pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
-    let Joined {
-        mut network,
-        named,
-        why_none,
-    } = TopicNetwork::join(name)?;
-    let known = settled(&mut network, stopped, |known| !known.is_empty())?;
+    let address: Address = name.parse()?;
+    let named = address.pair()?;
+    let domain = Domain::join(&address)?;
+    let known = settled(&domain, stopped, |known| !known.is_empty())?;
     if known.is_empty() {
-        return Err(Error::camera(name, format!("{why_none}, in {MAX_WAIT:?}")));
+        let reason = format!(
+            "no topic in domain {} in {MAX_WAIT:?}: publishers need the same ROS_DOMAIN_ID and a \
+             network with multicast, or the same host",
+            address.domain
+        );
+        return Err(Error::camera(name, reason));
     }
     let is_wanted = |found: &FoundTopic| {
         let topic = &found.topic;
@@ -513,7 +510,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
         topic.is_image() && is_named || topic.is_calibration() || topic.is_static_transform()
     };
     let (wanted, others): (Vec<_>, Vec<_>) = known.into_iter().partition(is_wanted);
-    let mut inbox = network.subscribe(&wanted)?;
+    let mut inbox = TopicInbox::new(domain, &wanted)?;
     let (mut messages, mut bytes, began) = (Vec::new(), 0, Instant::now());
     while began.elapsed() < LISTEN && bytes < MAX_LISTEN_BYTES && !stopped() {
         inbox.receive(STEP, |topic, data| {
@@ -523,7 +520,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     }
     let seconds = began.elapsed().as_secs_f64();
     let temporary = |e| Error::io(std::env::temp_dir(), e);
-    let lost = inbox.lost().into_iter().filter(|(_, lost)| *lost > 0);
+    let lost = inbox.lost().filter(|(_, lost)| *lost > 0);
     let is_silent = |place: &usize| messages.iter().all(|(topic, ..)| topic != place);
     let silent = (0..wanted.len())
         .filter(is_silent)

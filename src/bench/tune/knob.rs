@@ -78,9 +78,9 @@ const GRID: [Parameter; 4] = [
         unit: "",
         range: Range::Choice {
             default: "median",
-            options: &["median", "stixels", "safe"],
+            options: &["median", "safe"],
         },
-        description: "what a cell reports: its median, that of its stixels, or what is safe",
+        description: "what a cell reports: its median, or what is safe",
     },
 ];
 
@@ -261,7 +261,6 @@ impl TunedSetting {
                 "min_valid" => Value::Real(self.grid.min_valid),
                 _ => Value::Choice(match self.grid.decision {
                     CellDecision::Median => "median",
-                    CellDecision::Stixels => "stixels",
                     CellDecision::Safe => "safe",
                 }),
             },
@@ -300,9 +299,6 @@ impl TunedSetting {
                     ("columns", Value::Int(columns)) => grid.columns = *columns as usize,
                     ("rows", Value::Int(rows)) => grid.rows = *rows as usize,
                     ("min_valid", Value::Real(share)) => grid.min_valid = *share,
-                    ("decision", Value::Choice("stixels")) => {
-                        grid.decision = CellDecision::Stixels;
-                    }
                     ("decision", Value::Choice("safe")) => grid.decision = CellDecision::Safe,
                     _ => grid.decision = CellDecision::Median,
                 }
@@ -402,7 +398,7 @@ mod tests {
         assert_eq!(walk("bm", "block_size", false, false, 9), ["7", "5"]);
         assert_eq!(walk("bm", "prefilter", false, false, 2), ["log", "xsobel"]);
         assert_eq!(walk("v3", "subpixel", true, true, 2), ["true", "false"]);
-        assert_eq!(walk("v3", "decision", true, false, 1), ["stixels"]);
+        assert_eq!(walk("v3", "decision", true, false, 1), ["safe"]);
     }
 
     #[test]
@@ -438,7 +434,7 @@ mod tests {
         says(refused("block_size", "8"), "is even");
         says(refused("block_size", "99"), "a whole number in 5..=31");
         says(refused("clear_m", "0.1"), "must be below");
-        says(refused("decision", "mean"), "median, stixels, safe");
+        says(refused("decision", "mean"), "median, safe");
         let refused = bm.stepped(&knob(&setting("exec"), "command"), true, false);
         says(refused.unwrap_err().to_string(), "type a value");
     }

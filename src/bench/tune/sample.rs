@@ -1,6 +1,6 @@
 //! Frames spread over a source, kept in memory, and the runs of algorithms over them.
 
-use crate::run::{Matchers, Monitor, Outcome, Pace, run};
+use crate::run::{Matchers, Monitor, Pace, run};
 use crate::sink::{RunStart, Sink};
 use crate::source::{AssumeRectified, Source};
 use std::sync::Arc;
@@ -73,15 +73,6 @@ impl Sampler {
             Err(_) => {}
         }
         Ok(!self.done)
-    }
-
-    /// All frames, once they are read.
-    ///
-    /// # Errors
-    /// As [`Sampler::step`].
-    pub fn read_all(mut self, mut go_on: impl FnMut() -> bool) -> Result<Vec<Arc<Frame>>> {
-        while self.step()? && go_on() {}
-        Ok(self.frames)
     }
 
     /// The next of `wanted` out of `count` frames.
@@ -165,11 +156,10 @@ pub fn evaluate(
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,
-) -> Result<Outcome> {
+) -> Result<()> {
     let mut held = HeldFrames(frames.iter());
     let mut source = AssumeRectified::new(&mut held);
-    let (outcome, ran) = run(&mut source, matchers, start, pace, sinks, monitor);
-    ran.map(|()| outcome)
+    run(&mut source, matchers, start, pace, sinks, monitor).1
 }
 
 /// `0..count`, so that the first of them are spread over all: by the bits of the index, mirrored.
@@ -233,8 +223,10 @@ mod tests {
             seeks,
             counted,
         });
-        let frames = Sampler::new(source, wanted, limit).read_all(|| true);
-        frames.unwrap().iter().map(|frame| frame.sequence).collect()
+        let mut sampler = Sampler::new(source, wanted, limit);
+        while sampler.step().unwrap() {}
+        let frames = sampler.frames().iter();
+        frames.map(|frame| frame.sequence).collect()
     }
 
     #[test]

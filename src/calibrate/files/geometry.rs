@@ -183,18 +183,6 @@ pub(super) fn read_distortion(
     distortion.map_err(|e| document.error(format!("'{}': {e}", key.replace('|', "' or '"))))
 }
 
-/// k1, k2, p1, p2, k3, for formats that have no other model.
-pub(super) fn plumb_bob(camera: &Intrinsics) -> std::result::Result<[f64; 5], String> {
-    match camera.distortion() {
-        Distortion::PlumbBob(coefficients) => Ok(*coefficients),
-        other => Err(format!(
-            "has plumb_bob's k1 k2 p1 p2 k3 alone, and this calibration is {}; choose opencv or \
-             ros with --to",
-            other.model()
-        )),
-    }
-}
-
 /// Extrinsics from R and T.
 ///
 /// # Errors

@@ -5,11 +5,11 @@ use super::document::{Document, Syntax, text};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
 use super::geometry::{
     self, StereoParameters, beyond_rectified, camera, extrinsics, image_size, only_rectified,
-    plumb_bob, read_distortion, rectified,
+    read_distortion, rectified,
 };
 use super::numbers::{rows, spaced};
 use super::unit::FileUnit;
-use nalgebra::{Isometry3, Matrix3x4, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::path::Path;
 use svl_core::Result;
 use svl_core::stereo::{DistortionModel, Rectification, Rig, Side, StereoCalibration};
@@ -40,7 +40,7 @@ pub(super) const RAW_FORMAT: CalibrationFormat = CalibrationFormat {
     syntax: Syntax::Lines(':'),
     marks: &["K_00:"],
     read: read_raw,
-    write: Some(write_raw),
+    write: None,
 };
 
 /// Reads the rig of two cameras; `left` and `right` are the names of their 3 x 4 projection
@@ -171,40 +171,6 @@ fn read_raw(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration
         Vec::new()
     };
     cameras.loaded(&RAW_FORMAT, &document, unit, remarks)
-}
-
-fn write_raw(calibration: &StereoCalibration) -> Writing {
-    let rectification = only_rectified(calibration)?;
-    let motion = calibration.right_from_left();
-    let extrinsics = (
-        motion.rotation.to_rotation_matrix(),
-        motion.translation.vector,
-    );
-    let sides = [
-        (
-            calibration.left(),
-            (nalgebra::Rotation3::identity(), Vector3::zeros()),
-            rectification.left,
-        ),
-        (calibration.right(), extrinsics, rectification.right),
-    ];
-    let mut text = String::new();
-    for (i, (camera, (r, t), r_rect)) in sides.into_iter().enumerate() {
-        let p: Matrix3x4<f64> = rectification.rig.projection(Side::BOTH[i]);
-        let size = |(width, height): (usize, usize)| vec![width as f64, height as f64];
-        let lines: [(&str, Vec<f64>); 8] = [
-            ("S", size(camera.size())),
-            ("K", rows(&camera.matrix())),
-            ("D", plumb_bob(camera)?.to_vec()),
-            ("R", rows(r.matrix())),
-            ("T", rows(&t)),
-            ("S_rect", size(rectification.size)),
-            ("R_rect", rows(r_rect.matrix())),
-            ("P_rect", rows(&p)),
-        ];
-        text.extend(lines.map(|(name, values)| format!("{name}_0{i}: {}\n", spaced(&values))));
-    }
-    Ok(Written::complete(text))
 }
 
 #[cfg(test)]

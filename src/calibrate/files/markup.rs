@@ -36,7 +36,7 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
             Event::End(_) => open.pop(),
             Event::Text(text) => {
                 if let Some(element) = open.last_mut() {
-                    element.text.push_str(&String::from_utf8_lossy(&text));
+                    element.text.push_str(&text);
                 }
                 None
             }
@@ -69,14 +69,14 @@ struct OpenElement {
 
 impl OpenElement {
     fn new(start: &BytesStart<'_>) -> Result<Self, String> {
-        let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
+        let name = start.name().0.to_owned();
         let mut table = BTreeMap::new();
         // The library's check for duplicate names is quadratic; the map below finds them too.
         for attribute in start.attributes().with_checks(false) {
             let attribute =
                 attribute.map_err(|e| format!("<{name}> has attributes that are not XML: {e}"))?;
-            let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
-            let value = Node::Value(String::from_utf8_lossy(&attribute.value).into_owned());
+            let key = attribute.key.0.to_owned();
+            let value = Node::Value(attribute.value.into_owned());
             if table.insert(key.clone(), value).is_some() {
                 return Err(format!("<{name}> has '{key}' twice"));
             }

@@ -6,7 +6,6 @@
 //! in squares of the board; a file without a unit is rejected unless the user names one
 //! ([`Hints::unit`]).
 
-mod boofcv;
 mod document;
 mod euroc;
 mod format;
@@ -37,7 +36,6 @@ pub const FORMATS: &[CalibrationFormat] = &[
     thesis::FORMAT,
     opencv::FORMAT,
     ros::FORMAT,
-    boofcv::FORMAT,
     euroc::FORMAT,
     kalibr::FORMAT,
     middlebury::FORMAT,
@@ -183,7 +181,7 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
             path,
             "must end in .xml, .yaml, .yml or .txt, or be two files, `left.yaml,right.yaml`",
         )),
-        // Middlebury and both KITTI formats share .txt; none is more common than the others.
+        // Middlebury and KITTI share .txt; neither is more common than the other.
         ([_, _, ..], "txt") => {
             let names = joined(fits.iter().map(|f| f.name));
             Err(Error::format(

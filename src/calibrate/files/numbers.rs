@@ -3,8 +3,7 @@
 use nalgebra::{Matrix, RawStorage};
 
 /// The shortest text that parses to the same number, with a point and a signed exponent: a YAML 1.1
-/// reader interprets `1e-7` as text, and `0` as an integer that a Java reader does not cast to a
-/// float.
+/// reader interprets `1e-7` as text and `0` as an integer.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
     match text.split_once('e') {

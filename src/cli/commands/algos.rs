@@ -21,7 +21,7 @@ pub(crate) struct Args {
     json: bool,
 
     /// Print a file for programs behind exec: the Python module, the C++ header, or a program that
-    /// runs networks in ONNX or PyTorch
+    /// runs networks in ONNX or PyTorch, or OpenCV's matchers
     #[arg(long, value_name = "KIND", conflicts_with = "json")]
     example: Option<Example>,
 }
@@ -33,15 +33,17 @@ enum Example {
     Cpp,
     Onnx,
     Torch,
+    Opencv,
 }
 
 impl Example {
     fn text(self) -> &'static str {
         match self {
-            Self::Python => include_str!("../../../adapters/python/matcher.py"),
+            Self::Python => include_str!("../../../adapters/matcher.py"),
             Self::Cpp => include_str!("../../../adapters/cpp/svl_matcher.hpp"),
             Self::Onnx => include_str!("../../../adapters/svl_onnx.py"),
             Self::Torch => include_str!("../../../adapters/svl_torch.py"),
+            Self::Opencv => include_str!("../../../adapters/opencv.py"),
         }
     }
 }

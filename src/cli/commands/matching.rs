@@ -9,16 +9,15 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl::calibrate::files::{Hints, inputs, read_with};
-use svl::depth::{GridSettings, Stixels};
-use svl::manifest::Manifest;
+use svl::depth::GridSettings;
+use svl::depth::decision::VerdictTable;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::outputs::{Outputs, write};
+use svl::outputs::Outputs;
 use svl::recording::CellReport;
 use svl::rectify::Rectifier;
-use svl::report::evidence::EvidencePage;
 use svl::runs::refuse_recorded;
 use svl::stereo::{
-    CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
+    Cell, CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
     StereoPair,
 };
 use svl::timing::Stage;
@@ -33,8 +32,7 @@ Examples:
       --why why.png --preview p.png
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
   svl match im0.png im1.png -o cloud.ply --calib calib.txt
-  svl match im0.png im1.png --algo v5 -o d.pfm --evidence cells.html
-  svl match im0.png im1.png --algo sgm -o d.pfm --stixels stixels.png
+  svl match im0.png im1.png --algo v5 -o d.pfm --json    why cells are known
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. CLOUD.ply has a point in metres and its grey value per pixel with
@@ -63,15 +61,6 @@ pub(crate) struct Args {
     /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
-    /// Table or picture of the stixels
-    #[arg(
-        long, value_name = "S.csv|S.png",
-        value_parser = usage::ending(&["csv", "png"])
-    )]
-    stixels: Option<PathBuf>,
-    /// HTML page that shows why each cell of v5 is known, or is not
-    #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
-    evidence: Option<PathBuf>,
     /// Calibration, for distances; of raw cameras, the images are rectified first
     ///
     /// Any format that `svl calibrate convert` reads. Write two files as left.yaml,right.yaml.
@@ -103,12 +92,78 @@ struct MatchReport<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     median_row_offset: Option<i8>,
     distances_m: Option<Vec<Vec<Option<f64>>>>,
-    cells: Vec<CellReport>,
+    cells: Vec<MatchCell>,
+}
+
+/// A cell, with the reason of its state.
+#[derive(Serialize)]
+struct MatchCell {
+    #[serde(flatten)]
+    report: CellReport,
+    /// The most frequent reason of its invalid pixels, if the cell is unknown or near.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<&'static str>,
+    /// The parts of the log odds that its report is right, if v5's decision computed them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    score: Vec<ScorePart>,
+}
+
+/// A part of the log odds that a report is right.
+#[derive(Serialize)]
+struct ScorePart {
+    name: &'static str,
+    /// The measured value; the base has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<i64>,
+    #[serde(skip_serializing_if = "str::is_empty")]
+    unit: &'static str,
+    log_odds: f64,
+}
+
+impl MatchCell {
+    fn new(report: CellReport, cell: &Cell, reason: Reason, table: Option<&VerdictTable>) -> Self {
+        let evidence = cell.evidence.as_ref();
+        let score = table.zip(evidence).map(|(table, evidence)| {
+            let base = ScorePart::new("base", None, "", table.base);
+            let parts = table.parts(evidence).map(|(feature, value, score)| {
+                ScorePart::new(feature.name(), Some(value), feature.unit(), score)
+            });
+            std::iter::once(base).chain(parts).collect()
+        });
+        Self {
+            report,
+            reason: cell.depth.is_none().then(|| reason.name()),
+            score: score.unwrap_or_default(),
+        }
+    }
+
+    /// The cells of a grid in raster order.
+    fn all(map: &DisparityMap, grid: &DepthGrid, table: Option<&VerdictTable>) -> Vec<Self> {
+        let min_valid = GridSettings::default().min_valid;
+        let reports = CellReport::from_grid(grid).into_iter().zip(grid.iter());
+        let cells = reports.map(|(report, (place, cell))| {
+            let reason = map.cell_reason(grid.shape(), place, min_valid);
+            Self::new(report, cell, reason, table)
+        });
+        cells.collect()
+    }
+}
+
+impl ScorePart {
+    /// `score` in thousandths of log odds.
+    fn new(name: &'static str, value: Option<i64>, unit: &'static str, score: i64) -> Self {
+        Self {
+            name,
+            value,
+            unit,
+            log_odds: score as f64 / 1000.0,
+        }
+    }
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    check(args)?;
     let choice = args.algo.safe_choice()?;
-    check(args, choice.is_some())?;
     refuse_recorded(std::slice::from_ref(&args.algo))?;
     let mut outputs = claim(args)?;
     if args.algo.spec().is_program() {
@@ -143,26 +198,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     write_maps(args, &output.disparity, &pair, rig)?;
-    let map = output.disparity.disparity();
-    let settings = GridSettings::default();
     let own_grid = output.grid.take();
-    let grid = own_grid.unwrap_or_else(|| depth::grid(map, settings, rig));
-    if let Some((path, choice)) = args.evidence.as_ref().zip(choice) {
-        let manifest = Manifest::new("match", std::slice::from_ref(&args.algo))?;
-        let page = EvidencePage {
-            title: format!("{}, {}", args.algo.label(), args.left.display()),
-            left: pair.left(),
-            disparity: map,
-            grid: &grid,
-            rule: context.cells.for_rig(rig.is_some()),
-            rig,
-            choice,
-            identity: manifest.entries(),
-        };
-        write(path, page.render()?)?;
-    }
+    let grid = own_grid.unwrap_or_else(|| {
+        let map = output.disparity.disparity();
+        depth::grid(map, GridSettings::default(), rig)
+    });
     outputs.commit();
-    let report = MatchReport::new(&args.algo, &output, &grid, rig);
+    let table = choice.map(|choice| choice.table);
+    let report = MatchReport::new(&args.algo, &output, &grid, table.as_ref(), rig);
     if args.json {
         print_json(&report)
     } else {
@@ -205,12 +248,7 @@ fn rectified(
 }
 
 /// Checks that the options go together.
-fn check(args: &Args, has_evidence: bool) -> anyhow::Result<()> {
-    if args.evidence.is_some() && !has_evidence {
-        let label = args.algo.label();
-        let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");
-        return Err(usage::wrong(words));
-    }
+fn check(args: &Args) -> anyhow::Result<()> {
     if files::has_ending(&args.output, "ply") && args.calib.is_none() {
         let cure = "a point cloud needs --calib FILE, for distances";
         return Err(usage::wrong(format!("{}: {cure}", args.output.display())));
@@ -219,13 +257,7 @@ fn check(args: &Args, has_evidence: bool) -> anyhow::Result<()> {
 }
 
 fn claim(args: &Args) -> svl::Result<Outputs> {
-    let outputs = [
-        Some(&args.output),
-        args.why.as_ref(),
-        args.preview.as_ref(),
-        args.stixels.as_ref(),
-        args.evidence.as_ref(),
-    ];
+    let outputs = [Some(&args.output), args.why.as_ref(), args.preview.as_ref()];
     let calibration = args.calib.as_deref().map(inputs).transpose()?;
     let images = [&args.left, &args.right].into_iter();
     let read = images.chain(calibration.iter().flatten());
@@ -256,15 +288,6 @@ fn write_maps(
         let max_px = finite.fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(map, max_px))?;
     }
-    if let Some(path) = &args.stixels {
-        let stixels = Stixels::new(map.disparity());
-        if files::has_ending(path, "png") {
-            let picture = overlay::stixels(pair.left(), &stixels);
-            files::write_png(path, width, height, &picture)?;
-        } else {
-            write(path, table(&stixels, rig)?)?;
-        }
-    }
     Ok(())
 }
 
@@ -273,6 +296,7 @@ impl<'a> MatchReport<'a> {
         algorithm: &'a Algorithm,
         output: &MatchOutput,
         grid: &DepthGrid,
+        table: Option<&VerdictTable>,
         rig: Option<&Rig>,
     ) -> Self {
         let (map, times) = (&output.disparity, output.clock.times());
@@ -294,60 +318,9 @@ impl<'a> MatchReport<'a> {
             hash: format!("{:032x}", map.hash()),
             median_row_offset: map.median_row_offset(),
             distances_m: rig.map(|_| distances(grid)),
-            cells: CellReport::from_grid(grid),
+            cells: MatchCell::all(map, grid, table),
         }
     }
-}
-
-/// A row of the table of stixels.
-#[derive(Serialize)]
-struct StixelRow {
-    left: usize,
-    top: usize,
-    width: usize,
-    height: usize,
-    surface: &'static str,
-    disparity_px: f32,
-    slope_px: f32,
-    support: f32,
-    /// At the middle row.
-    distance_m: Option<f64>,
-}
-
-impl StixelRow {
-    const COLUMNS: [&'static str; 9] = [
-        "left",
-        "top",
-        "width",
-        "height",
-        "surface",
-        "disparity_px",
-        "slope_px",
-        "support",
-        "distance_m",
-    ];
-}
-
-fn table(stixels: &Stixels, rig: Option<&Rig>) -> anyhow::Result<String> {
-    // A table without stixels has its header, too.
-    let mut csv = csv::WriterBuilder::new()
-        .has_headers(false)
-        .from_writer(Vec::new());
-    csv.write_record(StixelRow::COLUMNS)?;
-    for stixel in &stixels.stixels {
-        csv.serialize(StixelRow {
-            left: stixel.columns.start,
-            top: stixel.rows.start,
-            width: stixel.columns.len(),
-            height: stixel.rows.len(),
-            surface: if stixel.is_ground { "ground" } else { "object" },
-            disparity_px: stixel.disparity_px,
-            slope_px: stixel.slope,
-            support: stixel.support,
-            distance_m: rig.and_then(|rig| rig.depth_m(stixel.disparity_px.into())),
-        })?;
-    }
-    Ok(String::from_utf8(csv.into_inner()?)?)
 }
 
 /// Distances row by row, none if unknown.
@@ -384,7 +357,7 @@ impl MatchReport<'_> {
                 100.0 * *pixels as f64 / (width * height) as f64
             )?;
         }
-        let mut states = self.cells.iter().map(|cell| cell.state);
+        let mut states = self.cells.iter().map(|cell| cell.report.state);
         for row in self.distances_m.iter().flatten() {
             let cell = |d: &Option<f64>| match (d, states.next()) {
                 (Some(d), _) => format!("{d:6.2}"),

@@ -12,7 +12,6 @@ mod help;
 mod info;
 mod label;
 mod matching;
-mod merge;
 mod record;
 mod recover;
 mod replay;
@@ -31,7 +30,6 @@ pub(super) enum Command {
     Replay(replay::Args),
     Score(score::Args),
     Report(report::Args),
-    Merge(merge::Args),
     Compare(compare::Args),
     Reproduce(reproduce::Args),
     Match(matching::Args),
@@ -59,11 +57,7 @@ impl Command {
 
     /// True for tools that wait for keys while other threads compute.
     pub(super) fn waits_for_keys(&self) -> bool {
-        match self {
-            Self::Tune(args) => args.is_by_hand(),
-            Self::Label(_) => true,
-            _ => false,
-        }
+        matches!(self, Self::Tune(_) | Self::Label(_))
     }
 
     /// Runs the subcommand. `program`: the whole command line, for what describes it.
@@ -72,8 +66,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
-            Self::Report(args) => report::run(&args),
-            Self::Merge(args) => merge::run(&args, quiet),
+            Self::Report(args) => report::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
@@ -88,7 +81,7 @@ impl Command {
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Columns(args) => columns::run(&args),
-            Self::Datasets(args) => datasets::run(&args, quiet),
+            Self::Datasets(args) => datasets::run(&args),
             Self::Generate(args) => generate::run(&args, program()),
             // Printed before anything is set up.
             Self::Help(_) => Ok(()),

@@ -15,9 +15,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
     (
         "Score and compare",
-        &[
-            "score", "report", "merge", "compare", "match", "eval", "bench",
-        ],
+        &["score", "report", "compare", "match", "eval", "bench"],
     ),
     ("Tune and train", &["tune", "label", "train"]),
     ("Calibrate", &["calibrate"]),
@@ -44,21 +42,20 @@ const HEADINGS: &[(&str, &str)] = &[
     ("Training", "tables_only fit_seed epochs hidden"),
     (
         "Output",
-        "output force rows cells why preview stixels evidence error_map figure figures table \
+        "output force rows cells why preview error_map figure figures table \
          compress ros2 publish dense near camera_height rerun drives sort \
          columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
         "Run",
-        "times prune shard resume script speed yes threads verbose quiet help version",
+        "times prune shard script speed yes threads verbose quiet help version",
     ),
 ];
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
     sample shape tolerance figures publish dense near camera_height drives times \
-    prune junit print_scenario script epochs test_seeds \
-    trials pairs";
+    prune junit print_scenario script epochs pairs";
 
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";

@@ -172,43 +172,6 @@ impl ProgressLog {
     }
 }
 
-/// A bar that counts bytes, with their rate.
-pub(crate) struct Bytes(ProgressBar);
-
-impl Bytes {
-    pub(crate) fn new(what: &str, quiet: bool) -> Self {
-        listen_for_interrupt();
-        let bar = if quiet {
-            ProgressBar::hidden()
-        } else {
-            ProgressBar::no_length()
-        };
-        let form =
-            "{prefix:<24!} {bar:12} {bytes:>10}/{total_bytes} {bytes_per_sec:>12} {eta:>3} left";
-        // The template above is a constant; the tests run it.
-        bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
-        bar.set_prefix(what.to_owned());
-        Self(bar)
-    }
-
-    /// `done` bytes of `total`, if that is known. Returns false to end.
-    pub(crate) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
-        if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
-            self.0.set_length(total);
-            // Bytes of an earlier download are no measure of this one's rate.
-            self.0.set_position(done);
-            self.0.reset_eta();
-        }
-        self.0.set_position(done);
-        !interrupted()
-    }
-
-    /// Takes the bar away.
-    pub(crate) fn clear(self) {
-        self.0.finish_and_clear();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

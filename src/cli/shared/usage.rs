@@ -31,16 +31,14 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("fix", &["recover"]),
     ("capture", &["record"]),
     ("sim", &["record"]),
-    ("search", &["tune"]),
-    ("optimize", &["tune"]),
+    ("search", &["score", "tune"]),
+    ("optimize", &["score", "tune"]),
     ("annotate", &["label"]),
     ("fit", &["train"]),
     ("benchmark", &["bench"]),
     ("time", &["bench"]),
     ("convert", &["calibrate", "record"]),
-    ("download", &["datasets"]),
-    ("fetch", &["datasets"]),
-    ("join", &["merge"]),
+    ("join", &["report"]),
 ];
 
 /// The name of standard output among files.

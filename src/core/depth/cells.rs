@@ -2,7 +2,6 @@
 
 use super::decision::safe_grid;
 use super::grid::{CellDecision, GridSettings, grid};
-use super::stixels::stixel_grid;
 use crate::stereo::{CellRule, DepthGrid, Gray, Plane, Rig};
 
 /// The grid of a matcher's disparities, by the decision in the settings; `left` is the left image,
@@ -16,7 +15,6 @@ pub fn cells(
 ) -> DepthGrid {
     match settings.decision {
         CellDecision::Median => grid(disparity, settings, rig),
-        CellDecision::Stixels => stixel_grid(disparity, settings, rig),
         CellDecision::Safe => safe_grid(disparity, left, settings, rule, rig),
     }
 }

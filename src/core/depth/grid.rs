@@ -27,8 +27,6 @@ pub enum CellDecision {
     /// The median of their disparities, as in the thesis.
     #[default]
     Median,
-    /// The median of their stixels ([`crate::depth::Stixels`]).
-    Stixels,
     /// The safe choice, with its probability ([`crate::depth::decision::safe_grid`]).
     Safe,
 }

@@ -6,7 +6,6 @@ pub mod decision;
 mod grid;
 mod pinhole;
 mod projection;
-mod stixels;
 
 pub use cells::cells;
 pub use curve::DistanceCurve;
@@ -14,4 +13,3 @@ pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
 pub(crate) use grid::{grid_with, largest_cell};
 pub use pinhole::PinholeFit;
 pub use projection::{project, render};
-pub use stixels::{GroundPlane, Stixel, Stixels};

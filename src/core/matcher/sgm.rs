@@ -60,7 +60,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        // Found by `svl tune --auto`: docs/results/tuning.md has the gain.
+        // The gain is in docs/results/tuning.md.
         Speckles::size(4),
         Speckles::RANGE,
     ],

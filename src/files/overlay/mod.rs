@@ -12,7 +12,6 @@ pub mod errors;
 mod geometry;
 mod picture;
 mod preview;
-mod stixels;
 
 pub use codes::{
     CODES_PER_LN, CODES_PER_PX, depth_codes, disparity_codes, lowest_disparity, no_depth_classes,
@@ -23,4 +22,3 @@ pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;
 pub use preview::{disparities, preview, viridis};
-pub use stixels::stixels;

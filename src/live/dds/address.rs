@@ -69,6 +69,21 @@ impl Address {
         }
         Ok(address)
     }
+
+    /// The left and the right topic, if the address names any.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for one topic, or more than two.
+    pub fn pair(&self) -> Result<Option<[String; 2]>> {
+        match &self.topics[..] {
+            [] => Ok(None),
+            [left, right] => Ok(Some([left.clone(), right.clone()])),
+            _ => {
+                let cure = "name two topics, left and right, or none";
+                Err(Error::Usage(format!("{self}: {cure}")))
+            }
+        }
+    }
 }
 
 /// True for a name by the rules of ROS 2, and for the root.

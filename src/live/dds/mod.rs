@@ -40,26 +40,6 @@ pub struct FoundTopic {
     latched: bool,
 }
 
-impl FoundTopic {
-    /// The topics of some publishers, by name; of each publisher, true if it is reliable, and if
-    /// it is latched.
-    pub(crate) fn merged(published: impl Iterator<Item = (LiveTopic, bool, bool)>) -> Vec<Self> {
-        let mut topics: BTreeMap<String, Self> = BTreeMap::new();
-        for (topic, reliable, latched) in published {
-            let found = topics.entry(topic.name.clone()).or_insert(Self {
-                topic,
-                publishers: 0,
-                reliable: true,
-                latched: true,
-            });
-            found.publishers += 1;
-            found.reliable &= reliable;
-            found.latched &= latched;
-        }
-        topics.into_values().collect()
-    }
-}
-
 impl Domain {
     /// Joins the domain of an address. Others are discovered within a second or two.
     ///
@@ -79,7 +59,19 @@ impl Domain {
 
     /// The topics of ROS that are published now, by name.
     pub fn topics(&self) -> Vec<FoundTopic> {
-        FoundTopic::merged(self.published())
+        let mut topics: BTreeMap<String, FoundTopic> = BTreeMap::new();
+        for (topic, reliable, latched) in self.published() {
+            let found = topics.entry(topic.name.clone()).or_insert(FoundTopic {
+                topic,
+                publishers: 0,
+                reliable: true,
+                latched: true,
+            });
+            found.publishers += 1;
+            found.reliable &= reliable;
+            found.latched &= latched;
+        }
+        topics.into_values().collect()
     }
 
     /// The topic of each publisher, with true if it is reliable, and if it is latched.

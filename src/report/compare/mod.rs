@@ -11,7 +11,6 @@ mod text;
 
 use super::accuracy::RangeErrors;
 use super::rows::Row;
-pub use super::samples::total;
 use super::samples::{RunKey, resamples, run_key, sample};
 pub use conclusion::{Conclusion, JudgedComparison};
 use courses::{CourseChanges, are_driven};
@@ -27,7 +26,6 @@ use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
 use svl_score::judge::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
-pub use text::change_table;
 pub use text::signed;
 
 /// The differences of the second run from the first.

@@ -381,7 +381,7 @@ impl Change {
 }
 
 /// A row per change; `heads` are of the values before and after.
-pub fn change_table<'a>(
+pub(super) fn change_table<'a>(
     heads: [&str; 2],
     changes: impl Iterator<Item = (String, &'a Change)>,
 ) -> Table {

@@ -8,9 +8,10 @@ mod latex;
 mod markdown;
 mod terminal;
 
-pub use markdown::{escape, escape_prose};
+pub(crate) use markdown::escape;
+pub use markdown::escape_prose;
 pub use terminal::TerminalStyle;
-pub use terminal::wrapped;
+pub(crate) use terminal::wrapped;
 
 pub use super::words::NONE;
 use super::words::ms;

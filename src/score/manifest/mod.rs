@@ -196,7 +196,12 @@ impl Manifest {
         let description = self.description.as_ref();
         let written = description.and_then(|value| value.get(key)).cloned();
         let part = written.map(serde_json::from_value).transpose();
-        part.map_err(|e| Error::Invalid(format!("the manifest of the report: {key}: {e}")))
+        part.map_err(|e| {
+            let name = &self.scenario;
+            Error::Invalid(format!(
+                "the report of '{name}': {key}: {e}; score it again"
+            ))
+        })
     }
 
     /// A run of `algorithms` on `scenario` that begins now, on this machine.

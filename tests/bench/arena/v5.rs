@@ -163,7 +163,7 @@ fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
     events
 }
 
-/// Figures for `docs/results/v5.md`; `docs/v5.sh` runs it.
+/// Figures for `docs/results/v5.md`; `docs/results/v5.sh` runs it.
 #[test]
 #[ignore = "takes minutes, and prints figures"]
 fn sudden_obstacles() {

@@ -303,10 +303,11 @@ fn torch_script_and_an_entry_are_matchers() {
 fn examples_are_the_files_of_adapters() {
     let fixture = Fixture::new();
     for (kind, file) in [
-        ("python", "python/matcher.py"),
+        ("python", "matcher.py"),
         ("cpp", "cpp/svl_matcher.hpp"),
         ("onnx", "svl_onnx.py"),
         ("torch", "svl_torch.py"),
+        ("opencv", "opencv.py"),
     ] {
         let text = std::fs::read_to_string(format!("{ROOT}/adapters/{file}")).unwrap();
         let printed = fixture.run(&["algos", "exec", "--example", kind]);

@@ -24,7 +24,7 @@ fn it_says_what_it_read_and_what_it_left_out() {
     let text = fixture.run("calibrate convert cv.yml c.xml --unit squares=0.025");
     insta::assert_snapshot!(text);
     insta::assert_snapshot!("the_thesis_s_xml", fixture.text("c.xml"));
-    let back = fixture.run("calibrate convert c.xml b.yaml --to boofcv");
+    let back = fixture.run("calibrate convert c.xml b.yaml");
     assert_says(&back, &["baseline 0.100003 m"]);
 }
 

@@ -114,7 +114,7 @@ fn runs_of_other_options_are_not_mixed() {
     // Shards with other options are not parts of one run.
     fixture.run("score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none");
     fixture.run("score run.mcap --algo v3 --shard 2/2 -o part2 --reference sgm --rerun none");
-    let merged = fixture.svl("merge part1 part2 -o whole");
+    let merged = fixture.svl("report part1 part2 -o whole");
     merged.failed(1, &["part2", "not of the same run", "source.reference"]);
 
     fixture.run("score run.mcap --algo v3 --every 2 -o two --rerun none");
@@ -177,8 +177,10 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     assert_eq!(score(&["-o", "r"]).code, Some(4));
     assert_eq!(sessions(), 2);
     let identity = || {
-        let text = fixture.text("r/units/plan.json");
-        serde_json::from_str::<Value>(&text).unwrap()["identities"].take()
+        let list: Value = serde_json::from_str(&fixture.text("r/report.json")).unwrap();
+        let algorithms = list["content"]["manifest"]["algorithms"].as_array().unwrap();
+        let hashes = algorithms.iter().map(|own| own["parameters_hash"].clone());
+        hashes.collect::<Vec<_>>()
     };
     let first = identity();
     fixture.write("m.sh", "exit 1 # two");

@@ -37,7 +37,7 @@ fn figures(fixture: &Fixture, folder: &str) -> Vec<String> {
                 .read_event()
                 .unwrap_or_else(|e| panic!("{name}: {e}"))
             {
-                Event::Start(start) if elements == 0 => assert_eq!(start.name().as_ref(), b"svg"),
+                Event::Start(start) if elements == 0 => assert_eq!(start.name().as_ref(), "svg"),
                 Event::Eof => break,
                 _ => {}
             }
@@ -71,11 +71,11 @@ fn every_plot_of_the_page_is_a_file() {
     for i in 1..=2 {
         fixture.run(&format!("{SCORE} --shard {i}/2 -o p{i}"));
     }
-    fixture.run("merge p1 p2 -o all -q --figures merged");
+    fixture.run("report p1 p2 -o all -q --figures merged");
     assert_eq!(figures(&fixture, "merged"), expected);
     // Figures are not replaced.
     fixture
-        .fails("merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder");
+        .fails("report p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder");
     assert!(!fixture.path("again").exists());
 }
 

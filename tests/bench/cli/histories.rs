@@ -176,7 +176,7 @@ impl History {
                 for (i, part) in parts.iter().enumerate() {
                     self.run(&["--shard", &format!("{}/2", i + 1), "-o", part]);
                 }
-                self.log.push("merge".to_owned());
+                self.log.push("parts".to_owned());
                 self.fixture
                     .run(&format!("report {} -o r -q", parts.join(" ")));
             }

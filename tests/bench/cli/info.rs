@@ -36,12 +36,15 @@ fn says_whether_pairs_are_raw_and_misaligned() {
     fixture.run("record arena.toml -o a.mcap");
     fixture.run("replay a.mcap --algo v4 --algo v3 -o result.mcap");
     let words = "misaligned v4: both images at the same height (median of 3 pairs; 0 .. 0 px";
-    assert_says(&fixture.run("info result.mcap"), &[words]);
+    let measured = "misaligned 0.25 px vertically (median of ";
+    assert_says(&fixture.run("info result.mcap"), &[words, measured]);
     let json = fixture.json("info result.mcap --json");
     let v4 = serde_json::json!([
         { "algorithm": "v4", "pairs": 3, "median_px": 0, "min_px": 0, "max_px": 0 }
     ]);
     assert_eq!(json["misalignment"], v4);
+    let measured = json["first_pairs"]["misalignment"]["median_abs_px"].as_f64();
+    assert!((measured.unwrap() - 0.25).abs() < 0.05, "{measured:?}");
 }
 
 #[test]
@@ -86,7 +89,8 @@ fn the_first_pairs_answer_the_first_questions() {
     assert!((rig(&ros, "baseline_m") - 0.044).abs() < 1e-9);
     let lines = [
         "pairs      3: /stereo/left/image_rect, 10.00 a second, with /stereo/right/image_rect",
-        "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nnearest    0.180 m",
+        "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nmisaligned 0.2",
+        "nearest    0.180 m",
         "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs; ",
     ];
     assert_says(&fixture.run("info ros.mcap"), &lines);

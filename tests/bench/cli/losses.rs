@@ -258,7 +258,7 @@ fn shards_that_miss_something_are_merged() {
         ran.code
     };
     assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(0)));
-    let merged = fixture.svl("merge p1 p2 -o all -q --json");
+    let merged = fixture.svl("report p1 p2 -o all -q --json");
     assert_eq!(merged.code, Some(4), "{}", merged.stderr);
     assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
     let merged = json(&merged.stdout);
@@ -272,7 +272,7 @@ fn shards_that_miss_something_are_merged() {
     );
     // One of six is 17 %.
     let allowed = |limit: &str| {
-        let ran = fixture.svl(&format!("merge p1 p2 -o all -q --allow-loss {limit}"));
+        let ran = fixture.svl(&format!("report p1 p2 -o all -q --allow-loss {limit}"));
         (
             ran.code,
             json(&fixture.text("all/summary.json"))["state"].clone(),
@@ -294,19 +294,19 @@ fn a_workflow_whose_shard_misses_a_pair_ends_with_the_report() {
     assert!(!ran.status.success());
     assert_says(
         &String::from_utf8_lossy(&ran.stderr),
-        &["s/all: ", " failed on 1 of "],
+        &["s/two/all: ", " failed on 1 of "],
     );
-    let state = || json(&fixture.text("s/all/summary.json"))["state"].clone();
+    let state = || json(&fixture.text("s/two/all/summary.json"))["state"].clone();
     assert_eq!(state(), "lossy");
     // Only the check of the existing parts is repeated.
-    let began = || json(&fixture.text("s/all/manifest.json"))["run_id"].clone();
+    let began = || json(&fixture.text("s/two/all/manifest.json"))["run_id"].clone();
     let before = began();
     let args = "args=--rerun none --allow-loss 20%";
     let again = || snakemake(&fixture, &[&config[..], &[args]].concat()).unwrap();
     again();
     assert_eq!(began(), before);
     for file in ["shard-1-of-2", "shard-2-of-2", "all/summary.json"] {
-        std::fs::remove_file(fixture.path(&format!("s/{file}"))).unwrap();
+        std::fs::remove_file(fixture.path(&format!("s/two/{file}"))).unwrap();
     }
     let ran = again();
     assert!(

@@ -1,7 +1,8 @@
-//! `svl merge`: parts that do not belong together, and the contents that are not joined.
+//! `svl report -o`: parts that do not belong together, and the contents that are not joined.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
+use super::results::{edit_checked, unit_files};
 use serde_json::Value;
 
 /// Answers every pair of 40x20 pixels with zeros, but refuses the third.
@@ -36,17 +37,9 @@ fn scored_part(fixture: &Fixture, i: usize) {
 
 /// The file of a part's only session.
 fn session(fixture: &Fixture, part: &str) -> String {
-    let folder = format!("p{part}/units/sessions");
-    let mut files = std::fs::read_dir(fixture.path(&folder)).unwrap();
-    let file = files.next().unwrap().unwrap().file_name();
-    format!("{folder}/{}", file.to_str().unwrap())
-}
-
-/// Changes a part's JSON file.
-fn edit(fixture: &Fixture, file: &str, change: impl Fn(&mut Value)) {
-    let mut value: Value = serde_json::from_str(&fixture.text(file)).unwrap();
-    change(&mut value);
-    fixture.write(file, value.to_string());
+    let mut files = unit_files(fixture, &format!("p{part}"), ".json");
+    files.retain(|file| file.contains("/sessions/"));
+    files.remove(0)
 }
 
 #[test]
@@ -58,31 +51,26 @@ fn parts_of_changed_pictures_are_refused() {
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
     fixture.fails(
-        "merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of",
+        "report p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of",
     );
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
-    fixture.run("merge p3 p2 p1 -o all -q");
+    fixture.run("report p3 p2 p1 -o all -q");
 }
 
 #[test]
 fn broken_files_of_a_part_are_named_with_the_cure() {
     let fixture = pairs();
     (1..=3).for_each(|i| scored_part(&fixture, i));
-    let file = "p2/units/plan.json";
+    let file = "p2/report.json";
     let whole = fixture.text(file);
-    for (text, what) in [
-        (&whole[..whole.len() / 2], "is cut off"),
-        ("\0\0\0\0", "is damaged"),
-        ("{}", "has other entries than this svl writes"),
-    ] {
+    for text in [&whole[..whole.len() / 2], "\0\0\0\0", "{}"] {
         fixture.write(file, text);
-        fixture.fails(&format!(
-            "merge p1 p2 p3 -o all => 1: {file}: {what} | score it again"
-        ));
+        let words = format!("{file}: is damaged | `svl score` with the same options");
+        fixture.fails(&format!("report p1 p2 p3 -o all => 1: {words}"));
     }
     fixture.write(file, whole);
-    fixture.run("merge p1 p2 p3 -o all -q");
+    fixture.run("report p1 p2 p3 -o all -q");
     fixture.write("all/manifest.json", "{");
     fixture.fails("compare all all => 1: all/manifest.json: is cut off | score it again");
 }
@@ -107,7 +95,7 @@ fn parts_of_another_program_are_refused() {
         assert_eq!(score(part, "30%"), Some(0));
     }
     for (limit, code) in [("", 0), ("--allow-loss 10%", 4)] {
-        let ran = fixture.svl(&format!("merge p1 p2 -o all -q {limit}"));
+        let ran = fixture.svl(&format!("report p1 p2 -o all -q {limit}"));
         assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
         let unknown = "some: its program reports no version and no model";
         let manifest = fixture.text("all/manifest.json");
@@ -117,7 +105,7 @@ fn parts_of_another_program_are_refused() {
         assert_eq!(summary["state"], state, "{limit}");
     }
     let program = |version: &str| {
-        edit(&fixture, &session(&fixture, version), |session| {
+        edit_checked(&fixture, &session(&fixture, version), |session| {
             let program = &mut session["manifest"]["algorithms"][0]["program"];
             program["name"] = "net".into();
             program["version"] = version.into();
@@ -126,7 +114,7 @@ fn parts_of_another_program_are_refused() {
     program("1");
     program("2");
     fixture
-        .fails("merge p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
+        .fails("report p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
 }
 
 #[test]
@@ -134,10 +122,10 @@ fn a_merged_report_names_its_machines() {
     let fixture = pairs();
     fixture.run(&format!("{SCORE} -o whole"));
     (1..=3).for_each(|i| scored_part(&fixture, i));
-    edit(&fixture, &session(&fixture, "2"), |session| {
+    edit_checked(&fixture, &session(&fixture, "2"), |session| {
         session["manifest"]["machine"]["processor"] = "another".into();
     });
-    fixture.run("merge p1 p2 p3 -o all -q");
+    fixture.run("report p1 p2 p3 -o all -q");
     let hash = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));
         let summary: Value = serde_json::from_str(&text).unwrap();

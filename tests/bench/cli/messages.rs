@@ -35,8 +35,8 @@ const COMMANDS: &str = "
     bench --size 8x8
     match l.png r.png -o a.pfm --algo exec
     reproduce 9.9
-    datasets fetch nosuch
-    datasets fetch eth3d nosuch
+    datasets fetch eth3d
+    fetch eth3d
     eval a.pfm b.pfm --protocol kitti
     eval a.pfm b.pfm --protocol eth3d --disparity-scale 1e300
     calibrate board board --squares 2x2 -o a.xml
@@ -44,6 +44,8 @@ const COMMANDS: &str = "
     calibrate distance ten=a.mcap
     calibrate distance 1m=
     calibrate convert a.xml b.yaml --to euroc
+    calibrate convert a.xml b.txt --to kitti-raw
+    calibrate convert a.xml b.yaml --to boofcv
     generate completions nosuch
     record sim:foo=1
     record sim:size=8x8
@@ -83,7 +85,7 @@ const COMMANDS: &str = "
     info ''
     record --left ''
     score a.toml --scenes ''
-    datasets fetch eth3d --from ''
+    datasets --data ''
     calibrate convert a.xml ,
     replay sim
     replay arena --algo v3
@@ -91,7 +93,6 @@ const COMMANDS: &str = "
     score ''
     calibrate distance ''
     calibrate check ''
-    datasets fetch eth3d
     record --alpha 0.5
     nosuch
     record nosuch
@@ -116,7 +117,7 @@ const COMMANDS: &str = "
     calibrate board nosuch --yes -o a.xml
     calibrate convert nosuch.xml a.yaml
     calibrate distance nosuch.csv
-    datasets fetch eth3d --from nosuch --data d
+    datasets --data nosuch
     # record
     record -o there.mcap
     record nowhere -o o.mcap
@@ -203,7 +204,7 @@ const COMMANDS: &str = "
     calibrate convert cv.yml cv.yml --force --unit m
     calibrate convert cv.yml c.xml --unit foot
     calibrate convert cv.yml c.xml --from opencw
-    calibrate convert cv.yml c.xml --from boofcv
+    calibrate convert cv.yml c.xml --from kalibr
     calibrate convert cv.yml l.yaml,r.yaml --unit m
     calibrate convert cv.yml l.yaml,r.yaml --unit squares
     calibrate convert cv.yml c.txt --to kitti --unit m
@@ -249,7 +250,7 @@ const COMMANDS: &str = "
     score small.toml --every 2
     score small.toml --repeat 3
     record small.toml -o o.mcap
-    tune small.toml --algo v3 --auto -o b.toml
+    tune small.toml --algo v3 --script keys
     # label, train, tune
     label checkpoints sim --script keys
     label checkpoints nothing.mcap --script keys
@@ -283,23 +284,7 @@ const COMMANDS: &str = "
     tune run.mcap
     tune run.mcap other.mcap
     tune nothing.mcap --script bad
-    tune nothing.mcap --auto -o o.toml
-    tune run.mcap --auto
-    tune run.mcap --auto -o o.csv
-    tune run.mcap --auto -o mine.toml
-    tune sim --auto -o o.toml
-    tune run.mcap --auto -o o.toml --maximize rigth
-    tune run.mcap --auto -o o.toml --maximize passed
-    tune run.mcap --auto -o o.toml --subject-to wrong=3
-    tune run.mcap --auto -o o.toml --subject-to agreed<=3
-    tune run.mcap --auto -o o.toml --algo v3 --vary texture
-    tune run.mcap --auto -o o.toml --algo v3 --vary subpixel=maybe
-    tune run.mcap --auto -o o.toml --algo truth --vary max_disparity=9..5
-    tune run.mcap --auto -o o.toml --test run.mcap
-    tune run.mcap --auto -o o.toml --test-seeds 3
-    tune run.mcap --auto -o o.toml --maximize unrivalled
-    tune run.mcap --vary p1
-    tune run.mcap --script bad --auto -o o.toml
+    tune run.mcap -o o.csv
 ";
 
 /// Small inputs, most of them wrong in one way.

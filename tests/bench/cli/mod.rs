@@ -2,8 +2,6 @@
 
 pub(crate) mod fixture;
 
-mod server;
-
 pub(crate) mod adapters;
 mod algos;
 mod bench;

@@ -27,6 +27,32 @@ pub(super) fn json(fixture: &Fixture, file: &str) -> serde_json::Value {
     serde_json::from_str(&fixture.text(file)).unwrap()
 }
 
+/// Changes a JSON file of a report's units, and its checksum.
+pub(super) fn edit_checked(fixture: &Fixture, file: &str, edit: impl Fn(&mut serde_json::Value)) {
+    let mut content = json(fixture, file)["content"].take();
+    edit(&mut content);
+    let content = content.to_string();
+    let checksum = svl::manifest::hash(&content);
+    let text = format!("{{\"checksum\":\"{checksum}\",\"content\":{content}}}\n");
+    fixture.write(file, text);
+}
+
+/// The files of a report's units with that extension, in order.
+pub(super) fn unit_files(fixture: &Fixture, report: &str, extension: &str) -> Vec<String> {
+    let mut files = Vec::new();
+    let units = fixture.path(&format!("{report}/units"));
+    for folder in std::fs::read_dir(units).into_iter().flatten().flatten() {
+        for file in std::fs::read_dir(folder.path()).into_iter().flatten().flatten() {
+            let [folder, file] = [folder.file_name(), file.file_name()];
+            let [folder, file] = [&folder, &file].map(|name| name.to_str().unwrap());
+            files.push(format!("{report}/units/{folder}/{file}"));
+        }
+    }
+    files.retain(|file| file.ends_with(extension));
+    files.sort();
+    files
+}
+
 /// Two reports are the same, without times, dates and sessions; `what` is shown otherwise.
 #[track_caller]
 pub(super) fn assert_same_report(fixture: &Fixture, reports: [&str; 2], what: &str) {

@@ -418,7 +418,7 @@ fn a_folder_is_a_report_only_with_its_manifest() {
     fixture.write_short_arena("short.toml", 2);
     fixture.write("site/index.html", "my homepage");
     let wrong = "
-        score short.toml -o site => 1: site: contains files but no units/plan.json | -o
+        score short.toml -o site => 1: site: contains files but no report.json | -o
         reproduce 5.5 -o site => 1: site: contains files but no reproduce.json
     ";
     fixture.fails(wrong);

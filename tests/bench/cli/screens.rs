@@ -1,7 +1,7 @@
 //! Whole screens: what a user reads at the end, at 80 and at 120 columns.
 
+use super::results::{json, unit_files};
 use super::fixture::Fixture;
-use std::collections::BTreeMap;
 use svl::files::write_pfm;
 use svl::stereo::Plane;
 
@@ -12,7 +12,9 @@ const EIGHT: &str = "\"v5\", \"dp\", \"v1\", \"v2\", \"v3\", \"v4\", \"bm\", \"s
 const SCREEN: usize = 25;
 
 /// The rows with 1 ms for the first algorithm, 2 ms for the second and so on: times vary.
-fn fix_times(fixture: &Fixture, rows: &str) {
+fn fix_times(fixture: &Fixture, report: &str, rows: &str) {
+    let list = json(fixture, &format!("{report}/report.json"));
+    let labels = list["content"]["manifest"]["algorithms"].as_array().unwrap();
     let text = fixture.text(rows);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let heads = reader.headers().unwrap().clone();
@@ -20,10 +22,9 @@ fn fix_times(fixture: &Fixture, rows: &str) {
     writer.write_record(&heads).unwrap();
     let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
     let (label, total) = (place("algorithm"), place("total_us"));
-    let mut places = BTreeMap::new();
     for record in reader.records().map(Result::unwrap) {
-        let next = places.len() + 1;
-        let ms = *places.entry(record[label].to_owned()).or_insert(next);
+        let mut own = labels.iter();
+        let ms = 1 + own.position(|own| own["label"] == record[label]).unwrap();
         let field = |(i, field): (usize, &str)| match i {
             i if i == total => (1000 * ms).to_string(),
             i if heads[i].ends_with("_us") => "0".to_owned(),
@@ -36,27 +37,22 @@ fn fix_times(fixture: &Fixture, rows: &str) {
     fixture.write(rows, writer.into_inner().unwrap());
 }
 
-/// The same in the units of a report, which are sealed again.
+/// The same in the units of a report, with their checksums.
 fn fix_unit_times(fixture: &Fixture, report: &str) {
-    let units = fixture.path(&format!("{report}/units"));
-    for run in std::fs::read_dir(units).unwrap().flatten() {
-        let Ok(files) = std::fs::read_dir(run.path()) else {
-            continue;
-        };
-        for file in files.flatten() {
-            let path = file.path();
-            let Some(name) = path.to_str().unwrap().strip_suffix(".rows.csv") else {
-                continue;
-            };
-            fix_times(fixture, path.to_str().unwrap());
-            let seal = format!("{name}.json");
-            let text = std::fs::read_to_string(&seal).unwrap();
-            let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
-            let entry = &mut value["files"][path.file_name().unwrap().to_str().unwrap()];
-            entry["bytes"] = path.metadata().unwrap().len().into();
-            entry["hash"] = svl::manifest::hash_file(&path).unwrap().into();
-            std::fs::write(seal, value.to_string()).unwrap();
-        }
+    for file in unit_files(fixture, report, ".unit") {
+        let text = fixture.bytes(&file);
+        let mut lines = text.splitn(3, |byte| *byte == b'\n').skip(1);
+        let mut header: serde_json::Value = serde_json::from_slice(lines.next().unwrap()).unwrap();
+        // The rows are the first table.
+        let rows = header["parts"][0][1].as_u64().unwrap() as usize;
+        let (rows, others) = lines.next().unwrap().split_at(rows);
+        fixture.write("rows.csv", rows);
+        fix_times(fixture, report, "rows.csv");
+        let rows = fixture.bytes("rows.csv");
+        header["parts"][0][1] = rows.len().into();
+        let text = [header.to_string().as_bytes(), b"\n", &rows, others].concat();
+        let checksum = svl::manifest::hash_bytes(&text);
+        fixture.write(&file, [checksum.as_bytes(), b"\n", &text].concat());
     }
 }
 

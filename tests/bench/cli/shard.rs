@@ -1,6 +1,9 @@
-//! `svl score --shard` and `svl merge`: parts make the report of one machine.
+//! `svl score --shard` and `svl report -o`: parts make the report of one machine.
 
 use super::fixture::{Fixture, assert_says};
+use super::results::{assert_same_report, unit_files};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// The lines of a table without times, run and recording, which vary.
 fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
@@ -31,7 +34,7 @@ fn merged(fixture: &Fixture, line: &str, shards: usize) {
         fixture.run(&format!("{line} --shard {i}/{shards} -o {}", part(i)));
     }
     let parts: Vec<_> = (1..=shards).rev().map(part).collect();
-    fixture.run(&format!("merge {} -o all-{shards} -q", parts.join(" ")));
+    fixture.run(&format!("report {} -o all-{shards} -q", parts.join(" ")));
 }
 
 #[test]
@@ -85,7 +88,7 @@ fn shards_into_one_folder_make_the_report_with_the_last_one() {
     assert_says(&first, &["r: this shard is whole"]);
     assert!(!fixture.path("r/summary.json").exists());
     let report = fixture.svl("report r");
-    report.failed(1, &["1 of 2 runs not whole, from seed 2 on"]);
+    report.failed(4, &["1 of 2 runs not whole, from seed 2 on"]);
     fixture.run(&format!("{line} --shard 2/2 -o r"));
     fixture.run(&format!("{line} -o whole"));
     for table in ["rows", "cells", "checkpoints", "summary"] {
@@ -94,66 +97,91 @@ fn shards_into_one_folder_make_the_report_with_the_last_one() {
     }
 }
 
-/// Runs the workflow with these values of `--config`; `None` without Snakemake.
-pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::process::Output> {
+/// The command that runs the workflow with these values of `--config`; `None` without Snakemake.
+fn workflow(fixture: &Fixture, config: &[&str]) -> Option<Command> {
     let python = std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into());
     let snakemake = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(&python);
+        let mut command = Command::new(&python);
         command.args(["-m", "snakemake"]).args(arguments);
-        command.current_dir(fixture.path("")).output().unwrap()
+        command.current_dir(fixture.path(""));
+        command
     };
-    if !snakemake(&["--version"]).status.success() {
+    if !snakemake(&["--version"]).output().unwrap().status.success() {
         crate::common::skip("no Snakemake");
         return None;
     }
-    let file = format!("{}/workflow/Snakefile", env!("CARGO_MANIFEST_DIR"));
+    let file = format!("{}/examples/cluster/Snakefile", env!("CARGO_MANIFEST_DIR"));
     let svl = format!("svl={}", assert_cmd::cargo::cargo_bin!("svl").display());
-    let run = ["-s", &file, "--cores", "2", "--config", &svl];
+    let run = ["-s", &file, "--cores", "2", "--nolock", "--config", &svl];
     Some(snakemake(&[&run, config].concat()))
 }
 
+/// Runs the workflow.
+pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::process::Output> {
+    Some(workflow(fixture, config)?.output().unwrap())
+}
+
 #[test]
-fn snakemake_runs_the_shards_and_merges_them() {
+fn a_workflow_is_that_of_its_scenario_and_its_options_also_after_a_kill() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
+    let config = |args: &str| {
+        [
+            "scenario=short.toml",
+            "shards=4",
+            "out=s",
+            &format!("args={args}"),
+        ]
+        .map(str::to_owned)
+    };
+    let run = |args: &str| {
+        let config = config(args);
+        let config: Vec<_> = config.iter().map(String::as_str).collect();
+        let ran = snakemake(&fixture, &config).unwrap();
+        assert!(
+            ran.status.success(),
+            "{}",
+            String::from_utf8_lossy(&ran.stderr)
+        );
+    };
+    let compare = |args: &str, what: &str| {
+        fixture.run(&format!("score short.toml {args} -q -o {what}"));
+        assert_same_report(&fixture, ["s/short/all", what], what);
+    };
     let args = "--algo v3 --algo bm --rerun none";
-    let config = [
-        "scenario=short.toml",
-        "shards=4",
-        "out=shards",
-        &format!("args={args}"),
-    ];
-    let Some(ran) = snakemake(&fixture, &config) else {
+    let first = config(args);
+    let first: Vec<_> = first.iter().map(String::as_str).collect();
+    let Some(mut command) = workflow(&fixture, &first) else {
         return;
     };
-    assert!(
-        ran.status.success(),
-        "{}",
-        String::from_utf8_lossy(&ran.stderr)
-    );
-    fixture.run(&format!("score short.toml {args} -q -o whole"));
-    for table in ["rows", "cells", "checkpoints", "summary"] {
-        let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-        assert_eq!(table_lines("shards/all"), table_lines("whole"), "{table}");
+    // Killed as its first shard is whole, and looked at.
+    let mut killed = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while unit_files(&fixture, "s/short/part-1-of-4", ".unit").is_empty() {
+        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+        std::thread::sleep(Duration::from_millis(20));
     }
-    // One that was killed is repeated, and finds what it has.
-    std::fs::remove_file(fixture.path("shards/shard-2-of-4")).unwrap();
-    std::fs::remove_file(fixture.path("shards/all/summary.json")).unwrap();
-    let sessions = || {
-        std::fs::read_dir(fixture.path("shards/all/units/sessions"))
-            .unwrap()
-            .count()
-    };
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    fixture
+        .svl("report s/short/part-1-of-4")
+        .failed(4, &["not whole"]);
+    run(args);
+    compare(args, "whole");
+    let sessions = || unit_files(&fixture, "s/short/all", ".json").len();
     let before = sessions();
-    let ran = snakemake(&fixture, &config).unwrap();
-    assert!(
-        ran.status.success(),
-        "{}",
-        String::from_utf8_lossy(&ran.stderr)
-    );
+    run(args);
     assert_eq!(sessions(), before);
-    let table_lines = |report: &str| lines(&fixture, &format!("{report}/rows.csv"));
-    assert_eq!(table_lines("shards/all"), table_lines("whole"));
+    let args = "--algo sgm:max_disparity=32 --every 2 --rerun none";
+    run(args);
+    compare(args, "other-options");
+    fixture.write_short_arena("short.toml", 6);
+    run(args);
+    compare(args, "other-scenario");
 }
 
 #[test]
@@ -170,24 +198,6 @@ fn drives_are_shared_out_too() {
     );
 }
 
-/// The first file of a report's units with that ending.
-fn unit(fixture: &Fixture, report: &str, ending: &str) -> String {
-    let folder = fixture.path(&format!("{report}/units"));
-    let mut files = Vec::new();
-    for run in std::fs::read_dir(folder).unwrap().flatten() {
-        if run.path().is_dir() {
-            files.extend(std::fs::read_dir(run.path()).unwrap().flatten());
-        }
-    }
-    let mut paths: Vec<_> = files.into_iter().map(|file| file.path()).collect();
-    paths.sort();
-    let mut paths = paths.iter().map(|path| path.to_str().unwrap());
-    let path = paths.find(|path| path.ends_with(ending)).unwrap();
-    let root = fixture.path("");
-    let root = root.to_str().unwrap().trim_end_matches('/');
-    path.strip_prefix(root).unwrap()[1..].to_owned()
-}
-
 #[test]
 fn parts_that_do_not_make_a_whole_are_refused() {
     let fixture = Fixture::new();
@@ -199,33 +209,35 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
     fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
     fixture.run(&format!("{line} -o whole"));
+    std::fs::create_dir(fixture.path("empty")).unwrap();
     fixture.fails(
         "
-        merge p1 p2 -o p1 => 2: p1: is a part | -o
-        merge p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
-        merge p1 other -o all => 1: other: is not of the same run as p1 | algorithms
-        merge p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
-        merge p1 nothing -o all => 1: nothing: is not a report
+        report p1 p2 -o p1 => 2: p1: is a part | -o
+        report p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
+        report p1 other -o all => 1: other: is not of the same run as p1 | algorithms
+        report p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
+        report p1 nothing -o all => 2: nothing: no such folder
+        report p1 empty -o all => 1: empty: is not a report
+        report p1 p2 => 2: -o FOLDER
         score short.toml --shard 3/2 -o x => 2: I from 1 to N
         score short.toml --shard 1/2 => 2: -o
         ",
     );
     // Edited, of the same size.
-    let cells = unit(&fixture, "p2", ".cells.csv");
-    let whole = fixture.text(&cells);
-    fixture.write(&cells, whole.replace("right", "wrong"));
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    let units = unit_files(&fixture, "p2", ".unit");
+    let unit = &units[0];
+    let whole = fixture.text(unit);
+    fixture.write(unit, whole.replace("right", "wrong"));
+    fixture.fails("report p1 p2 -o all => 1: .unit: was changed after it was written");
     // The state after an interrupted copy.
     let kept: Vec<_> = whole.lines().take(20).collect();
-    fixture.write(&cells, kept.join("\n") + "\n");
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
-    std::fs::remove_file(fixture.path(&cells)).unwrap();
-    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    fixture.write(unit, kept.join("\n") + "\n");
+    fixture.fails("report p1 p2 -o all => 1: .unit: was changed after it was written");
     // The same command matches again what is damaged.
     let ran = fixture.svl(&format!("{line} --shard 2/2 -o p2").replace("-q ", ""));
     assert_eq!(ran.code, Some(0));
-    assert_says(&ran.stderr, &[".cells.csv: was cut or edited"]);
-    fixture.run("merge p1 p2 -o all -q");
+    assert_says(&ran.stderr, &[".unit: was cut or edited"]);
+    fixture.run("report p1 p2 -o all -q");
     let missing = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));
         serde_json::from_str::<serde_json::Value>(&text).unwrap()["missing"].take()

@@ -1,8 +1,7 @@
-//! `svl tune`, driven by scripts of keys, in a terminal, and automatically.
+//! `svl tune`, driven by scripts of keys and in a terminal.
 
 use super::fixture::{Fixture, Ran, assert_says};
 use crate::common::python;
-use std::path::Path;
 use svl::scenario::Scenario;
 
 /// A folder with a recording of twelve frames.
@@ -146,7 +145,8 @@ fn the_tuned_algorithm_is_written_and_scored() {
         "w enter screen q",
     )
     .done();
-    assert_says(&text, &["tuned.toml: exists"]);
+    assert_says(&text, &["tuned.toml: exists already; name another file"]);
+    assert!(!text.contains("--force"), "{text}");
     // The user's own scenario scores, and its settings are copied into the one written.
     let own = fixture
         .text("tuned.toml")
@@ -261,142 +261,4 @@ fn a_tool_ends_when_its_terminal_closes() {
             ["^", "sh", "-c", &format!("trap '' HUP; {ends}")],
         );
     }
-}
-
-/// A short search.
-const QUICK: &str = "--auto --trials 12 --pairs 9 -q -o best.toml";
-
-#[test]
-fn a_search_finds_writes_and_goes_on() {
-    let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 12);
-    let line = format!("tune short.toml --algo bm --seeds 4,5 --test-seeds 6 {QUICK}");
-    let json = fixture.json(&format!("{line} --json"));
-    let found = &json["algorithms"][0];
-    assert_eq!(found["reference"], "bm");
-    assert_eq!(
-        json["training"],
-        serde_json::json!(["arena seed 4", "arena seed 5"])
-    );
-    assert_eq!(json["test"], serde_json::json!(["arena seed 6"]));
-    let best = found["best"].as_str().unwrap();
-    let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
-    assert_eq!(scenario.labels()[0], best);
-    assert_says(
-        &fixture.text("best.md"),
-        &[
-            "The Pareto front on the training pairs",
-            "## How it was made",
-            "- processor",
-        ],
-    );
-    let log = fixture.text("best.csv");
-    assert_says(
-        &log,
-        &["data,algorithm,generation,pairs,setting,right,wrong"],
-    );
-    // Nothing is overwritten; known trials are not run again, and give the same.
-    let exists = fixture.svl(&line);
-    exists.failed(1, &["best.toml: exists"]);
-    let again = fixture.json(&format!("{line} --resume --json"));
-    assert_eq!(again["algorithms"][0]["best"], *best);
-    assert_eq!(fixture.text("best.csv"), log);
-    // A truncated log resumes to the same end.
-    let half: Vec<_> = log.lines().take(8).collect();
-    fixture.write("best.csv", half.join("\n") + "\n0123,bm,1,3,\"bm:uniq");
-    fixture.run(&format!("{line} --resume"));
-    let settings = |log: &str| {
-        let fields = log
-            .lines()
-            .map(|line| line.split(',').take(4).collect::<Vec<_>>().join(","));
-        fields.collect::<Vec<_>>()
-    };
-    let resumed = fixture.text("best.csv");
-    assert_eq!(settings(&resumed)[..8], settings(&log)[..8]);
-    assert!(resumed.lines().count() >= log.lines().count() - 4);
-    // A log truncated in its head starts over.
-    fixture.write("best.csv", &log[..9]);
-    fixture.run(&format!("{line} --resume"));
-    assert_eq!(
-        settings(&fixture.text("best.csv"))[..8],
-        settings(&log)[..8]
-    );
-    let other = line.replace("--seeds 4,5", "--seeds 4,7") + " --resume";
-    fixture
-        .svl(&other)
-        .failed(1, &["best.csv: is the log of a search on other pairs"]);
-    assert!(Path::new(&fixture.path("best.md")).exists());
-}
-
-#[test]
-fn settings_on_all_pairs_are_some_of_those_that_were_tried() {
-    let fixture = recorded();
-    // So few that all of them, and the reference, are run on all pairs.
-    for trials in [4, 6] {
-        let line = format!(
-            "tune run.mcap --algo bm --auto --trials {trials} --pairs 8 -q -o {trials}.toml --json"
-        );
-        let json = fixture.json(&line);
-        let count = |name: &str| json["algorithms"][0][name].as_u64().unwrap();
-        let (tried, finalists) = (count("tried"), count("finalists"));
-        assert!(0 < finalists && finalists <= tried, "{json:#}");
-    }
-}
-
-#[test]
-fn a_search_on_recordings_holds_some_out() {
-    let fixture = Fixture::new();
-    fixture.run("record --frames 30 -o a.mcap");
-    let line = format!("tune a.mcap --algo v3 --vary texture_delta=2..6 {QUICK}");
-    let text = fixture.run(&line);
-    assert_says(
-        &text,
-        &[
-            "sought: most right cells with",
-            "The test is the last third of the same recording",
-            "Pareto front",
-            "best.toml and best.md",
-        ],
-    );
-    let log = fixture.text("best.csv");
-    assert!(
-        log.lines()
-            .skip(2)
-            .all(|line| line.contains("texture_delta") || line.contains(",v3,"))
-    );
-    fixture.run("record --frames 30 --seed 2 -o b.mcap");
-    let line = format!(
-        "tune a.mcap --test b.mcap --algo v3 --vary texture_delta=2..6 --minimize wrong \
-         --subject-to right>=1% --subject-to time<=3x {QUICK} --force --json"
-    );
-    let json = fixture.json(&line);
-    assert_eq!(json["goal"], "least wrong cells with right>=1%, time<=3x");
-    assert!(json["caution"].is_null());
-    // Values against another truth are not reused.
-    let other = line.replace(" --force --json", " --resume --reference sgm");
-    fixture
-        .svl(&other)
-        .failed(1, &["best.csv: is the log of a search on other pairs"]);
-    // The best scenario is for the scored recording.
-    let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
-    let runs = scenario.recordings().unwrap();
-    assert!(runs[0].path.ends_with("b.mcap"), "{:?}", runs[0].path);
-}
-
-#[test]
-fn test_pairs_are_read_as_search_pairs() {
-    let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 12);
-    fixture.run("record short.toml -o run.mcap");
-    fixture.run("record short.toml --seed 2 -o test.mcap");
-    let ran = fixture.svl(
-        "tune run.mcap --test test.mcap --reference sgm --auto --algo bm --trials 4 --pairs 8 -o \
-         best.toml",
-    );
-    for name in ["run.mcap", "test.mcap"] {
-        let words = format!("{name}: scored against sgm, not its own truth");
-        assert!(ran.stderr.contains(&words), "{}", ran.stderr);
-    }
-    ran.done();
-    assert!(fixture.text("best.toml").contains("reference = [\"sgm\"]"));
 }

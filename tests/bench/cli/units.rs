@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
+use super::results::{assert_same_report, edit_checked, unit_files};
 use serde_json::Value;
 
 /// Answers every pair of 32x24 pixels with the file `answer`, and notes each in a file. In a folder
@@ -54,27 +55,18 @@ fn the_same_command_matches_nothing_and_one_algorithm_more_itself() {
     let fixture = counted(70);
     // One more sets up its memory.
     assert_eq!(score(&fixture, &[]).0, 71);
-    // One pair shows that the program is the same.
-    assert_eq!(score(&fixture, &[]).0, 1);
-    assert_eq!(score(&fixture, &["--algo", "bm:max_disparity=8"]).0, 1);
+    // One pair of each block shows that the program is the same.
+    assert_eq!(score(&fixture, &[]).0, 2);
+    assert_eq!(score(&fixture, &["--algo", "bm:max_disparity=8"]).0, 2);
     let rows = fixture.text("r/rows.csv");
     assert_eq!(rows.lines().count(), 1 + 2 * 70);
     let (matched, code, stderr) = score(&fixture, &[]);
-    assert_eq!((matched, code), (1, Some(0)));
+    assert_eq!((matched, code), (2, Some(0)));
     let others = "r: also in the folder, not asked for: bm:max_disparity=8; --prune removes them";
     assert_says(&stderr, &[others]);
     // What is not asked for any more stays until it is pruned.
-    let units = || {
-        let folder = std::fs::read_dir(fixture.path("r/units"))
-            .unwrap()
-            .flatten();
-        let run = folder
-            .map(|run| run.path())
-            .find(|path| path.to_str().unwrap().contains("pairs"));
-        let seals = std::fs::read_dir(run.unwrap()).unwrap().flatten();
-        let names = seals.map(|file| file.file_name().into_string().unwrap());
-        names.filter(|name| name.ends_with(".rows.csv")).count()
-    };
+    assert_eq!(fixture.text("r/rows.csv").lines().count(), 1 + 2 * 70);
+    let units = || unit_files(&fixture, "r", ".unit").len();
     assert_eq!(units(), 4);
     score(&fixture, &["--prune"]);
     assert_eq!(units(), 2);
@@ -88,7 +80,7 @@ fn files_are_compared_by_their_pairs_where_their_times_differ() {
     score(&fixture, &[]);
     // The same pixels, written anew.
     write_pair(&fixture, 3, 3);
-    assert_eq!(score(&fixture, &[]).0, 1);
+    assert_eq!(score(&fixture, &[]).0, 2);
     // Other pixels: the block is matched again, of the 70 pairs the second one.
     write_pair(&fixture, 66, 2);
     assert_eq!(score(&fixture, &[]).0, 1 + 1 + 6);
@@ -128,20 +120,21 @@ fn a_folder_of_another_version_is_matched_again() {
     let line = "score pairs --rerun none -o r --algo bm:max_disparity=8";
     fixture.run(line);
     let rows = fixture.text("r/rows.csv");
-    let plan = fixture.text("r/units/plan.json");
-    let mut plan: Value = serde_json::from_str(&plan).unwrap();
-    plan["format"] = "another".into();
-    fixture.write("r/units/plan.json", plan.to_string());
-    fixture.fails("report r => 1: r/units: its tables are of another version of svl | svl score");
-    let ran = fixture.svl(line);
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    assert_says(
-        &ran.stderr,
-        &["r: is of another version of svl: all is matched again"],
-    );
-    let pairs = |rows: &str| rows.lines().count();
-    assert_eq!(pairs(&fixture.text("r/rows.csv")), pairs(&rows));
-    fixture.run("report r");
+    for (field, can_be_read) in [("/format", false), ("/manifest/sources", true)] {
+        edit_checked(&fixture, "r/report.json", |plan| {
+            *plan.pointer_mut(field).unwrap() = "another".into();
+        });
+        if !can_be_read {
+            let words = "r/report.json: its units are of another version of svl | svl score";
+            fixture.fails(&format!("report r => 1: {words}"));
+        }
+        let ran = fixture.svl(line);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_says(&ran.stderr, &["of another version of svl"]);
+        let pairs = |rows: &str| rows.lines().count();
+        assert_eq!(pairs(&fixture.text("r/rows.csv")), pairs(&rows));
+        fixture.run("report r");
+    }
 }
 
 #[test]
@@ -155,7 +148,7 @@ fn a_run_that_was_killed_at_its_first_file_is_no_foreign_folder() {
     std::fs::create_dir_all(fixture.path("s/units")).unwrap();
     fixture.write("s/units/own.txt", "mine");
     fixture.fails(&format!(
-        "{line} s => 1: s: contains files but no units/plan.json"
+        "{line} s => 1: s: contains files but no report.json"
     ));
 }
 
@@ -192,7 +185,7 @@ fn pairs_that_a_program_failed_on_are_matched_again_with_their_warnings() {
     assert_eq!(warnings(), 2);
     std::fs::remove_file(fixture.path("dark")).unwrap();
     let (matched, code, _) = score(&fixture, &[]);
-    assert_eq!((matched, code), (1 + 1 + 2, Some(0)));
+    assert_eq!((matched, code), (1 + 6, Some(0)));
     assert_eq!(warnings(), 0);
     assert_eq!(fixture.text("r/failures.csv").lines().count(), 1);
 }
@@ -228,51 +221,73 @@ fn an_edited_table_is_not_compared() {
     fixture.run("compare a b");
 }
 
+/// What is damaged, and how many pairs of the 70 are matched again besides one of each block that
+/// is kept.
+const DAMAGES: &[(&str, usize)] = &[
+    ("report.json", 0),
+    // Its pairs are read again, and compared.
+    ("units/pairs-*/run.json", 0),
+    ("units/pairs-*/00000-*.unit", 1 + 64),
+    ("units/pairs-*/00001-*.unit", 1 + 6),
+    ("units/sessions/*.json", 1 + 70),
+    ("rows.csv", 0),
+    ("cells.parquet", 0),
+    ("summary.json", 0),
+    ("index.html", 0),
+];
+
 #[test]
-fn damaged_results_are_matched_again() {
+fn a_damaged_file_costs_its_unit_never_the_folder() {
     let fixture = counted(70);
     score(&fixture, &[]);
-    let rows = fixture.text("r/rows.csv");
-    let hashes = |text: &str| {
-        let lines = text
-            .lines()
-            .map(|line| line.rsplit(',').nth(1).unwrap().to_owned());
-        lines.collect::<Vec<_>>()
+    std::fs::create_dir(fixture.path("outside")).unwrap();
+    let find = |pattern: &str| {
+        let parts: Vec<_> = pattern.split('*').collect();
+        let fits = |file: &String| parts.iter().all(|part| file.contains(part));
+        let units = unit_files(&fixture, "r", "").into_iter();
+        let found = units.filter(|file| pattern.contains("units/") && fits(file));
+        found.last().unwrap_or_else(|| format!("r/{pattern}"))
     };
-    let folder = |part: &str| {
-        let mut runs = std::fs::read_dir(fixture.path("r/units"))
-            .unwrap()
-            .flatten();
-        runs.find(|run| run.file_name().to_str().unwrap().starts_with(part))
-            .unwrap()
-            .path()
-    };
-    let first = |folder: std::path::PathBuf, ending: &str| {
-        let files = std::fs::read_dir(folder)
-            .unwrap()
-            .flatten()
-            .map(|file| file.path());
-        let mut files: Vec<_> = files.collect();
-        files.sort();
-        let is_it = |path: &&std::path::PathBuf| path.to_str().unwrap().ends_with(ending);
-        files.iter().find(is_it).unwrap().clone()
-    };
-    // Facts of the run, a seal, a table, a session: how many pairs are matched again.
-    for (path, again) in [
-        (first(folder("pairs"), "run.json"), 1),
-        (first(folder("pairs"), ".rows.csv"), 1 + 1 + 64),
-        (first(folder("sessions"), ".json"), 1 + 1 + 6),
-    ] {
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-        let (matched, code, stderr) = score(&fixture, &[]);
-        assert_eq!(
-            (matched, code),
-            (again, Some(0)),
-            "{}: {stderr}",
-            path.display()
-        );
-        assert_says(&stderr, &[path.file_name().unwrap().to_str().unwrap()]);
-        assert_eq!(hashes(&fixture.text("r/rows.csv")), hashes(&rows));
+    type Damage = fn(&Fixture, &str);
+    let kinds: [(&str, Damage); 4] = [
+        ("cut", |fixture, file| {
+            let bytes = fixture.bytes(file);
+            fixture.write(file, &bytes[..bytes.len() / 2]);
+        }),
+        ("a bit flipped", |fixture, file| {
+            let mut bytes = fixture.bytes(file);
+            let middle = bytes.len() / 2;
+            bytes[middle] ^= 4;
+            fixture.write(file, bytes);
+        }),
+        ("another file", |fixture, file| {
+            fixture.write(file, "mine");
+        }),
+        ("a link", |fixture, file| {
+            std::fs::remove_file(fixture.path(file)).unwrap();
+            let outside = fixture.write("outside/mine.txt", "mine");
+            std::os::unix::fs::symlink(outside, fixture.path(file)).unwrap();
+        }),
+    ];
+    for (pattern, again) in DAMAGES {
+        for (kind, damage) in kinds {
+            let file = find(pattern);
+            damage(&fixture, &file);
+            let kept = match again {
+                0 => 2,
+                71 => 0,
+                _ => 1,
+            };
+            let (matched, code, stderr) = score(&fixture, &[]);
+            let what = format!("{kind}: {file}: {stderr}");
+            assert_eq!((matched, code), (kept + again, Some(0)), "{what}");
+            assert_same_report(&fixture, ["r", "r"], &what);
+            assert_eq!(fixture.text("r/rows.csv").lines().count(), 1 + 70, "{what}");
+        }
+        assert_eq!(fixture.text("outside/mine.txt"), "mine");
     }
+    // A file of another stays where it is.
+    fixture.write("r/notes.txt", "mine");
+    assert_eq!(score(&fixture, &["--prune"]).1, Some(0));
+    assert_eq!(fixture.text("r/notes.txt"), "mine");
 }

@@ -1,6 +1,5 @@
 //! The public data sets: their layouts on disk, their scenarios, and rejected input.
 
-mod archive;
 mod boards;
 mod layouts;
 mod scenarios;

@@ -1,11 +1,9 @@
-//! CycloneDDS, which is ROS 2's default, and Foxglove's SDK as a bridge at the other end.
+//! CycloneDDS, which is ROS 2's default, at the other end.
 
 use super::robot::address;
-use crate::cli::fixture::{Fixture, assert_says};
+use crate::cli::fixture::Fixture;
 use crate::common::python;
 use std::collections::BTreeSet;
-use std::net::{TcpListener, TcpStream};
-use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
 
 const SCRIPT: &str = "ros2_topics.py";
@@ -170,77 +168,4 @@ fn lines(text: &[u8]) -> Vec<serde_json::Value> {
     text.lines()
         .map(|line| serde_json::from_str(line).unwrap())
         .collect()
-}
-
-/// Modules of a bridge.
-const BRIDGE: &str = "cyclonedds, foxglove, numpy";
-
-/// Gives `run` the source of a bridge that sends pairs of 320x240 px for some seconds, and returns
-/// what it sent; `None` without Foxglove's SDK.
-fn with_bridge(seconds: u32, encoding: &str, run: impl FnOnce(&str)) -> Option<Vec<u8>> {
-    let port = {
-        let free = TcpListener::bind("127.0.0.1:0").unwrap();
-        free.local_addr().unwrap().port().to_string()
-    };
-    let pairs = (10 * seconds).to_string();
-    let publish = [
-        "publish", &port, &pairs, "10", "320", "240", "bridge", encoding,
-    ];
-    std::thread::scope(|scope| {
-        let sent = scope.spawn(|| python(SCRIPT, BRIDGE, publish));
-        let end = Instant::now() + Duration::from_secs(30);
-        while TcpStream::connect(format!("127.0.0.1:{port}")).is_err() {
-            if sent.is_finished() {
-                return sent.join().unwrap();
-            }
-            assert!(Instant::now() < end, "no bridge");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        run(&format!("foxglove:ws://127.0.0.1:{port}"));
-        sent.join().unwrap()
-    })
-}
-
-#[test]
-fn a_bridge_s_images_arrive_until_it_closes() {
-    let fixture = Fixture::new();
-    let sent = with_bridge(25, "cdr", |source| {
-        let info = fixture.run(&format!("info {source}"));
-        assert_says(&info, &["320x240 px", "baseline   0.1000 m"]);
-        let named = format!("{source}/cam/left/image_rect,/cam/right/image_rect");
-        let record = format!("record {named} --duration 5 -o run.mcap");
-        std::thread::scope(|scope| {
-            let recorded = scope.spawn(|| fixture.run(&record));
-            fixture.run(&format!("replay {source} --to 3 --rows live.csv"));
-            assert_says(&recorded.join().unwrap(), &["losses unknown"]);
-        });
-        let ran = fixture.svl(&format!("record {source} --frames 999 -o until.mcap"));
-        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
-        assert_says(&ran.stderr, &[source, "the bridge: "]);
-    });
-    let Some(sent) = sent else {
-        return;
-    };
-    for name in ["run.mcap", "until.mcap"] {
-        assert!(recorded(&fixture, name, &sent) > 20, "{name}");
-    }
-    let ran = fixture.svl("replay run.mcap --verify=live.csv --json");
-    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-    let verification = &json["verification"];
-    assert_eq!(verification["differing"], serde_json::json!({}));
-    assert!(
-        verification["live"]["common"].as_u64() > Some(10),
-        "{verification}"
-    );
-}
-
-#[test]
-fn other_encodings_of_a_bridge_are_refused_by_name() {
-    let fixture = Fixture::new();
-    with_bridge(15, "ros1", |source| {
-        let ran = fixture.svl(&format!("record {source} -o a.mcap"));
-        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
-        let left = "/cam/left/image_rect: sensor_msgs/msg/Image in ros1, and svl reads CDR";
-        assert_says(&ran.stderr, &[left, "0 topics found"]);
-    });
 }

@@ -207,11 +207,6 @@ fn topics_that_cannot_be_opened_are_one_line() {
         record ros2:left,right -o a.mcap => 2: 'left' is no topic
         record ros2:domain=300 -o a.mcap => 2: '300'
         record ros2: --rate 5 -o a.mcap => 2: --rate is for
-        record foxglove:wss://127.0.0.1 -o a.mcap => 2: only ws://
-        record foxglove:ws://127.0.0.1:1/left -o a.mcap => 2: name two topics
-        replay foxglove:ws://127.0.0.1:1 => 1: no bridge
-        info foxglove:ws://127.0.0.1:1 => 1: no bridge
-        score foxglove:ws://127.0.0.1:1 --to 2 => 1: no bridge
         score ros2: => 2: --to SECONDS records and scores that long
         score ros2: --to 2 --truth /depth => 2: --truth is for recordings
         score ros2: --print-scenario => 2: record them first
@@ -221,7 +216,6 @@ fn topics_that_cannot_be_opened_are_one_line() {
         score ros2: --to 2 --seeds 1..3 => 2: --seeds is for
         score ros2: arena --to 2 => 2: not 'arena'
         replay ros2: --publish /svl => 2: expected ros2:/PREFIX
-        replay ros2: --publish foxglove:ws://127.0.0.1 => 2: expected ros2:/PREFIX
         replay ros2: --publish ros2:/svl --algo v5 --algo bm => 2: one algorithm",
     );
     let empty = robot::address(7, "");

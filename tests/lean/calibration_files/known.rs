@@ -195,6 +195,15 @@ fn the_bumblebee_is_in_millimetres() {
 }
 
 #[test]
+fn kitti_s_raw_data_has_both_cameras_and_their_rectification() {
+    let folder = Folder::new();
+    folder.write_sample("kitti-raw");
+    let found = folder.read("kitti-raw", &Hints::default()).unwrap();
+    assert_same(&found.calibration, &raw());
+    assert!(found.remarks.is_empty(), "{:?}", found.remarks);
+}
+
+#[test]
 fn xml_of_opencv_is_its_yaml() {
     let folder = Folder::new();
     folder.write("opencv", &raw()).unwrap();

@@ -155,8 +155,8 @@ fn four_coefficients_may_be_a_fisheye_s() {
         &["equidistant", "omit --model"],
     );
     let folder = Folder::new();
-    folder.write("boofcv", &raw()).unwrap();
-    let error = folder.read("boofcv", &equidistant).unwrap_err().to_string();
+    folder.write("xml", &raw()).unwrap();
+    let error = folder.read("xml", &equidistant).unwrap_err().to_string();
     assert_says(&error, &["plumb_bob, not equidistant", "omit --model"]);
 }
 

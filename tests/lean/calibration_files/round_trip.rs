@@ -60,7 +60,6 @@ fn calibrations() -> impl Strategy<Value = StereoCalibration> {
 /// The part of a calibration that a format can represent; `None` if it rejects the calibration.
 fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
     let metres = c.unit() == LengthUnit::Metres;
-    let is_plumb_bob = c.left().distortion().model() == DistortionModel::PlumbBob;
     let is_kalibr = [c.left(), c.right()]
         .iter()
         .all(|camera| match camera.distortion() {
@@ -69,13 +68,8 @@ fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
         });
     match format {
         "xml" | "opencv" => Some(c.clone()),
-        "boofcv" => is_plumb_bob.then(|| unrectified(c)),
         "kalibr" => (metres && is_kalibr).then(|| unrectified(c)),
         "ros" => c.rectification().filter(|_| metres).map(|_| c.clone()),
-        "kitti-raw" => {
-            let rectification = c.rectification().filter(|_| metres && is_plumb_bob);
-            rectification.map(|_| c.clone())
-        }
         _ => c.rectification().filter(|_| metres).map(|_| rectified(c)),
     }
 }
@@ -108,7 +102,6 @@ proptest! {
 fn losses_of_a_format_are_reported() {
     let folder = Folder::new();
     for (format, word) in [
-        ("boofcv", "rectification"),
         ("kalibr", "rectification"),
         ("middlebury", "distortion"),
         ("kitti", "distortion"),
@@ -120,28 +113,23 @@ fn losses_of_a_format_are_reported() {
         );
         assert_eq!(
             folder.write(format, &rectified(&raw())).unwrap().len(),
-            usize::from(["boofcv", "kalibr"].contains(&format))
+            usize::from(format == "kalibr")
         );
     }
     let k3 = folder.write("kalibr", &raw()).unwrap_err().to_string();
     assert_says(&k3, &["radtan k1 k2 p1 p2", "plumb_bob with 5", "--to"]);
-    for (format, word) in [
-        ("ros", "has none"),
-        ("middlebury", "no rectification"),
-        ("kitti-raw", "no rectification"),
-    ] {
+    for (format, word) in [("ros", "has none"), ("middlebury", "no rectification")] {
         let error = folder
             .write(format, &unrectified(&raw()))
             .unwrap_err()
             .to_string();
         assert!(error.contains(word), "{format}: {error}");
     }
-    let euroc = files::write_as(
-        &folder.path("a.yaml,b.yaml"),
-        files::format("euroc").unwrap(),
-        &raw(),
-    );
-    assert_says(&euroc.unwrap_err().to_string(), &["read only"]);
+    for (format, file) in [("euroc", "a.yaml,b.yaml"), KITTI_RAW] {
+        let format = files::format(format).unwrap();
+        let written = files::write_as(&folder.path(file), format, &raw());
+        assert_says(&written.unwrap_err().to_string(), &["read only"]);
+    }
 }
 
 #[test]
@@ -153,7 +141,7 @@ fn another_rectified_size_is_kept_or_refused() {
         ..c.rectification().unwrap().clone()
     };
     let c = c.with_rectification(wide);
-    for format in ["xml", "opencv", "kitti-raw"] {
+    for format in ["xml", "opencv"] {
         assert_same(&folder.through(format, &c), &c);
     }
     assert_says(
@@ -176,7 +164,7 @@ fn extensions_choose_the_format() {
     assert_eq!(name("l.yaml,r.yaml").unwrap(), "ros");
     assert_says(
         &name("calib.txt").unwrap_err(),
-        &["--to: middlebury, kitti, kitti-raw"],
+        &["--to: middlebury, kitti"],
     );
     assert_says(&name("calib.json").unwrap_err(), &["must end in"]);
 }

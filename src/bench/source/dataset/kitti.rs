@@ -1,7 +1,7 @@
 //! KITTI's stereo benchmarks of 2012 and 2015, and the names in plain folders that are not a
 //! published data set.
 
-use super::entry::{CalibFile, Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
+use super::entry::{CalibFile, Dataset, FileNames, Form, PairFiles, Seen, TruthFile};
 
 const LICENCE: &str = "CC BY-NC-SA 3.0";
 
@@ -15,16 +15,8 @@ pub(super) const KITTI2012: Dataset = Dataset {
     title: "KITTI stereo 2012, 194 training and 195 test pairs from a car",
     home: "https://www.cvlibs.net/datasets/kitti/eval_stereo_flow.php?benchmark=stereo",
     licence: LICENCE,
-    citation: "A. Geiger, P. Lenz, R. Urtasun, Are we ready for autonomous driving? The KITTI \
-               vision benchmark suite, CVPR 2012",
-    parts: &[Part {
-        name: "all",
-        usual: true,
-        megabytes: 2000,
-        base: "https://s3.eu-central-1.amazonaws.com/avg-kitti/",
-        files: &["data_stereo_flow.zip"],
-        folder: "",
-    }],
+    folder: "kitti2012/training",
+    scenes: 194,
     files: FileNames {
         pairs: &[
             PairFiles {
@@ -53,15 +45,8 @@ pub(super) const KITTI2015: Dataset = Dataset {
     title: "KITTI stereo 2015, 200 training and 200 test pairs with moving cars",
     home: "https://www.cvlibs.net/datasets/kitti/eval_scene_flow.php?benchmark=stereo",
     licence: LICENCE,
-    citation: "M. Menze, A. Geiger, Object scene flow for autonomous vehicles, CVPR 2015",
-    parts: &[Part {
-        name: "all",
-        usual: true,
-        megabytes: 1683,
-        base: "https://s3.eu-central-1.amazonaws.com/avg-kitti/",
-        files: &["data_scene_flow.zip", "data_scene_flow_calib.zip"],
-        folder: "",
-    }],
+    folder: "kitti2015/training",
+    scenes: 200,
     files: FileNames {
         pairs: &[PairFiles {
             left: "image_2/*_10",

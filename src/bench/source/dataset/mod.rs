@@ -1,20 +1,21 @@
 //! Scenes of stereo data sets, as users have them on disk.
 //!
-//! [`DATASETS`] describes each data set completely: its download, its terms, and the names of its
-//! files. A new data set is a new entry there.
+//! [`DATASETS`] describes each data set completely: its page, its terms, and the names of its files.
+//! A new data set is a new entry there.
 
 mod entry;
 mod eth3d;
+mod inventory;
 mod kitti;
 mod middlebury;
 mod scene;
 mod truth;
 
-pub use entry::{Dataset, Part};
+pub use entry::Dataset;
+pub use inventory::Inventory;
 pub use scene::{Scene, SceneSource};
 
 use entry::{FileNames, PairFiles, Seen, TruthFile};
-use svl_core::did_you_mean;
 
 /// The data sets svl knows. Where a folder could be of several, the first is taken.
 pub const DATASETS: &[Dataset] = &[
@@ -50,17 +51,6 @@ const OTHERS: FileNames = FileNames {
     ],
     masks: &["mask_nonocc.png"],
 };
-
-/// The data set of that name.
-///
-/// # Errors
-/// One line that suggests the nearest name.
-pub fn find(name: &str) -> Result<&'static Dataset, String> {
-    DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
-        let hint = did_you_mean(name, DATASETS.iter().map(|d| d.name));
-        format!("unknown data set '{name}'{hint}; `svl datasets list` lists them")
-    })
-}
 
 /// All names svl knows, in the order in which they are looked for.
 fn files() -> impl Iterator<Item = &'static FileNames> {

@@ -1,7 +1,7 @@
 //! One scene of a data set: a pair with its truth and its camera, if known.
 
 use super::entry::{CalibFile, PairFiles};
-use super::{files, find, truth};
+use super::{DATASETS, files, truth};
 use crate::source::Source;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -162,6 +162,20 @@ impl Scene {
         Some(self.folder.join(name)).filter(|p| inputs::is_file(p))
     }
 
+    /// True if a file with its truth exists.
+    pub(super) fn has_truth(&self) -> bool {
+        let mut truths = files().flat_map(|f| f.truths);
+        truths.any(|truth| self.file(truth.name).is_some())
+    }
+
+    /// True if its data set has a calibration for each scene, and this one has none.
+    pub(super) fn lacks_calibration(&self) -> bool {
+        match self.pair.calib {
+            CalibFile::Projections { file, .. } => self.file(file).is_none(),
+            CalibFile::Middlebury => false,
+        }
+    }
+
     fn images(&self) -> Result<[DecodedImage; 2]> {
         Ok([read_image(&self.left)?, read_image(&self.right)?])
     }
@@ -265,12 +279,14 @@ fn nothing(root: &Path, name: &str) -> Error {
     } else {
         "no such scene"
     };
-    let cure = match name.split('/').next().map(find) {
-        Some(Ok(dataset)) => format!(
-            "`svl datasets fetch {} --data {shown}` gets it",
-            dataset.name
+    let first = name.split('/').next();
+    let cure = match DATASETS.iter().find(|d| Some(d.name) == first) {
+        Some(dataset) => format!(
+            "get it from {} as docs/data-sets.md says; `svl datasets --data {shown}` lists what is \
+             missing",
+            dataset.home
         ),
-        _ => format!("is '{shown}' the folder of the data sets?"),
+        None => format!("is '{shown}' the folder of the data sets?"),
     };
     Error::format(path, format!("{what}; {cure}"))
 }

@@ -13,6 +13,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         focal_px,
         rig,
         is_constant,
+        misalignment,
         nearest,
         truths,
         ..
@@ -41,6 +42,15 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         None => {
             "baseline   not known, so no distances; svl replay and score accept --calib".to_owned()
         }
+    });
+    lines.push(match misalignment {
+        Some(found) => format!(
+            "misaligned {:.2} px vertically (median of {} in {}; `svl calibrate check` shows more)",
+            found.median_abs_px,
+            counted(found.matches as u64, "point"),
+            counted(found.pairs as u64, "pair")
+        ),
+        None => "misaligned not measured: too few points match".to_owned(),
     });
     lines.extend(nearest.as_ref().map(
         |NearestDistance {

@@ -34,7 +34,7 @@ Examples:
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
     /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
-    /// of images, or live topics: ros2:[LEFT,RIGHT], foxglove:ws://HOST:PORT[/LEFT,RIGHT]
+    /// of images, or live topics: ros2:[LEFT,RIGHT]
     file: PathBuf,
     /// Print JSON
     #[arg(long)]

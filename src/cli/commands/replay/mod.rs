@@ -39,9 +39,8 @@ Examples:
 pub(crate) struct Args {
     /// Recording, or the folder of a ROS 2 bag [default: the newest]
     ///
-    /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT],
-    /// foxglove:ws://HOST:PORT[/LEFT,RIGHT]. The newest is that of recordings/; if there is none,
-    /// the arena is recorded first.
+    /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT]. The newest is that of
+    /// recordings/; if there is none, the arena is recorded first.
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]

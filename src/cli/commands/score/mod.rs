@@ -140,7 +140,7 @@ pub(crate) struct Args {
     rerun: Option<RerunChoice>,
     /// Score only the I-th of N parts of the run
     ///
-    /// All into one folder, or each into its own, for `svl merge`.
+    /// All into one folder, or each into its own, for `svl report`.
     #[arg(long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"])]
     shard: Option<Shard>,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
@@ -292,7 +292,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
         let folder = folder.display();
         return print(&format!(
             "{folder}: this shard is whole; the last of the others builds the report, or `svl \
-             merge`\n"
+             report`\n"
         ));
     };
     print_report(&report, scenario, folder, args.explain, args.json)?;

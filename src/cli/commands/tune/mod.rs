@@ -1,6 +1,5 @@
-//! `svl tune`: turn the parameters of algorithms by hand, or let them be searched.
+//! `svl tune`: turns the parameters of algorithms by hand.
 
-mod auto;
 mod shown;
 mod tool;
 mod worker;
@@ -20,14 +19,14 @@ use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
 use svl::source::{PairRegister, Request, Source, SourceKind};
-use svl::tune::{Constraint, Sampler, TunedSetting};
+use svl::tune::{Sampler, TunedSetting};
 use tool::Tuner;
 use worker::TuneWorker;
 
-/// Tune algorithms on a source: by hand, or by a search
+/// Tune algorithms on a source by hand
 ///
-/// By hand: the parameters on the terminal, their effect on the frame in Rerun, and the metrics
-/// over a sample of the source, compared with the first setting. With --auto a search tries many
+/// The parameters on the terminal, their effect on the frame in Rerun, and the metrics over a
+/// sample of the source, compared with the first setting. A sweep of `svl score` tries many
 /// settings.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -36,27 +35,16 @@ Examples:
   svl tune arena --algo bm --rerun none
   svl tune v4l2:/dev/video0,/dev/video2
   svl tune run.mcap --scenario own.toml      its cells, rule and checkpoints
-  svl tune arena --auto --algo bm --seeds 4..9 --test-seeds 41..43 -o b.toml
-  svl tune mon.mcap tue.mcap --test wed.mcap --auto --algo v3 \\
-    --vary texture_delta=2..6 --maximize right --subject-to 'wrong<=3%' \\
-    --subject-to 'time<=1.2x' -o best.toml
 
 Keys: up and down choose, left and right turn (with Shift ten times as far),
 digits type a value, r resets, Tab changes the algorithm, space plays, comma
 and full stop step, [ and ] go to the worst frames, a shows the setting that
 is compared with, c compares with this one from now on, u and Ctrl-R undo and
-redo, w writes, ? shows all.
-
-An interrupted search writes the best setting so far; the same command with
---resume continues from its log, the .csv beside the output.")]
+redo, w writes, ? shows all.")]
 pub(crate) struct Args {
-    /// A recording, a bag, a folder, a scene, the arena, a scenario, cameras, or live topics; with
-    /// --auto also several recordings, but neither of the last two
-    #[arg(
-        required = true, value_name = "SOURCE", value_parser = SourceParser,
-        hide_possible_values = true
-    )]
-    what: Vec<String>,
+    /// A recording, a bag, a folder, a scene, the arena, a scenario, cameras, or live topics
+    #[arg(value_name = "SOURCE", value_parser = SourceParser, hide_possible_values = true)]
+    what: String,
     /// Algorithm with its first setting, as NAME[:key=value,…]; repeatable [default: v5]
     #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
@@ -68,106 +56,28 @@ pub(crate) struct Args {
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none [default: spawn, but none with --script].
-    #[arg(long, value_name = "WHERE", conflicts_with = "auto")]
+    #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
     /// Take the keys from a file instead of a terminal, one token per key: characters, "text",
     /// enter, up, shift-left, tab, ctrl-r, wait (until all is done), screen (prints it), ...
-    #[arg(long, value_name = "FILE", conflicts_with = "auto")]
+    #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
-    /// Scenario to write
-    ///
-    /// By hand the key w proposes it, with --auto the best setting is written there. A .md beside
-    /// it lists what was tried.
+    /// Scenario that the key w proposes to write; a .md beside it lists what was tried
     #[arg(short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]))]
     output: Option<PathBuf>,
-    /// Replace files that exist
-    #[arg(long)]
-    force: bool,
     #[command(flatten)]
     source: SourceOptions,
-    #[command(flatten)]
-    search: SearchArgs,
     #[command(flatten)]
     cameras: CameraArgs,
 }
 
-/// Options of the search.
-#[derive(clap::Args)]
-#[command(next_help_heading = "Search")]
-struct SearchArgs {
-    /// Search for the best setting
-    #[arg(long, requires = "output")]
-    auto: bool,
-    /// Parameter to vary: NAME, NAME=FROM..TO, NAME=A/B
-    ///
-    /// May be given more than once [default: all that change the result, around their values].
-    #[arg(long, value_name = "NAME", requires = "auto")]
-    vary: Vec<String>,
-    /// Metric to maximize [default: right, or unrivalled without truth]
-    #[arg(
-        long,
-        value_name = "METRIC",
-        requires = "auto",
-        conflicts_with = "minimize"
-    )]
-    maximize: Option<String>,
-    /// Metric to minimize
-    #[arg(long, value_name = "METRIC", requires = "auto")]
-    minimize: Option<String>,
-    /// Bound that the best has to keep: METRIC<=X[%|x]
-    ///
-    /// As 'wrong<=3%', or as a multiple of what --algo has: 'time<=1.2x' [default: wrong, missed
-    /// and blind <=1x, time<=1.5x].
-    #[arg(long, value_name = "BOUND", requires = "auto")]
-    subject_to: Vec<Constraint>,
-    /// Recordings or a scenario to test the result on [default: some of the runs, held out]
-    #[arg(long, value_name = "SOURCE", num_args = 1.., requires = "auto")]
-    test: Vec<String>,
-    /// Seeds of the arena to test the result on
-    #[arg(
-        long, value_name = "SEEDS", requires = "auto", conflicts_with = "test",
-        value_parser = clap::value_parser!(svl::scenario::SeedList)
-    )]
-    test_seeds: Option<svl::scenario::SeedList>,
-    /// Settings to try of each algorithm
-    #[arg(
-        long, value_name = "N", default_value_t = 120,
-        value_parser = usage::within(4..=100_000usize)
-    )]
-    trials: usize,
-    /// Pairs to search on, spread over all runs; few settings are run on all of them
-    #[arg(
-        long, value_name = "N", default_value_t = 252,
-        value_parser = usage::within(8..=1_000_000usize)
-    )]
-    pairs: usize,
-    /// Resume from the log of an earlier search
-    #[arg(
-        long,
-        requires = "auto",
-        conflicts_with = "force",
-        help_heading = "Run"
-    )]
-    resume: bool,
-    /// Print JSON
-    #[arg(long, requires = "auto", help_heading = "Output")]
-    json: bool,
-}
-
-pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    if args.is_by_hand() {
-        return by_hand(args, quiet);
-    }
-    auto::run(args, quiet)
-}
-
-/// Largest number of pairs of the sample by hand.
+/// Largest number of pairs of the sample.
 const MAX_SAMPLE: usize = 64;
 
 /// Largest memory of the sample, bytes.
 const MAX_SAMPLE_BYTES: usize = 256 << 20;
 
-/// The source that is tuned on, by hand.
+/// The source that is tuned on.
 struct Tuned<'a> {
     name: String,
     /// None for cameras, which no scenario can read.
@@ -178,11 +88,6 @@ struct Tuned<'a> {
 }
 
 impl Args {
-    /// True without `--auto`: a person or a script turns the knobs.
-    pub(crate) fn is_by_hand(&self) -> bool {
-        !self.search.auto
-    }
-
     fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         Ok(match &self.algo[..] {
             [] => vec![Algorithm::default()],
@@ -190,37 +95,28 @@ impl Args {
         })
     }
 
-    /// The scenario of sources, scored as `--scenario` describes.
-    fn scenario_of(&self, what: &[String]) -> anyhow::Result<Scenario> {
-        let scenario = runs::named(what)?;
-        Ok(match &self.scenario {
-            None => scenario,
-            Some(path) => judged_by(scenario, Scenario::read(path)?),
+    /// The scenario of the source, scored as `--scenario` describes.
+    fn scenario(&self) -> anyhow::Result<Scenario> {
+        let scenario = runs::named(std::slice::from_ref(&self.what))?;
+        let Some(path) = &self.scenario else {
+            return Ok(scenario);
+        };
+        let other = Scenario::read(path)?;
+        Ok(Scenario {
+            grid: other.grid,
+            cells: other.cells,
+            checkpoints: other.checkpoints,
+            ..scenario
         })
     }
 }
 
-/// The scenario with grid, cells and checkpoints of another.
-fn judged_by(scenario: Scenario, other: Scenario) -> Scenario {
-    Scenario {
-        grid: other.grid,
-        cells: other.cells,
-        checkpoints: other.checkpoints,
-        ..scenario
-    }
-}
-
-fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let [name] = &args.what[..] else {
-        return Err(usage::wrong(
-            "several sources are searched with --auto; by hand name one",
-        ));
-    };
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before anything takes time.
     let session = StepSession::new(args.script.as_deref())?;
     let filters = args.filters.models()?;
     let algorithms = args.algorithms()?;
-    let tuned = open(args, name, &algorithms, quiet)?;
+    let tuned = open(args, &algorithms, quiet)?;
     let (viewer, without) = destination(args)?;
     let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
         algorithm: algorithm.filtered(&filters),
@@ -276,12 +172,8 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// Opens what is tuned on; of a scenario of several runs the first. Warns of pairs that the
 /// algorithms were fitted to.
-fn open<'a>(
-    args: &'a Args,
-    name: &'a str,
-    algorithms: &[Algorithm],
-    quiet: bool,
-) -> anyhow::Result<Tuned<'a>> {
+fn open<'a>(args: &'a Args, algorithms: &[Algorithm], quiet: bool) -> anyhow::Result<Tuned<'a>> {
+    let name = args.what.as_str();
     let kind = SourceKind::without_files(name);
     if let Some(kind) = kind.filter(|kind| !kind.is_scored()) {
         let mut request = Request::new(name);
@@ -302,7 +194,7 @@ fn open<'a>(
             is_live: kind.is_live(),
         });
     }
-    let mut scenario = args.scenario_of(&args.what)?;
+    let mut scenario = args.scenario()?;
     runs::change(std::slice::from_mut(&mut scenario), &args.source, name)?;
     scenario.algorithms = algorithms.to_vec();
     let open_first = {

@@ -16,19 +16,18 @@ const JUMP: i32 = 16;
 const ALLOWANCE_PX: f64 = 0.25;
 
 /// The disparities of a map in bins, gaps filled.
-pub struct FilledMap {
-    pub width: usize,
+struct FilledMap {
     /// Meaningless if no pixel was seen.
-    pub bins: Vec<i16>,
+    bins: Vec<i16>,
     /// 1 for pixels that have a disparity of their own, else 0.
-    pub seen: Vec<u8>,
+    seen: Vec<u8>,
     /// True if any pixel was seen.
-    pub sees: bool,
+    sees: bool,
 }
 
 impl FilledMap {
     /// Fills a map; `jump` as in [`super::SafeChoice`]. Disparities below 0 become 0.
-    pub fn new(disparity: &Plane<f32>, jump: i32) -> Self {
+    fn new(disparity: &Plane<f32>, jump: i32) -> Self {
         let (width, height) = disparity.size();
         let bin = |px: f32| {
             if px.is_finite() {
@@ -46,12 +45,7 @@ impl FilledMap {
             fill_row(&own[row.clone()], &seen[row.clone()], jump, &mut bins[row]);
         }
         let sees = fill_empty_rows(&seen, width, &mut bins);
-        Self {
-            width,
-            bins,
-            seen,
-            sees,
-        }
+        Self { bins, seen, sees }
     }
 }
 

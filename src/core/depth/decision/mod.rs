@@ -15,7 +15,7 @@ mod time;
 mod tolerance;
 
 pub use fill::{fill_empty_rows, fill_row};
-pub use map::{FilledMap, safe_grid};
+pub use map::safe_grid;
 pub use steps::Steps;
 pub use table::{Feature, VerdictTable, least_score, probability};
 pub use time::{CellPast, Past, TimeTable, follows};

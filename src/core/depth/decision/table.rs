@@ -139,8 +139,17 @@ impl VerdictTable {
 
     /// The log odds that the cell's report is right.
     pub fn score(&self, evidence: &CellEvidence) -> i64 {
-        let parts = self.steps.iter().zip(evidence.features);
-        self.base + parts.map(|(steps, value)| steps.score(value)).sum::<i64>()
+        self.base + self.parts(evidence).map(|(.., score)| score).sum::<i64>()
+    }
+
+    /// Each measured feature with its value and its part of the score.
+    pub fn parts(&self, evidence: &CellEvidence) -> impl Iterator<Item = (Feature, i64, i64)> {
+        let values = Feature::ALL.into_iter().zip(evidence.features);
+        let measured = values.zip(&self.steps).filter(|((_, value), _)| {
+            // It exceeds no step.
+            *value != CellEvidence::NOT_MEASURED
+        });
+        measured.map(|((feature, value), steps)| (feature, value, steps.score(value)))
     }
 
     /// The evidence on a cell and its report: of pixels that were counted, of which at least one

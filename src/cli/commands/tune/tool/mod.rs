@@ -317,7 +317,7 @@ impl Tuner {
         );
         let markdown = self.markdown(stepper.name());
         usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
-        let words = outputs::write_with_page(path, &(head + &toml), &markdown, false)?;
+        let words = outputs::write_with_page(path, &(head + &toml), &markdown)?;
         self.written.push(words.clone());
         Ok(format!("{words} written"))
     }

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Regenerates the tables of docs/results: bash docs/tables.sh DATASETS
+# Regenerates the tables of docs/results: bash docs/results/tables.sh DATASETS
 # The lines between `<!-- NAME -->` and `<!-- end -->` are the output of the command of that name.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 datasets="${1:?the folder of the data sets}"
 svl() { cargo run --release --quiet --locked -- "$@"; }
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# v5 on seeds that nothing was fitted to (docs/results/v5.md): bash docs/v5.sh [DATASETS]
+# v5 on seeds that nothing was fitted to (docs/results/v5.md): bash docs/results/v5.sh [DATASETS]
 # The rule was written before the first run: these seeds, these settings, once. Prints a table per question; the reports
 # stay in reports/v5-*. Settings: v5; single, v5 without earlier pairs; three, revision 3, from which it comes; two,
 # v5:revision=2; all and all3, every cell of v5 and of three.
 set -euo pipefail
 datasets="${1:+$(realpath "$1")}"
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 svl() { "${SVL:-target/release/svl}" "$@"; }
 [ -n "${SVL:-}" ] || cargo build --release --quiet --locked
 mkdir -p reports/v5

@@ -1,0 +1,1 @@
+../src/python/svl_bench/matcher.py

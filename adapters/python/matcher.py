@@ -1,1 +1,0 @@
-../../src/python/svl_bench/matcher.py
