@@ -75,7 +75,9 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>> {
         Ok(paths)
     });
     note(folder, || {
-        listed.as_ref().map_or(FileState::Absent, |paths| names(paths))
+        listed
+            .as_ref()
+            .map_or(FileState::Absent, |paths| names(paths))
     });
     listed
 }

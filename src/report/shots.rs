@@ -153,7 +153,10 @@ impl ChosenPictures {
 
     fn add(&mut self, run: usize, unit: &Unit, pictures: BlockPictures) {
         let place = |sequence: u64| {
-            let place = unit.pairs.iter().position(|pair| pair.sequence == sequence)?;
+            let place = unit
+                .pairs
+                .iter()
+                .position(|pair| pair.sequence == sequence)?;
             Some(unit.block * BLOCK + place as u64)
         };
         for shot in pictures.checkpoints {

@@ -74,8 +74,8 @@ impl Parts {
     fn check_run(&self) -> Result<()> {
         let first = &self.0[0];
         for found in &self.0[1..] {
-            let mut differences = (first.plan.manifest)
-                .differences(&found.plan.manifest, Purpose::Merge)?;
+            let mut differences =
+                (first.plan.manifest).differences(&found.plan.manifest, Purpose::Merge)?;
             if differences.is_empty() && first.plan.digest() != found.plan.digest() {
                 differences.push("its options".to_owned());
             }
@@ -190,9 +190,10 @@ impl FoundPart {
         }
         let (plan, sessions) = (units.plan()?, units.sessions()?);
         let mut damaged = None;
-        let runs = plan.runs.iter().map(|run| {
-            RunUnits::read(&units, &plan, run, &sessions, |file| damaged = Some(file))
-        });
+        let runs = plan
+            .runs
+            .iter()
+            .map(|run| RunUnits::read(&units, &plan, run, &sessions, |file| damaged = Some(file)));
         let runs = runs.collect::<Result<Vec<_>>>()?;
         if let Some(file) = damaged {
             return Err(Error::Invalid(format!(

@@ -124,7 +124,8 @@ impl RunWork<'_> {
     fn is_known(&self, i: usize) -> bool {
         let facts = &self.session.runs[i].facts;
         // svl's own recording of a simulation is that of its description.
-        let is_cached = |path| self.are_simulated() && std::path::Path::starts_with(path, RECORDINGS);
+        let is_cached =
+            |path| self.are_simulated() && std::path::Path::starts_with(path, RECORDINGS);
         let mut files = facts.files.iter();
         facts.losses.is_some()
             && facts.after == self.after(i)
@@ -192,7 +193,10 @@ impl RunWork<'_> {
     /// True if results of a run are missing, of this shard.
     fn is_missing(&self, i: usize) -> bool {
         let run = &self.session.runs[i];
-        !run.is_read() || self.wanted(i, run).wants_any(run.blocks(&self.session.list))
+        !run.is_read()
+            || self
+                .wanted(i, run)
+                .wants_any(run.blocks(&self.session.list))
     }
 
     /// The runs that are read: those with missing results, and the recordings before them, which
@@ -239,7 +243,13 @@ impl RunWork<'_> {
         let mut manifest = self.session.manifest();
         self.session.write(&manifest)?;
         let mut sinks = self.sinks(Some((&manifest, opener.live())))?;
-        let mut ran = self.read_runs(&read, (warned, Ok(first)), &mut opener, &manifest, &mut sinks);
+        let mut ran = self.read_runs(
+            &read,
+            (warned, Ok(first)),
+            &mut opener,
+            &manifest,
+            &mut sinks,
+        );
         // Files may have changed between the look at them and the reading of their pairs.
         self.keep_whole_memory();
         let again = self.read();

@@ -52,7 +52,8 @@ impl EvaluationSession {
         list.lost.clone_from(&plan.lost);
         let (known, sessions) = (units.known_plan(), units.sessions()?);
         let is_other = |session: &StoredSession| session.manifest.shard != shard;
-        let is_shared = shard.is_some() && sessions.iter().any(is_other) && plan.again != Again::All;
+        let is_shared =
+            shard.is_some() && sessions.iter().any(is_other) && plan.again != Again::All;
         let asked = list.manifest.algorithms.len();
         if let Some(known) = &known {
             if known.manifest.sources != list.manifest.sources && !is_shared {
@@ -149,7 +150,8 @@ impl EvaluationSession {
     }
 
     fn write_facts(&self, i: usize) -> Result<()> {
-        self.units.write_facts(&self.list.runs[i], &self.runs[i].facts)
+        self.units
+            .write_facts(&self.list.runs[i], &self.runs[i].facts)
     }
 
     /// Notes what was found by reading a run: units of other pairs do not count any more.

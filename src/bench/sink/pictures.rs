@@ -101,7 +101,8 @@ impl BlockShots {
                 let own = pictures.entry(shot.1.row.algorithm.clone()).or_default();
                 let shots = vec![shot];
                 let figure = figure.clone();
-                own.samples.push((place, CheckpointFigure { shots, ..figure }));
+                own.samples
+                    .push((place, CheckpointFigure { shots, ..figure }));
             }
         }
         for (place, mut scene) in std::mem::take(&mut self.scenes) {

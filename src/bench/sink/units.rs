@@ -41,12 +41,7 @@ pub struct UnitSink {
 impl UnitSink {
     /// Writes into the units of a report, for a session; the pairs of the run under way, or of the
     /// last one, are in `pairs`.
-    pub fn new(
-        units: &Units,
-        plan: &ReportPlan,
-        session: &str,
-        pairs: &RunPairs,
-    ) -> Self {
+    pub fn new(units: &Units, plan: &ReportPlan, session: &str, pairs: &RunPairs) -> Self {
         Self {
             units: units.clone(),
             plan: plan.clone(),

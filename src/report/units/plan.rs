@@ -89,7 +89,9 @@ impl ReportPlan {
     /// The digests of all algorithms.
     pub fn digests(&self) -> Vec<String> {
         let records = self.manifest.algorithms.iter();
-        records.map(|own| PlannedAlgorithm::new(own).digest).collect()
+        records
+            .map(|own| PlannedAlgorithm::new(own).digest)
+            .collect()
     }
 
     /// Digest of all runs and algorithms.

@@ -1,9 +1,9 @@
 //! A run of a report under its options: its facts, and the units of its algorithms.
 
+use super::BLOCK;
 use super::plan::{PlannedAlgorithm, ReportPlan, ReportRun};
 use super::store::{StoredSession, Units};
 use super::unit::Unit;
-use super::BLOCK;
 use crate::summary::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -146,7 +146,9 @@ impl RunUnits {
                         continue;
                     }
                 };
-                let has_session = sessions.iter().any(|own| own.manifest.run_id == unit.session);
+                let has_session = sessions
+                    .iter()
+                    .any(|own| own.manifest.run_id == unit.session);
                 if has_session && (unit.has_pictures || !is_pictured) {
                     let own = found.units.entry(algorithm.label.to_owned()).or_default();
                     own.insert(block, unit);
@@ -276,7 +278,8 @@ impl RunWarning {
     pub fn new(warning: String, algorithms: &[PlannedAlgorithm<'_>]) -> Option<Self> {
         let digest = |label: &str| {
             let mut own = algorithms.iter();
-            own.find(|own| own.label == label).map(|own| own.digest.clone())
+            own.find(|own| own.label == label)
+                .map(|own| own.digest.clone())
         };
         let for_run = |text| Self {
             text,

@@ -1,9 +1,9 @@
 //! The folder of the units: its files, each whole and with a checksum.
 
+use super::BLOCK;
 use super::plan::{ReportPlan, ReportRun};
 use super::run::{PairFacts, RunFacts, RunUnits};
 use super::unit::{Unit, unit_format};
-use super::BLOCK;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
@@ -123,7 +123,8 @@ impl Units {
         for path in &paths {
             let session = read_or_warn::<StoredSession>(path);
             let is_own = |session: &StoredSession| {
-                path.file_stem().is_some_and(|stem| *stem == *session.manifest.run_id)
+                path.file_stem()
+                    .is_some_and(|stem| *stem == *session.manifest.run_id)
             };
             sessions.extend(session.filter(is_own));
         }
@@ -156,7 +157,9 @@ impl Units {
     /// [`Error::Io`].
     pub fn facts(&self, run: &ReportRun) -> Result<Option<RunFacts>> {
         let path = self.folder.join(run.folder()).join(RUN);
-        let stored = path.exists().then(|| read_or_warn::<StoredFacts<RunFacts>>(&path));
+        let stored = path
+            .exists()
+            .then(|| read_or_warn::<StoredFacts<RunFacts>>(&path));
         let stored = stored.flatten().filter(|stored| stored.run == run.digest);
         Ok(stored.map(|stored| stored.facts))
     }
@@ -185,7 +188,9 @@ impl Units {
 
     /// The file of a unit.
     pub fn unit_path(&self, run: &ReportRun, name: &str) -> PathBuf {
-        self.folder.join(run.folder()).join(format!("{name}.{UNIT}"))
+        self.folder
+            .join(run.folder())
+            .join(format!("{name}.{UNIT}"))
     }
 
     /// The pairs of a run as its units have them, up to the first that none has: what is known of a
@@ -197,7 +202,9 @@ impl Units {
         let mut blocks = BTreeMap::new();
         for path in files(&self.folder.join(run.folder()), UNIT)? {
             if let Ok(Some(unit)) = Unit::read(&path, &run.digest) {
-                blocks.entry(unit.block).or_insert_with(|| unit.pairs.clone());
+                blocks
+                    .entry(unit.block)
+                    .or_insert_with(|| unit.pairs.clone());
             }
         }
         let mut pairs = Vec::new();
@@ -307,7 +314,10 @@ pub(super) fn write_whole(path: &Path, parts: &[&[u8]]) -> Result<()> {
     let begun = path.with_extension(format!("{}.part", std::process::id()));
     let write = || {
         let _ = std::fs::remove_file(&begun);
-        let mut file = OpenOptions::new().write(true).create_new(true).open(&begun)?;
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&begun)?;
         parts.iter().try_for_each(|part| file.write_all(part))?;
         file.sync_all()?;
         std::fs::rename(&begun, path)
@@ -344,7 +354,10 @@ fn read_checked<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let content = checked.filter(|own| hash(own.content.get()) == own.checksum);
     let value = content.and_then(|own| serde_json::from_str(own.content.get()).ok());
     value.ok_or_else(|| {
-        Error::format(path, "is damaged: `svl score` with the same options makes it again")
+        Error::format(
+            path,
+            "is damaged: `svl score` with the same options makes it again",
+        )
     })
 }
 

@@ -1,9 +1,9 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
+use super::BLOCK;
 use super::plan::{ReportPlan, ReportRun};
 use super::run::{PairFacts, RunUnits};
 use super::unit::{UnitReader, UnitRows};
-use super::BLOCK;
 use crate::accuracy::{AccuracyRow, AccuracyTally};
 use crate::csv_rows::read_rows;
 use crate::drives::{DriveRow, TrackRow};
@@ -159,7 +159,10 @@ pub fn collect_tables(
         let is_read = |table: &str| has_cells || table != "cells";
         let scenario = &plan.manifest.scenario;
         for block in 0..run.blocks(plan) {
-            let units = plan.labels().into_iter().filter_map(|label| run.unit(label, block));
+            let units = plan
+                .labels()
+                .into_iter()
+                .filter_map(|label| run.unit(label, block));
             let readers = units.map(|unit| UnitReader::open(unit, scenario, is_read));
             let mut readers = readers.collect::<Result<Vec<_>>>()?;
             if plan.is_driven() {

@@ -82,7 +82,8 @@ impl<R: Record> TableText<R> {
                 writer
             }
         };
-        rows.iter().try_for_each(|row| writer.serialize(row.values()))
+        rows.iter()
+            .try_for_each(|row| writer.serialize(row.values()))
     }
 
     fn into_bytes(self) -> Vec<u8> {
@@ -266,7 +267,9 @@ impl UnitWriter {
         self.header.parts = parts.iter().map(length).collect();
         let mut text = json(&self.header)?;
         text.push(b'\n');
-        parts.iter().for_each(|(_, bytes)| text.extend_from_slice(bytes));
+        parts
+            .iter()
+            .for_each(|(_, bytes)| text.extend_from_slice(bytes));
         write_whole(path, &[hash_bytes(&text).as_bytes(), b"\n", &text])
     }
 }
@@ -302,7 +305,8 @@ impl Unit {
         let checksum = String::from_utf8_lossy(checksum).into_owned();
         let header = split_line(text).and_then(|(line, _)| serde_json::from_slice(line).ok());
         let header: UnitHeader = header.ok_or_else(damaged)?;
-        let is_own = header.run == run && path.file_stem().is_some_and(|stem| *stem == *header.name);
+        let is_own =
+            header.run == run && path.file_stem().is_some_and(|stem| *stem == *header.name);
         if !is_own || hash_bytes(text) != checksum {
             return Err(damaged());
         }
@@ -337,7 +341,9 @@ impl Unit {
     /// [`Error::Io`], [`Error::Format`].
     pub fn pictures(&self) -> Result<Option<BlockPictures>> {
         let pictures = self.parts(|part| part == PICTURES)?.remove(PICTURES);
-        let parsed = pictures.map(|text| serde_json::from_slice(&text)).transpose();
+        let parsed = pictures
+            .map(|text| serde_json::from_slice(&text))
+            .transpose();
         parsed.map_err(|e| Error::format(&self.path, e.to_string()))
     }
 

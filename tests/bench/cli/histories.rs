@@ -205,7 +205,9 @@ impl History {
         ));
         let paths = match is_truth {
             true => vec![truth_path(folder, i)],
-            false => ["left", "right"].map(|side| image_path(folder, side, i)).to_vec(),
+            false => ["left", "right"]
+                .map(|side| image_path(folder, side, i))
+                .to_vec(),
         };
         let before: Vec<_> = paths.iter().map(|path| self.fixture.bytes(path)).collect();
         let stored = tempfile::tempdir().unwrap();
@@ -235,14 +237,20 @@ impl History {
             both.map(|ran| ran.join().unwrap())
         });
         let is_good = |ran: &Ran| ran.code == Some(0) || ran.stderr.contains("another svl writes");
-        assert!(is_good(&one) && is_good(&two), "{}\n{}", one.stderr, two.stderr);
+        assert!(
+            is_good(&one) && is_good(&two),
+            "{}\n{}",
+            one.stderr,
+            two.stderr
+        );
     }
 
     /// A command that may write no file larger than that.
     fn fill(&mut self) {
         let kib = self.random.u64(1..200);
         let line = self.score().join("' '");
-        self.log.push(format!("'{line}' with files up to {kib} KiB"));
+        self.log
+            .push(format!("'{line}' with files up to {kib} KiB"));
         let svl = assert_cmd::cargo::cargo_bin!("svl").display();
         let text = format!("trap '' XFSZ; ulimit -f {kib}; exec {svl} '{line}' -o r");
         let mut bash = Command::new("bash");
@@ -271,7 +279,10 @@ impl History {
         self.fresh += 1;
         let fresh = format!("fresh-{}", self.fresh);
         let mut more = vec!["-o", &fresh];
-        let earlier: Vec<_> = labels[own.len()..].iter().map(|own| self.written(own)).collect();
+        let earlier: Vec<_> = labels[own.len()..]
+            .iter()
+            .map(|own| self.written(own))
+            .collect();
         for algorithm in &earlier {
             more.extend(["--algo", algorithm.as_str()]);
         }
@@ -303,7 +314,7 @@ fn label(algorithm: &str) -> &str {
 const FOLDERS: [(&str, usize); 2] = [("one", 150), ("two", 20)];
 
 fn image_path(folder: &str, side: &str, i: usize) -> String {
-    format!("{folder}/{side}_{i:03}.pgm")
+    format!("{folder}/{side}/{i:03}.pgm")
 }
 
 fn write_pair(fixture: &Fixture, folder: &str, i: usize, shift: usize) {

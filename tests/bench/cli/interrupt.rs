@@ -154,7 +154,7 @@ fn cameras_that_give_no_pair_can_be_stopped() {
 #[test]
 fn a_score_reports_what_it_had() {
     let fixture = Fixture::new();
-    fixture.write_recorded_arena("short.toml", 60);
+    fixture.write_recorded_arena("short.toml", 100);
     let rows = "reports/arena/rows.csv";
     let line = "score short.toml -q --gate --junit j.xml";
     let sealed = || !unit_files(&fixture, "reports/arena", ".unit").is_empty();
@@ -175,10 +175,16 @@ fn a_score_reports_what_it_had() {
     // An incomplete report has rows and a page, but no summary.
     let text = fixture.text(rows);
     let lines = text.lines().count();
-    assert!((2..1 + 2 * 2 * 60).contains(&lines), "{lines}");
+    assert!((2..1 + 2 * 4 * 100).contains(&lines), "{lines}");
     assert!(!fixture.path("reports/arena/summary.json").exists());
-    assert!(fixture.text("reports/arena/index.html").contains("interrupted"));
-    fixture.svl("report reports/arena").failed(4, &["not whole"]);
+    assert!(
+        fixture
+            .text("reports/arena/index.html")
+            .contains("interrupted")
+    );
+    fixture
+        .svl("report reports/arena")
+        .failed(4, &["not whole"]);
 }
 
 #[test]

@@ -106,7 +106,9 @@ fn images_without_partners_outside_the_range_are_no_losses() {
         &fixture,
         "bag.mcap",
         0..60,
-        (0..60).filter(|i| ![15, 16].contains(i)), 0);
+        (0..60).filter(|i| ![15, 16].contains(i)),
+        0,
+    );
     for (range, lost) in [
         ("", 2),
         ("--from 0.4", 2),
@@ -136,7 +138,13 @@ fn images_without_partners_outside_the_range_are_no_losses() {
 #[test]
 fn one_image_of_two_hundred_may_be_allowed() {
     let fixture = Fixture::new();
-    write_bag(&fixture, "bag.mcap", 0..200, (0..200).filter(|i| *i != 77), 0);
+    write_bag(
+        &fixture,
+        "bag.mcap",
+        0..200,
+        (0..200).filter(|i| *i != 77),
+        0,
+    );
     // One of 200 pairs read is 0.5 %.
     for (allowed, code) in [
         ("", 4),

@@ -12,7 +12,8 @@ fn untimed(text: &str) -> String {
     let mut lines = csv::Reader::from_reader(text.as_bytes());
     let heads = lines.headers().unwrap().clone();
     let but = ["_us", "_ms", "_s", "outliers", "memory_mb", "session"];
-    let is_kept = |head: &str| head == "stood_s" || but.iter().all(|ending| !head.ends_with(ending));
+    let is_kept =
+        |head: &str| head == "stood_s" || but.iter().all(|ending| !head.ends_with(ending));
     let mut kept = String::new();
     for line in lines.records() {
         let line = line.unwrap();
@@ -42,7 +43,11 @@ pub(super) fn unit_files(fixture: &Fixture, report: &str, extension: &str) -> Ve
     let mut files = Vec::new();
     let units = fixture.path(&format!("{report}/units"));
     for folder in std::fs::read_dir(units).into_iter().flatten().flatten() {
-        for file in std::fs::read_dir(folder.path()).into_iter().flatten().flatten() {
+        for file in std::fs::read_dir(folder.path())
+            .into_iter()
+            .flatten()
+            .flatten()
+        {
             let [folder, file] = [folder.file_name(), file.file_name()];
             let [folder, file] = [&folder, &file].map(|name| name.to_str().unwrap());
             files.push(format!("{report}/units/{folder}/{file}"));
@@ -56,7 +61,15 @@ pub(super) fn unit_files(fixture: &Fixture, report: &str, extension: &str) -> Ve
 /// Two reports are the same, without times, dates and sessions; `what` is shown otherwise.
 #[track_caller]
 pub(super) fn assert_same_report(fixture: &Fixture, reports: [&str; 2], what: &str) {
-    let tables = ["rows", "cells", "failures", "checkpoints", "verdicts", "algorithms", "summary"];
+    let tables = [
+        "rows",
+        "cells",
+        "failures",
+        "checkpoints",
+        "verdicts",
+        "algorithms",
+        "summary",
+    ];
     for table in tables.into_iter().chain(["drives", "tracks"]) {
         let [own, other] = reports.map(|report| {
             let name = format!("{report}/{table}.csv");
@@ -139,7 +152,7 @@ fn map(px: f32) -> Vec<u8> {
 /// Three pairs of images in `folder`, and maps in `maps`.
 fn write_pairs(fixture: &Fixture, folder: &str) {
     for i in 0..3 {
-        let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}_{i}.pgm"));
+        let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}/{i}.pgm"));
         fixture.write_pair(&left, &right, SIZE, 3);
         fixture.write(&format!("maps/{i}.npy"), map(3.0));
     }
@@ -207,10 +220,10 @@ const CASES: &[Case] = &[
             write_pairs(fixture, "images");
             fixture.write("p/empty.txt", "");
         },
-        first: "p --left ../images/left_*.pgm --right ../images/right_*.pgm \
+        first: "p --left ../images/left/*.pgm --right ../images/right/*.pgm \
                 --algo bm:max_disparity=8",
-        between: |fixture| change_all(fixture, "images", change_pixels),
-        second: "p --left ../images/left_*.pgm --right ../images/right_*.pgm \
+        between: |fixture| change_all(fixture, "images/right", change_pixels),
+        second: "p --left ../images/left/*.pgm --right ../images/right/*.pgm \
                  --algo bm:max_disparity=8",
         code: 0,
     },
@@ -292,9 +305,11 @@ fn results_of_earlier_options_are_found_again() {
     assert!(!matched(" --every 2"));
     assert_eq!(fixture.text("r/rows.csv").lines().count(), 1 + 2);
     // An algorithm more of the same options stands beside the earlier one.
-    assert!(fixture.run("score p --algo v3:max_disparity=8 --every 2 --rerun none -o r").contains(
-        "in the report already bm:max_disparity=8"
-    ));
+    assert!(
+        fixture
+            .run("score p --algo v3:max_disparity=8 --every 2 --rerun none -o r")
+            .contains("in the report already bm:max_disparity=8")
+    );
     assert_eq!(fixture.text("r/rows.csv").lines().count(), 1 + 2 * 2);
     // Pruned, the folder has the last command's alone.
     let ran = fixture.svl("score p --algo v3:max_disparity=8 --every 2 --rerun none -o r --prune");
@@ -309,7 +324,7 @@ fn the_pairs_of_copies_are_compared_and_nothing_is_matched() {
     write_pairs(&fixture, "p");
     let line = format!("score p{BM} --rerun none -o r");
     fixture.run(&line);
-    for name in ["left_1.pgm", "right_2.pgm"] {
+    for name in ["left/1.pgm", "right/2.pgm"] {
         let path = format!("p/{name}");
         let bytes = fixture.bytes(&path);
         std::fs::remove_file(fixture.path(&path)).unwrap();

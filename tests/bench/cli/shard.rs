@@ -2,6 +2,7 @@
 
 use super::fixture::{Fixture, assert_says};
 use super::results::{assert_same_report, unit_files};
+use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -155,17 +156,16 @@ fn a_workflow_is_that_of_its_scenario_and_its_options_also_after_a_kill() {
         return;
     };
     // Killed as its first shard is whole, and looked at.
-    let mut killed = command
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
+    let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut killed = command.process_group(0).spawn().unwrap();
     let began = Instant::now();
     while unit_files(&fixture, "s/short/part-1-of-4", ".unit").is_empty() {
         assert!(began.elapsed() < Duration::from_secs(120), "it never began");
         std::thread::sleep(Duration::from_millis(20));
     }
-    killed.kill().unwrap();
+    let group = format!("-{}", killed.id());
+    let kill = Command::new("kill").args(["-KILL", "--", &group]).status();
+    assert!(kill.unwrap().success());
     killed.wait().unwrap();
     fixture
         .svl("report s/short/part-1-of-4")

@@ -34,7 +34,11 @@ pub(super) fn poses(
         Some(real.parent()?.parent()?.join("poses").join(name))
     };
     let places = [Some(real.join("poses.txt")), sequence_poses()];
-    let Some(path) = places.into_iter().flatten().find(|path| inputs::is_file(path)) else {
+    let Some(path) = places
+        .into_iter()
+        .flatten()
+        .find(|path| inputs::is_file(path))
+    else {
         return none();
     };
     let calib = folder.join(CALIB);
