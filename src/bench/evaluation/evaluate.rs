@@ -27,7 +27,9 @@ impl EvaluationPlan<'_> {
     /// Those of sources, algorithms and files that leave no report. Results before an error during
     /// the run are reported, see [`Evaluation::ran`].
     pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
+        let units = Units::for_report(self.folder);
         remove_links(self.folder, &REPORT)?;
+        units.remove_links()?;
         let measure = match &self.scenario.source {
             ScenarioSource::Drive { .. } => drives::measure,
             _ => scored_runs::measure,
@@ -38,7 +40,6 @@ impl EvaluationPlan<'_> {
             has_matched,
         } = measure(self, console)?;
         // Shards may share the folder: the last one builds the report.
-        let units = Units::for_report(self.folder);
         let _lock = self.shard.map(|_| units.lock()).transpose()?;
         session.finish()?;
         if self.prune {

@@ -246,6 +246,26 @@ impl Units {
         Ok(())
     }
 
+    /// Removes links in the place of folders: what they lead to is neither written nor taken.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remove_links(&self) -> Result<()> {
+        let below = entries(&self.folder)?;
+        for path in below
+            .iter()
+            .chain([&self.folder])
+            .filter(|path| path.is_symlink())
+        {
+            tracing::warn!(
+                "{}: is a link, which svl does not follow: removed",
+                path.display()
+            );
+            remove_file(path)?;
+        }
+        Ok(())
+    }
+
     /// The number of folders of other runs than those of the report.
     ///
     /// # Errors

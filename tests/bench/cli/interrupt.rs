@@ -1,7 +1,7 @@
 //! Ctrl-C, as the terminal sends it.
 #![cfg(unix)]
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, assert_says};
 use super::results::unit_files;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -177,11 +177,7 @@ fn a_score_reports_what_it_had() {
     let lines = text.lines().count();
     assert!((2..1 + 2 * 4 * 100).contains(&lines), "{lines}");
     assert!(!fixture.path("reports/arena/summary.json").exists());
-    assert!(
-        fixture
-            .text("reports/arena/index.html")
-            .contains("interrupted")
-    );
+    assert_says(&fixture.text("reports/arena/index.html"), &["not whole"]);
     fixture
         .svl("report reports/arena")
         .failed(4, &["not whole"]);

@@ -23,6 +23,7 @@ mod folder_truth;
 mod help;
 mod histories;
 mod info;
+mod inputs;
 pub mod interrupt;
 mod label;
 mod live;

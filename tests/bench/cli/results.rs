@@ -170,7 +170,6 @@ fn change_map(bytes: &mut Vec<u8>) {
 
 /// What is done to a folder between two commands, of which the second has to be as fresh.
 struct Case {
-    what: &'static str,
     prepare: fn(&Fixture),
     /// Without `-o`.
     first: &'static str,
@@ -181,9 +180,33 @@ struct Case {
 
 const BM: &str = " --algo bm:max_disparity=8";
 
-const CASES: &[Case] = &[
-    Case {
-        what: "another range and another algorithm",
+/// Puts a bag with other pictures in the place of one, of its size and with its time.
+fn replace_bag(fixture: &Fixture) {
+    write_bag(fixture, "other.mcap", 0..20, 0..20, 7);
+    let bytes = fixture.bytes("other.mcap");
+    replace_with_time(&fixture.path("bag.mcap"), &bytes);
+}
+
+/// The report of the second command is that of a fresh run.
+#[track_caller]
+fn check(case: &Case) {
+    let fixture = Fixture::new();
+    (case.prepare)(&fixture);
+    let score = |line: &str, report: &str| {
+        fixture.svl(&format!("score {line} --rerun none -q -o {report}"))
+    };
+    score(case.first, "r");
+    (case.between)(&fixture);
+    for report in ["r", "fresh"] {
+        let ran = score(case.second, report);
+        assert_eq!(ran.code, Some(case.code), "{}", ran.stderr);
+    }
+    assert_same_report(&fixture, ["r", "fresh"], case.second);
+}
+
+#[test]
+fn another_range_keeps_no_pairs_back() {
+    check(&Case {
         prepare: |fixture| drop(fixture.write_recorded_arena("short.toml", 70)),
         first: "short.toml --seeds 1 --algo v3",
         between: |fixture| {
@@ -191,9 +214,12 @@ const CASES: &[Case] = &[
         },
         second: "short.toml --seeds 1 --algo v3",
         code: 0,
-    },
-    Case {
-        what: "the losses of another range",
+    });
+}
+
+#[test]
+fn losses_belong_to_their_range() {
+    check(&Case {
         prepare: |fixture| {
             let rights = (0..20).filter(|i| *i != 5);
             write_bag(fixture, "bag.mcap", 0..20, rights, 0);
@@ -205,89 +231,82 @@ const CASES: &[Case] = &[
         },
         second: "bag.mcap --algo v3:max_disparity=8",
         code: 4,
-    },
-    Case {
-        what: "a truth in files outside the folder",
+    });
+}
+
+#[test]
+fn truths_outside_the_folder_are_inputs() {
+    check(&Case {
         prepare: |fixture| write_pairs(fixture, "p"),
         first: "p --truth ../maps/*.npy:disparity=1 --algo bm:max_disparity=8",
         between: |fixture| change_all(fixture, "maps", change_map),
         second: "p --truth ../maps/*.npy:disparity=1 --algo bm:max_disparity=8",
         code: 0,
-    },
-    Case {
-        what: "images outside the folder",
+    });
+}
+
+#[test]
+fn images_outside_the_folder_are_inputs() {
+    check(&Case {
         prepare: |fixture| {
             write_pairs(fixture, "images");
             fixture.write("p/empty.txt", "");
         },
         first: "p --left ../images/left/*.pgm --right ../images/right/*.pgm \
-                --algo bm:max_disparity=8",
+                    --algo bm:max_disparity=8",
         between: |fixture| change_all(fixture, "images/right", change_pixels),
         second: "p --left ../images/left/*.pgm --right ../images/right/*.pgm \
-                 --algo bm:max_disparity=8",
+                     --algo bm:max_disparity=8",
         code: 0,
-    },
-    Case {
-        what: "a recording of equal size and time",
+    });
+}
+
+#[test]
+fn a_recording_of_equal_size_and_time_is_another() {
+    check(&Case {
         prepare: |fixture| write_bag(fixture, "bag.mcap", 0..20, 0..20, 0),
         first: "bag.mcap --algo bm:max_disparity=8",
         between: replace_bag,
         second: "bag.mcap --algo bm:max_disparity=8",
         code: 0,
-    },
-    Case {
-        what: "a recording of equal size and time, and one algorithm more",
+    });
+}
+
+#[test]
+fn one_table_has_one_recording() {
+    check(&Case {
         prepare: |fixture| write_bag(fixture, "bag.mcap", 0..20, 0..20, 0),
         first: "bag.mcap --algo bm:max_disparity=8",
         between: replace_bag,
         second: "bag.mcap --algo bm:max_disparity=8 --algo v3:max_disparity=8",
         code: 0,
-    },
-    Case {
-        what: "maps that others computed",
+    });
+}
+
+#[test]
+fn maps_that_others_computed_are_inputs() {
+    check(&Case {
         prepare: |fixture| write_pairs(fixture, "p"),
         first: "p --algo net=files:maps/*.npy",
         between: |fixture| change_all(fixture, "maps", change_map),
         second: "p --algo net=files:maps/*.npy",
         code: 0,
-    },
-    Case {
-        what: "a calibration that appears beside the pairs",
+    });
+}
+
+#[test]
+fn a_calibration_that_appears_is_an_input() {
+    check(&Case {
         prepare: |fixture| write_pairs(fixture, "p"),
         first: "p --algo bm:max_disparity=8",
         between: |fixture| {
             let calib = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\n\
-                         doffs=0\nbaseline=100\nwidth=40\nheight=24\nndisp=16\n";
+                             doffs=0\nbaseline=100\nwidth=40\nheight=24\nndisp=16\n";
             fixture.write("p/calib.txt", calib);
         },
         second: "p --algo bm:max_disparity=8",
         code: 0,
-    },
-];
-
-/// Puts a bag with other pictures in the place of one, of its size and with its time.
-fn replace_bag(fixture: &Fixture) {
-    write_bag(fixture, "other.mcap", 0..20, 0..20, 7);
-    let bytes = fixture.bytes("other.mcap");
-    replace_with_time(&fixture.path("bag.mcap"), &bytes);
-}
-
-#[test]
-fn a_report_is_that_of_what_is_there_now() {
-    for case in CASES {
-        let fixture = Fixture::new();
-        (case.prepare)(&fixture);
-        let score = |line: &str, report: &str| {
-            fixture.svl(&format!("score {line} --rerun none -q -o {report}"))
-        };
-        score(case.first, "r");
-        (case.between)(&fixture);
-        for report in ["r", "fresh"] {
-            let ran = score(case.second, report);
-            assert_eq!(ran.code, Some(case.code), "{}: {}", case.what, ran.stderr);
-        }
-        assert_same_report(&fixture, ["r", "fresh"], case.what);
-    }
+    });
 }
 
 #[test]
