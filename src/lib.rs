@@ -24,12 +24,12 @@ pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
     rectify, statistics, stereo, timing,
 };
-pub use svl_files::{self as files, BuildInfo, overlay, slow_profile};
+pub use svl_files::{self as files, BuildInfo, outputs, overlay, slow_profile};
 pub use svl_grab as grab;
 #[cfg(feature = "ros2")]
 pub use svl_live::dds;
 pub use svl_recording as recording;
-pub use svl_report::{self as report, outputs};
+pub use svl_report as report;
 pub use svl_score::{
     agreement, bootstrap, judge as score, losses, manifest, memory, plausibility, resize, scenario,
 };

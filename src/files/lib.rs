@@ -10,6 +10,7 @@ pub mod ffmpeg;
 mod image;
 mod jpeg;
 mod npz;
+pub mod outputs;
 pub mod overlay;
 pub mod pairing;
 mod pfm;

@@ -13,11 +13,11 @@ use super::units::{
     made_of, read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
-use crate::outputs::{FolderRule, remove_links, write, write_json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
+use svl_files::outputs::{FolderRule, remove_links, write, write_json};
 use svl_score::judge::{ColumnChoice, MatchFailure, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};

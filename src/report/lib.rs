@@ -8,12 +8,14 @@
 //! ```
 
 mod accuracy;
+mod agreed;
 mod algorithm_parameters;
 mod answer;
 mod build;
 pub mod calibration;
 mod cases;
 mod cautions;
+mod checkpoints;
 mod choice;
 mod columns;
 pub mod compare;
@@ -26,7 +28,6 @@ mod junit;
 mod lead;
 mod maps;
 mod markdown;
-pub mod outputs;
 pub mod page;
 pub mod plot;
 mod reliability;

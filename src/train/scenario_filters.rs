@@ -10,7 +10,7 @@ use svl_bench::source::ArenaSource;
 use svl_core::filter::FilterModel;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
-use svl_report::outputs::write;
+use svl_files::outputs::write;
 use svl_score::manifest::hash;
 use svl_score::scenario::{Scenario, ScenarioFilter, ScenarioSource};
 

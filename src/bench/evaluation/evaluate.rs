@@ -5,7 +5,7 @@ use super::session::{EvaluationSession, MeasuredUnits};
 use super::{drives, scored_runs};
 use crate::console::Console;
 use svl_core::{Result, counted, joined};
-use svl_report::outputs::{Outputs, remove_links};
+use svl_files::outputs::{Outputs, remove_links};
 use svl_report::units::Units;
 use svl_report::{BuildOptions, BuiltReport, REPORT, build};
 use svl_score::scenario::ScenarioSource;

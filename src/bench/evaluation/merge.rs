@@ -14,6 +14,8 @@ struct FoundPart {
     folder: PathBuf,
     units: Units,
     plan: ReportPlan,
+    /// That of the plan, with the programs of its algorithms.
+    manifest: Manifest,
     runs: Vec<RunUnits>,
     sessions: Vec<Manifest>,
 }
@@ -28,7 +30,6 @@ impl Parts {
         let parts = folders.iter().map(|folder| FoundPart::read(folder));
         let parts = Self(parts.collect::<Result<_>>()?);
         parts.check_run()?;
-        parts.check_programs()?;
         parts.check_inputs()?;
         parts.check_whole()?;
         Ok(parts)
@@ -71,11 +72,13 @@ impl Parts {
         units.write_plan(&first.plan)
     }
 
+    /// Refuses parts of other options or programs, and warns of programs that are not known.
     fn check_run(&self) -> Result<()> {
         let first = &self.0[0];
         for found in &self.0[1..] {
-            let mut differences =
-                (first.plan.manifest).differences(&found.plan.manifest, Purpose::Merge)?;
+            let mut differences = first
+                .manifest
+                .differences(&found.manifest, Purpose::Merge)?;
             if differences.is_empty() && first.plan.digest() != found.plan.digest() {
                 differences.push("its options".to_owned());
             }
@@ -88,36 +91,18 @@ impl Parts {
                 )));
             }
         }
-        Ok(())
-    }
-
-    /// Refuses parts that ran different programs, and warns of those that may have.
-    fn check_programs(&self) -> Result<()> {
-        for label in self.0[0].plan.labels() {
-            let part_program = |part: &FoundPart| {
-                let program = part.program(label)?;
-                Some((part.folder.clone(), program))
-            };
-            let programs: Vec<_> = self.0.iter().filter_map(part_program).collect();
-            let Some((folder, first)) = programs.first() else {
-                continue;
-            };
-            let other = programs
-                .iter()
-                .find(|(_, program)| program.identity() != first.identity());
-            if let Some((other, program)) = other {
-                return Err(Error::Invalid(format!(
-                    "{}: is not of the same run as {}: {label}: {} and {}",
-                    other.display(),
-                    folder.display(),
-                    first.identity(),
-                    program.identity()
-                )));
-            }
-            if programs.len() > 1 && first.version.is_none() && first.model.is_none() {
+        for record in first
+            .manifest
+            .algorithms
+            .iter()
+            .filter(|_| self.0.len() > 1)
+        {
+            let is_unknown = |own: &ProgramRecord| own.version.is_none() && own.model.is_none();
+            if record.program.as_ref().is_some_and(is_unknown) {
                 tracing::warn!(
-                    "{label}: its program reports no version and no model, so the parts may have \
-                     run different programs"
+                    "{}: its program reports no version and no model, so the parts may have run \
+                     different programs",
+                    record.label
                 );
             }
         }
@@ -206,23 +191,21 @@ impl FoundPart {
                 "{shown}: is incomplete: {error}; run it again"
             )));
         }
+        let sessions: Vec<_> = sessions.into_iter().map(|own| own.manifest).collect();
+        let mut manifest = plan.manifest.clone();
+        for record in &mut manifest.algorithms {
+            let own = sessions.iter().flat_map(|session| &session.algorithms);
+            let own = own.filter(|own| own.label == record.label);
+            record.program = own.filter_map(|own| own.program.clone()).next_back();
+        }
         Ok(Self {
             folder: folder.to_owned(),
             units,
             plan,
             runs,
-            sessions: sessions
-                .into_iter()
-                .map(|session| session.manifest)
-                .collect(),
+            manifest,
+            sessions,
         })
-    }
-
-    /// The program behind an algorithm.
-    fn program(&self, label: &str) -> Option<ProgramRecord> {
-        let records = self.sessions.iter().flat_map(|session| &session.algorithms);
-        let own = records.filter(|record| record.label == label);
-        own.filter_map(|record| record.program.clone()).next_back()
     }
 }
 

@@ -96,7 +96,6 @@ fn every_file_that_is_opened_is_an_input() {
         ("data/pairs", 7),
         ("data/pairs --truth ../truth/*.npy:disparity=1", 10),
         ("data/pairs --algo net=files:data/maps/*.npy", 10),
-        ("data/pairs --calib data/cones/calib.txt", 7),
         ("scenes.toml --data data", 3),
         ("data/mav0", 6),
         ("data/bag.mcap", 1),

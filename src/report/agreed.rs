@@ -1,0 +1,83 @@
+//! The cells of an algorithm that agree with the others', where there is no truth.
+
+use crate::rows::{CellRow, Row};
+use svl_core::Result;
+use svl_core::depth::GridSettings;
+use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
+use svl_score::judge::{Checkpoint, agreed_cells};
+use svl_score::manifest::Manifest;
+
+/// The rules of the scenario by which its frames were scored.
+pub(crate) struct ScoreRule {
+    shape: GridShape,
+    pub(crate) cells: CellRule,
+    pub(crate) checkpoints: Vec<Checkpoint>,
+}
+
+impl ScoreRule {
+    pub(crate) fn new(manifest: &Manifest) -> Result<Self> {
+        Ok(Self {
+            shape: manifest
+                .part::<GridSettings>("grid")?
+                .unwrap_or_default()
+                .shape(),
+            cells: manifest.part("cells")?.unwrap_or_default(),
+            checkpoints: manifest.part("checkpoint")?.unwrap_or_default(),
+        })
+    }
+
+    /// Sets, without truth, the share of cells that agree with the median of the other algorithms.
+    pub(crate) fn add_agreed(&self, rows: &mut [Row], cells: &[CellRow], has_rig: bool) {
+        for row in rows.iter_mut() {
+            row.metrics.set("agreed", None);
+        }
+        // A median needs at least two others.
+        if rows.len() < 3 || rows.iter().any(|row| row.truth.is_some()) {
+            return;
+        }
+        let grid = |row: &Row| {
+            let own = cells.iter().filter(|cell| cell.algorithm == row.algorithm);
+            depth_grid(own, self.shape)
+        };
+        let grids: Vec<_> = rows.iter().map(grid).collect();
+        let rule = self.cells.for_rig(has_rig);
+        for (i, row) in rows.iter_mut().enumerate() {
+            let others = grids.iter().enumerate().filter(|(j, _)| *j != i);
+            let others: Vec<_> = others.filter_map(|(_, grid)| grid.as_ref()).collect();
+            if let Some(own) = &grids[i] {
+                let agreed = agreed_cells(own, &others, rule) as f64 / self.shape.cells() as f64;
+                row.metrics.set("agreed", Some(agreed));
+            }
+        }
+    }
+}
+
+/// The grid of these rows; none unless all its cells are there.
+fn depth_grid<'a>(rows: impl Iterator<Item = &'a CellRow>, shape: GridShape) -> Option<DepthGrid> {
+    let mut cells = vec![None; shape.cells()];
+    for row in rows {
+        let (column, line) = (row.column as usize, row.row as usize);
+        if column >= shape.columns || line >= shape.rows {
+            return None;
+        }
+        let depth = match (row.median_px, row.p20_px, row.p80_px) {
+            (Some(median_px), Some(p20_px), Some(p80_px)) => Some(CellDepth {
+                median_px: median_px as f32,
+                p20_px: p20_px as f32,
+                p80_px: p80_px as f32,
+                distance_m: row.distance_m,
+            }),
+            _ => None,
+        };
+        cells[line * shape.columns + column] = Some(Cell {
+            valid_share: row.valid_share,
+            depth,
+            probability: row.probability,
+            too_close: row.state == Some(CellState::TooClose),
+            near: row.near_probability,
+            ..Cell::UNKNOWN
+        });
+    }
+    let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;
+    DepthGrid::new(shape, cells).ok()
+}
