@@ -102,7 +102,8 @@ fn note(path: &Path, state: impl FnOnce() -> FileState) {
         let mut stamps = log.lock();
         if !stamps.contains_key(path) {
             let stamp = FileStamp {
-                path: path.to_owned(),
+                // A name that is not UTF-8 is not found again: its file counts as changed.
+                path: path.to_string_lossy().into_owned(),
                 state: state(),
             };
             stamps.insert(path.to_owned(), stamp);
@@ -113,7 +114,7 @@ fn note(path: &Path, state: impl FnOnce() -> FileState) {
 /// A file as it was when it was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileStamp {
-    path: PathBuf,
+    path: String,
     state: FileState,
 }
 
@@ -149,12 +150,12 @@ pub enum FileChange {
 impl FileStamp {
     /// The path by which it was opened.
     pub fn path(&self) -> &Path {
-        &self.path
+        Path::new(&self.path)
     }
 
     /// What has become of the file.
     pub fn change(&self) -> FileChange {
-        let now = FileState::read(&self.path);
+        let now = FileState::read(self.path());
         match (&self.state, &now) {
             (
                 FileState::File {

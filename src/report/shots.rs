@@ -37,7 +37,7 @@ pub fn for_runs(
     for (i, run) in runs.iter().enumerate() {
         for unit in run.all() {
             if let Some(pictures) = unit.pictures()? {
-                chosen.add(i, unit, pictures);
+                chosen.add((i, run), unit, pictures);
             }
         }
     }
@@ -151,13 +151,19 @@ impl ChosenPictures {
         })
     }
 
-    fn add(&mut self, run: usize, unit: &Unit, pictures: BlockPictures) {
-        let place = |sequence: u64| {
-            let place = unit
+    /// Adds the pictures of a unit of a run, with the place of the run.
+    fn add(&mut self, (run, own): (usize, &RunUnits), unit: &Unit, pictures: BlockPictures) {
+        let first = unit.block * BLOCK;
+        let pairs = || {
+            own.facts
                 .pairs
                 .iter()
-                .position(|pair| pair.sequence == sequence)?;
-            Some(unit.block * BLOCK + place as u64)
+                .skip(first as usize)
+                .take(BLOCK as usize)
+        };
+        let place = |sequence: u64| {
+            let place = pairs().position(|pair| pair.sequence == sequence)?;
+            Some(first + place as u64)
         };
         for shot in pictures.checkpoints {
             if let Some(place) = place(shot.sequence) {

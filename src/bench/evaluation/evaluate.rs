@@ -40,7 +40,7 @@ impl EvaluationPlan<'_> {
             has_matched,
         } = measure(self, console)?;
         // Shards may share the folder: the last one builds the report.
-        let _lock = self.shard.map(|_| units.lock()).transpose()?;
+        let _lock = self.shard.and_then(|_| units.lock());
         session.finish()?;
         if self.prune {
             units.prune(&session.runs)?;

@@ -176,7 +176,7 @@ impl EvaluationSession {
         if is_same {
             facts.join(known);
         }
-        self.load(i, Some(facts))?;
+        self.load(i, facts)?;
         self.read.insert(i);
         Ok(())
     }
@@ -187,7 +187,7 @@ impl EvaluationSession {
     /// As [`Self::set_facts`].
     pub(super) fn store_facts(&mut self, i: usize, facts: RunFacts) -> Result<()> {
         // Another shard may have written its own.
-        let _lock = self.shard.as_ref().map(|_| self.units.lock()).transpose()?;
+        let _lock = self.shard.as_ref().and_then(|_| self.units.lock());
         let known = self.units.facts(&self.list.runs[i])?;
         if let Some(known) = known.filter(|_| self.shard.is_some()) {
             self.runs[i].facts = known;
@@ -196,13 +196,9 @@ impl EvaluationSession {
         self.write_facts(i)
     }
 
-    /// Reads the units of a run again, with other facts if these are given.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    fn load(&mut self, i: usize, facts: Option<RunFacts>) -> Result<()> {
+    /// Reads the units of a run again, with these facts.
+    fn load(&mut self, i: usize, facts: RunFacts) -> Result<()> {
         let run = self.list.runs[i].clone();
-        let facts = facts.unwrap_or_else(|| std::mem::take(&mut self.runs[i].facts));
         let (units, list) = (&self.units, &self.list);
         let found = RunUnits::of_facts(units, list, &run, &self.sessions, facts, |_| ())?;
         self.runs[i] = self.kept(found);
@@ -215,7 +211,7 @@ impl EvaluationSession {
     /// [`Error::Io`].
     pub(super) fn reload(&mut self, i: usize) -> Result<()> {
         let facts = self.units.facts(&self.list.runs[i])?;
-        self.load(i, facts)
+        self.load(i, facts.unwrap_or_default())
     }
 
     /// The identifier of the folder's first session.

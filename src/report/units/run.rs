@@ -139,7 +139,7 @@ impl RunUnits {
                 let name = algorithm.unit_name(block, &found.facts.pairs);
                 let path = folder.unit_path(run, &name);
                 let unit = match Unit::read(&path, &run.digest) {
-                    Ok(Some(unit)) => unit,
+                    Ok(Some(unit)) => unit.without_pairs(),
                     Ok(None) => continue,
                     Err(_) => {
                         damaged(path);
@@ -327,5 +327,62 @@ impl RunWarning {
             true => self.text.clone(),
             false => format!("{}: {}", named.join(", "), self.text),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_named_by_what_its_rows_depend_on() {
+        let pair = |number: u64| PairFacts {
+            sequence: number,
+            hash: number.to_string(),
+            ..PairFacts::default()
+        };
+        let pairs: Vec<_> = (0..100).map(pair).collect();
+        let mut other = pairs.clone();
+        other[3].hash = "other".to_owned();
+        let mut mapped = pairs.clone();
+        mapped[70].maps = BTreeMap::from([("files:a".to_owned(), "map".to_owned())]);
+        // What the algorithm is, the pairs that differ, and the blocks whose names differ then.
+        for (has_run_memory, maps, changed, blocks) in [
+            (false, None, &other, vec![0]),
+            (true, None, &other, vec![0, 1]),
+            (false, None, &mapped, vec![]),
+            (false, Some("files:a"), &mapped, vec![1]),
+        ] {
+            let algorithm = PlannedAlgorithm {
+                label: "a",
+                digest: "digest".to_owned(),
+                has_run_memory,
+                maps: maps.map(str::to_owned),
+            };
+            let name = |pairs, block| algorithm.unit_name(block, pairs);
+            let differ = (0..2).filter(|block| name(&pairs, *block) != name(changed, *block));
+            assert_eq!(differ.collect::<Vec<_>>(), blocks);
+        }
+    }
+
+    #[test]
+    fn warnings_of_one_text_are_those_of_their_algorithms() {
+        let algorithm = |label| PlannedAlgorithm {
+            label,
+            digest: format!("digest of {label}"),
+            has_run_memory: false,
+            maps: None,
+        };
+        let algorithms = ["bm", "v3"].map(algorithm);
+        let warning = |text: &str| RunWarning::new(text.to_owned(), &algorithms);
+        assert_eq!(warning("bm on pair 3: too dark"), None);
+        assert_eq!(warning("run: dark").unwrap().text, "run: dark");
+        let mut all = Vec::new();
+        for text in ["bm: short", "v3: short", "bm, v3: short"] {
+            warning(text).unwrap().add_to(&mut all);
+        }
+        assert_eq!(all.len(), 1);
+        assert_eq!(all[0].algorithms, ["digest of bm", "digest of v3"]);
+        assert_eq!(all[0].words(&["digest of v3"]), "digest of v3: short");
     }
 }

@@ -68,13 +68,11 @@ impl Units {
         self.report.join(REPORT_LIST).is_file()
     }
 
-    /// Waits until no other process builds the report or changes its list.
-    ///
-    /// # Errors
-    /// The folder cannot be locked.
-    pub fn lock(&self) -> Result<File> {
+    /// Waits until no other process builds the report or writes facts. Where folders cannot be
+    /// opened or locked, nothing does.
+    pub fn lock(&self) -> Option<File> {
         let locked = File::open(&self.folder).and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|e| Error::io(&self.folder, e))
+        locked.ok()
     }
 
     /// The list of the report.

@@ -10,6 +10,7 @@ use crate::csv_rows::{RowReader, csv_error};
 use crate::drives::{CoursePlan, DriveRow, TrackRow};
 use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
@@ -52,44 +53,21 @@ const PICTURES: &str = "pictures";
 /// The form of the files; a change of [`BlockPictures`] or of a header changes it.
 const FORM: &str = "units with checksums, pictures with truth and errors";
 
-/// The text of a table.
-struct TableText<R> {
-    writer: Option<csv::Writer<Vec<u8>>>,
-    row: std::marker::PhantomData<R>,
-}
+/// The text of a table, once it has a row.
+type TableText = Option<csv::Writer<Vec<u8>>>;
 
-impl<R> Default for TableText<R> {
-    fn default() -> Self {
-        Self {
-            writer: None,
-            row: std::marker::PhantomData,
+fn push_rows<R: Record>(text: &mut TableText, rows: &[R]) -> csv::Result<()> {
+    let is_new = text.is_none();
+    let mut builder = csv::WriterBuilder::new();
+    let new = || builder.has_headers(false).from_writer(Vec::new());
+    if let Some(writer) = (!rows.is_empty()).then(|| text.get_or_insert_with(new)) {
+        if is_new {
+            writer.write_record(R::columns().iter().map(|column| column.name))?;
         }
-    }
-}
-
-impl<R: Record> TableText<R> {
-    fn push(&mut self, rows: &[R]) -> csv::Result<()> {
-        if rows.is_empty() {
-            return Ok(());
-        }
-        let writer = match &mut self.writer {
-            Some(writer) => writer,
-            None => {
-                let mut builder = csv::WriterBuilder::new();
-                let writer = builder.has_headers(false).from_writer(Vec::new());
-                let writer = self.writer.insert(writer);
-                writer.write_record(R::columns().iter().map(|column| column.name))?;
-                writer
-            }
-        };
         rows.iter()
-            .try_for_each(|row| writer.serialize(row.values()))
+            .try_for_each(|row| writer.serialize(row.values()))?;
     }
-
-    fn into_bytes(self) -> Vec<u8> {
-        let writer = self.writer.map(csv::Writer::into_inner);
-        writer.map_or_else(Vec::new, |bytes| bytes.expect("memory takes all"))
-    }
+    Ok(())
 }
 
 /// A row of a unit.
@@ -149,18 +127,22 @@ macro_rules! unit_tables {
 
         #[derive(Default)]
         struct UnitTexts {
-            $($table: TableText<$row>,)*
+            $($table: TableText,)*
         }
 
         impl UnitTexts {
             fn push(&mut self, rows: &UnitRows) -> csv::Result<()> {
-                $(self.$table.push(&rows.$table)?;)*
+                $(push_rows(&mut self.$table, &rows.$table)?;)*
                 Ok(())
             }
 
             fn into_parts(self) -> Vec<(String, Vec<u8>)> {
-                let parts = [$((stringify!($table).to_owned(), self.$table.into_bytes())),*];
-                parts.into_iter().filter(|(_, bytes)| !bytes.is_empty()).collect()
+                let parts = [$((stringify!($table), self.$table)),*];
+                let part = |(name, text): (&str, TableText)| {
+                    let bytes = text?.into_inner().expect("memory takes all");
+                    Some((name.to_owned(), bytes))
+                };
+                parts.into_iter().filter_map(part).collect()
             }
         }
 
@@ -348,8 +330,8 @@ impl Unit {
     }
 
     /// Those of its parts that are chosen by name.
-    fn parts(&self, is_read: impl Fn(&str) -> bool) -> Result<Parts> {
-        let mut parts = Vec::new();
+    fn parts(&self, is_read: impl Fn(&str) -> bool) -> Result<BTreeMap<String, Vec<u8>>> {
+        let mut parts = BTreeMap::new();
         if self.header.parts.iter().any(|(name, _)| is_read(name)) {
             let bytes = std::fs::read(&self.path).map_err(|e| Error::io(&self.path, e))?;
             let lengths: usize = self.header.parts.iter().map(|(_, length)| length).sum();
@@ -358,21 +340,19 @@ impl Unit {
             for (name, length) in &self.header.parts {
                 if is_read(name) {
                     let part = bytes.get(at..at + length).unwrap_or_default();
-                    parts.push((name.clone(), part.to_owned()));
+                    parts.insert(name.clone(), part.to_owned());
                 }
                 at += length;
             }
         }
-        Ok(Parts(parts))
+        Ok(parts)
     }
-}
 
-struct Parts(Vec<(String, Vec<u8>)>);
-
-impl Parts {
-    fn remove(&mut self, name: &str) -> Option<Vec<u8>> {
-        let place = self.0.iter().position(|(own, _)| own == name)?;
-        Some(self.0.swap_remove(place).1)
+    /// The unit without its pairs, which the facts of its run have.
+    #[must_use]
+    pub(super) fn without_pairs(mut self) -> Self {
+        self.header.pairs = Vec::new();
+        self
     }
 }
 

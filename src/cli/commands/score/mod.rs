@@ -114,7 +114,7 @@ pub(crate) struct Args {
     #[arg(long)]
     times: bool,
     /// Remove what the folder has of algorithms and options that are not asked for any more
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     prune: bool,
     /// Folder, new or empty, for each plot of the page as an SVG file
     #[arg(long, value_name = "DIR")]
