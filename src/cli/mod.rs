@@ -31,7 +31,9 @@ pub(crate) struct Cli {
     #[arg(long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16))]
     threads: Option<u16>,
 
-    /// More messages: -v progress, -vv details; with --version the digest of svl's sources
+    /// More messages: -v progress, -vv details
+    ///
+    /// With --version, the digest of svl's sources, which results depend on.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 

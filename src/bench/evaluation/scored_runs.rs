@@ -139,9 +139,16 @@ impl RunWork<'_> {
     /// Reads the runs again whose files are others than they were, and compares the pairs with
     /// those that results are kept of.
     fn compare_changed(&mut self) -> Result<()> {
-        let has_units = |i: usize| self.session.runs[i].all().next().is_some();
-        let runs = 0..self.runs.len();
-        let changed: Vec<_> = runs.map(|i| has_units(i) && !self.is_known(i)).collect();
+        let mut changed = vec![false; self.runs.len()];
+        for i in 0..self.runs.len() {
+            if !self.is_known(i) {
+                changed[i] = self.session.runs[i].all().next().is_some();
+                if !changed[i] {
+                    // With nothing to compare, it is read as it is matched.
+                    self.session.runs[i].facts = RunFacts::default();
+                }
+            }
+        }
         self.compare(&changed)
     }
 

@@ -100,7 +100,7 @@ fn every_file_that_is_opened_is_an_input() {
         ("data/mav0", 6),
         ("data/bag.mcap", 1),
         ("data/ros", 2),
-        ("data/own.mcap --truth none", 1),
+        ("data/own.mcap", 1),
     ]
     .into_iter()
     .enumerate()
