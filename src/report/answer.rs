@@ -2,7 +2,7 @@
 //! fastest one with its cost.
 
 use super::choice::better_first;
-use super::drives::{self, DriveRow};
+use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::lead::{Certainty, Lead, RunnerUp};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
@@ -73,7 +73,8 @@ impl Summary {
         let best = ranked[place];
         // Beside the best of the usable stands the next usable one.
         let mut others = ranked[place + 1..].iter();
-        let second = others.find(|a| place == 0 || self.is_usable(a));
+        let is_shown = place == 0 && self.kind() != RunKind::Courses;
+        let second = others.find(|a| is_shown || self.is_usable(a));
         let second = second.and_then(|second| {
             let labels = [best, second].map(|a| a.algorithm.as_str());
             let certainty = match self.kind() {
@@ -146,8 +147,8 @@ impl Summary {
         })
     }
 
-    /// True for few wrong cells and some right ones, or some pixels with a disparity; else an
-    /// algorithm is not called best.
+    /// True for few wrong cells and some right ones, or some pixels with a disparity, or some of the
+    /// courses driven; else an algorithm is not called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
         let share = |name| algorithm.value(Metric::find(name)?);
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
@@ -159,7 +160,12 @@ impl Summary {
             RunKind::Disparities => {
                 reaches("coverage", USABLE.min_coverage) && is_within("bad2", USABLE.max_bad)
             }
-            RunKind::Courses | RunKind::NoTruth => true,
+            RunKind::Courses => {
+                let mut drives = self.drives.iter();
+                let own = drives.find(|d| d.algorithm == algorithm.algorithm);
+                own.is_some_and(|own| own.has_driven)
+            }
+            RunKind::NoTruth => true,
         }
     }
 
@@ -177,6 +183,10 @@ impl Summary {
                 "at most {:.0} % pixels off > 2 px and at least {:.0} % coverage",
                 percent(USABLE.max_bad),
                 percent(USABLE.min_coverage)
+            ),
+            RunKind::Courses => format!(
+                "at least {:.0} % of the courses' length driven",
+                percent(MIN_DRIVEN)
             ),
             _ => format!(
                 "at most {:.0} % wrong and at least {:.0} % right cells",

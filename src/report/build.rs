@@ -313,7 +313,7 @@ impl Report<'_> {
             let failed = failures.iter().filter(|row| row.algorithm == label).count() as u64;
             let pairs = if plan.is_driven() {
                 let own = drives.iter().filter(|drive| drive.algorithm == label);
-                own.map(|drive| drive.frames).sum()
+                own.map(|drive| drive.frames - drive.skipped).sum()
             } else {
                 rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed
             };

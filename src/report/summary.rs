@@ -359,11 +359,12 @@ impl Summary {
             }
             MetricOrigin::Drives(number) => {
                 let own = self.drives.iter().find(|d| d.algorithm == label)?;
-                Some(match number {
-                    DriveNumber::Finished => own.finished_share(),
+                match number {
+                    DriveNumber::Finished => Some(own.finished_share()),
                     DriveNumber::Collisions => own.collisions_per_100m,
                     DriveNumber::NearMisses => own.near_misses_per_100m,
-                })
+                    DriveNumber::Driven => Some(own.route_m),
+                }
             }
         }
     }

@@ -479,6 +479,9 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     };
     let rate =
         |value: f64, range: Option<Interval>| format!("{value:.1}{}", interval(range, 1.0, 1));
+    let per_100m = |value: Option<f64>, range| {
+        value.map_or_else(|| NONE.to_owned(), |value| rate(value, range))
+    };
     let mut table = Table::new("Drives", "algorithm").with_columns([
         "courses",
         "finished, %",
@@ -486,8 +489,11 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
         "near/100 m",
         "first hit, m",
         "stuck",
+        "driven, m",
         "m/s",
         "stood, %",
+        "latency, ms",
+        "skipped, %",
     ]);
     for drive in drives {
         let share = 100.0 * drive.finished_share();
@@ -495,16 +501,21 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
         let cells = [
             drive.courses.to_string(),
             format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
-            rate(drive.collisions_per_100m, drive.collisions_interval),
-            rate(drive.near_misses_per_100m, drive.near_misses_interval),
+            per_100m(drive.collisions_per_100m, drive.collisions_interval),
+            per_100m(drive.near_misses_per_100m, drive.near_misses_interval),
             if drive.collisions == 0 {
                 NONE.to_owned()
             } else {
                 first
             },
             drive.stuck.to_string(),
+            format!("{:.1} of {:.1}", drive.route_m, drive.course_m),
             format!("{:.2}", drive.speed_m_per_s),
             format!("{:.0}", 100.0 * drive.stood_share),
+            drive
+                .latency_ms
+                .map_or_else(|| NONE.to_owned(), |ms| ms.to_string()),
+            format!("{:.0}", 100.0 * drive.skipped_share),
         ];
         table.push(&drive.algorithm, cells);
     }
@@ -525,6 +536,15 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     table.note(
         "stuck",
         "number of times that the robot was stuck and was set back on the route",
+    );
+    table.note(
+        "driven",
+        "metres of the route that the robot drove itself, of its length; means over the courses",
+    );
+    table.note(
+        "latency, skipped",
+        "time from a pair's stamp until its command takes effect, without one the next pair; pairs \
+         that arrived while the algorithm was busy",
     );
     (!drives.is_empty()).then_some(table)
 }
@@ -555,7 +575,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
         }
     }
     let has_truth = own.iter().any(|s| s.right.is_some());
-    let is_driven = own.iter().any(|s| s.collisions.is_some());
+    let is_driven = own.iter().any(|s| s.finished.is_some());
     let heads = levels.iter().map(|level| match level {
         0.0 => "unperturbed".to_owned(),
         level => level.to_string(),

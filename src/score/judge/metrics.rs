@@ -217,6 +217,8 @@ pub enum DriveNumber {
     Finished,
     Collisions,
     NearMisses,
+    /// Metres of the route that the robot drove itself.
+    Driven,
 }
 
 /// Aggregation over frames; frames without a value are skipped.
@@ -932,6 +934,21 @@ pub const METRICS: &[Metric] = &[
             let words =
                 "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
             ("near/100 m", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
+    },
+    Metric {
+        name: "driven",
+        words: "metres driven",
+        head: "driven m",
+        unit: MetricUnit::M,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Driven),
+        note: Some(|_| {
+            let words = "metres of the route that the robot drove itself, per course; what it \
+                         drove twice counts once, and where it was carried not at all";
+            ("driven m", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::Courses]),
         ..DETAIL

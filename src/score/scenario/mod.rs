@@ -3,6 +3,7 @@
 mod drive;
 mod file;
 mod filter;
+mod latency;
 mod limit;
 mod pairs;
 mod recordings;
@@ -16,6 +17,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
+pub use latency::DriveLatency;
 pub use limit::Limit;
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{RecordingRun, RecordingRuns};
