@@ -315,7 +315,7 @@ pub(super) mod tests {
             ..drive(1, algorithm)
         };
         let answer = |route_m| summary(&[hits("a"), hits("b"), stands(route_m)], 1).answer();
-        let few = answer(0.6).join(" ");
+        let few = answer(0.61).join(" ");
         assert!(
             few.contains("stands has the fewest collisions (0.0 per 100 m, a"),
             "{few}"

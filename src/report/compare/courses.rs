@@ -378,7 +378,7 @@ mod tests {
     #[test]
     fn a_robot_that_stands_is_not_better() {
         let (before, mut after) = (drives(&[1; 8]), drives(&[0; 8]));
-        for (route_m, judgement) in [(0.6, Judgement::Better), (0.5, Judgement::Unclear)] {
+        for (route_m, judgement) in [(0.61, Judgement::Better), (0.59, Judgement::Unclear)] {
             after.iter_mut().for_each(|row| row.route_m = route_m);
             assert_eq!(judged_rows(&before, &after, "collisions"), judgement);
         }
