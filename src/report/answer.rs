@@ -286,7 +286,7 @@ impl Summary {
         }
         let best = &first.algorithm;
         let own = |metric| Some(value(metric, self.value(name, metric, None)?));
-        let cost = format!("{} {}", own(first.metric)?, first.metric.words);
+        let cost = format!("{} {}", own(first.metric)?, self.words(first.metric));
         let most = self.coverage_words(name, best);
         Some(format!(
             "{name} is {fast}{usable} ({time}{second_words}), with {cost}{most}."
@@ -342,7 +342,7 @@ impl Summary {
         };
         format!(
             "{most} {}{usable}{seeing} ({value}{second})",
-            lead.metric.words
+            self.words(lead.metric)
         )
     }
 

@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
-use svl_score::judge::{ColumnChoice, MatchFailure, Metric};
+use svl_score::judge::{AreaChoice, ColumnChoice, MatchFailure, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
 use svl_score::scenario::Limit;
@@ -28,6 +28,8 @@ use svl_score::scenario::Limit;
 pub struct BuildOptions<'a> {
     /// Metrics that the tables show, in place of the scenario's.
     pub columns: Option<&'a ColumnChoice>,
+    /// The cells that metrics of an area are of.
+    pub area: AreaChoice,
     /// Metric that the algorithms are sorted by.
     pub sort: Option<&'static Metric>,
     /// True if the limits of the scenario are checked.
@@ -124,8 +126,11 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
-    fn write(self, sources: Sources) -> Result<BuiltReport> {
+    fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
+        for row in &mut self.tables.rows {
+            row.metrics = row.metrics.in_area(options.area);
+        }
         let tables = &self.tables;
         let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
         let mut manifest = self.manifest();

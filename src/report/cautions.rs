@@ -38,6 +38,7 @@ impl Summary {
             .chain(failed)
             .chain(doubtful);
         parts
+            .chain(self.empty_area())
             .chain(self.nothing_near())
             .chain(profile)
             .chain(self.mixed_times())

@@ -59,9 +59,10 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
         .relative_to
         .as_deref()
         .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let area = limit.area.unwrap_or_default();
     let result = |algorithm: &AlgorithmRecord| {
         let value = match unit {
-            None => summary.value(&algorithm.label, limit.metric, limit.checkpoint),
+            None => summary.value_in(&algorithm.label, limit.metric, limit.checkpoint, area),
             Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
         };
         let keeps =
@@ -80,7 +81,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             algorithm: Some(algorithm.label.clone()),
             value,
             state,
-            scored: summary_row.and_then(AlgorithmSummary::scored),
+            scored: summary_row.and_then(|row| row.scored_for(limit.metric, area)),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
         }
     };
@@ -149,15 +150,17 @@ impl GateResult {
             algorithm,
             metric,
             checkpoint,
+            area,
             relative_to,
             ..
         } = &self.limit;
         let algorithm = self.algorithm.as_ref().unwrap_or(algorithm);
+        let area = area.map_or_else(String::new, |area| format!(" in area {area}"));
         let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
         let other = relative_to.as_ref();
         let other = other.map(|other| format!(" in units of {other}'s"));
         let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);
-        format!("{algorithm}: {}{checkpoint}{other}", metric.words)
+        format!("{algorithm}: {}{area}{checkpoint}{other}", metric.words)
     }
 
     /// The same with the kind of its bounds, without their values.
@@ -201,7 +204,12 @@ impl std::fmt::Display for GateResult {
             (_, None) => {
                 f.write_str(" is not measured in this run")?;
                 if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
-                    write!(f, ": {cells} cells have a truth")?;
+                    let area = self.limit.area.unwrap_or_default();
+                    let of_area = match self.limit.metric.by_area {
+                        true => format!(" of area {area}"),
+                        false => String::new(),
+                    };
+                    write!(f, ": {cells} cells{of_area} have a truth")?;
                 }
             }
             (_, Some(value)) => {

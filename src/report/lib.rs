@@ -10,6 +10,7 @@
 mod accuracy;
 mod algorithm_parameters;
 mod answer;
+mod areas;
 mod build;
 pub mod calibration;
 mod cases;

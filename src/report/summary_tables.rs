@@ -91,10 +91,14 @@ impl Summary {
             "AbsRel %",
             "noise m",
             "flicker %",
+            "resting",
         ]);
         let metres = |value: Option<f64>| value.map_or(NONE.to_owned(), |v| format!("{v:.3}"));
         let order = self.ranked_algorithms().into_iter();
-        let own = order.flat_map(|a| self.accuracy.iter().filter(|r| r.algorithm == a.algorithm));
+        let own = order.flat_map(|a| {
+            let rows = self.accuracy.iter();
+            rows.filter(|row| row.algorithm == a.algorithm && row.area == self.area)
+        });
         for row in own {
             let cells = [
                 row.range_words(),
@@ -105,14 +109,16 @@ impl Summary {
                 percent(row.abs_rel),
                 metres(row.noise_m),
                 percent(row.flicker),
+                row.resting.to_string(),
             ];
             table.push(&row.algorithm, cells);
         }
         table.note(
             "noise, flicker",
-            "of cells whose true distance changes by at most 1 % from an answer to the next",
+            "of the resting cells, whose true distance changes by at most 1 % from an answer to the \
+             next",
         );
-        (!self.accuracy.is_empty()).then_some(table)
+        (!table.rows.is_empty()).then_some(table)
     }
 
     /// Right cells by the probability that an algorithm gives them.
@@ -256,7 +262,7 @@ impl Summary {
             if let (false, "right", Some(right), Some(wrong)) =
                 (is_all, metric.name, named("right"), named("wrong"))
             {
-                add(TableColumn::new(metric.group, ""), &|a| {
+                add(TableColumn::new(self.group(metric), ""), &|a| {
                     let shares = value(a, right).zip(value(a, wrong));
                     let bar = |(right, wrong)| TableCell::Bar { right, wrong };
                     shares.map_or_else(|| text(String::new()), bar)
@@ -286,7 +292,7 @@ impl Summary {
                     let column = TableColumn {
                         is_optional: metric.better == Better::Neither && !is_all,
                         is_less_better: metric.better == Better::Less,
-                        ..TableColumn::new(metric.group, metric.head)
+                        ..TableColumn::new(self.group(metric), metric.head)
                     };
                     add(column, &|a| metric_cell(metric, value(a, metric)));
                 }
@@ -309,13 +315,18 @@ impl Summary {
         let rule = self.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {
-                (&column.group[..], &column.head[..]) == (metric.group, metric.head)
+                column.group == self.group(metric) && column.head == metric.head
             };
             table.columns.iter().any(own)
         };
         let shown: Vec<_> = metrics.iter().filter(is_shown).collect();
         for note in shown.iter().filter_map(|metric| metric.note) {
             let (term, meaning) = note(rule);
+            table.note(term, meaning);
+        }
+        if shown.iter().any(|metric| metric.by_area)
+            && let Some((term, meaning)) = self.area_note()
+        {
             table.note(term, meaning);
         }
         if table

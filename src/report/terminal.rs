@@ -144,6 +144,7 @@ impl Summary {
         let parts = [
             Some(pairs),
             self.scored_words(),
+            self.area_words(),
             courses.or(runs),
             Some(truth),
         ];

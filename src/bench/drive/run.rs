@@ -134,6 +134,7 @@ impl DrivePlan<'_> {
             // Perturbed pairs are not the arena's.
             hash: (self.stress.is_none())
                 .then(|| ArenaSource::hash(self.course.world().config(), seed)),
+            camera_height_m: Some(self.course.world().config().rig.above_floor_m),
             ..Header::new("drive")
         };
         let mut writer = Writer::create(path, &header, svl_recording::ImageFormat::Raw)?;

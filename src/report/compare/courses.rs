@@ -6,6 +6,7 @@ use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use svl_core::{Error, Result, counted, joined};
 use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
@@ -92,6 +93,7 @@ impl AlgorithmChange {
             other_past: 0,
             blocks: pairs.len(),
             metrics: metrics.collect(),
+            areas: BTreeMap::new(),
             checkpoints: Vec::new(),
             has_partial_checkpoints: false,
             courses: Some(CourseChanges::new(&pairs)),

@@ -1,6 +1,6 @@
 //! A limit of a run's metrics: an entry of `[[gate]]`.
 
-use crate::judge::{Metric, MetricOrigin, MetricUnit};
+use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
 use svl_core::{Error, Result};
 
@@ -17,6 +17,8 @@ pub struct Limit {
     pub metric: &'static Metric,
     /// Number of a checkpoint; `passed` without it covers all.
     pub checkpoint: Option<u32>,
+    /// The cells that a metric of scored cells is of, in place of the headline's.
+    pub area: Option<AreaChoice>,
     /// The algorithm whose median time is the unit.
     pub relative_to: Option<String>,
     /// Lower limit; fractions are 0..=1.
@@ -95,6 +97,15 @@ impl Limit {
                 ..
             } if metric.unit != MetricUnit::Ms => {
                 wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
+            }
+            Self {
+                metric,
+                area: Some(_),
+                ..
+            } if !metric.by_area => {
+                let own = METRICS.iter().filter(|metric| metric.by_area);
+                let own: Vec<_> = own.map(|metric| metric.name).collect();
+                wrong(&format!("area belongs to {}", own.join(", ")))
             }
             Self {
                 metric,
