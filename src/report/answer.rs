@@ -4,6 +4,7 @@
 use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::lead::{Certainty, Lead, RunnerUp};
+use super::prior::PriorTest;
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
 use super::summary::{AlgorithmSummary, Summary};
@@ -40,7 +41,7 @@ const MIN_FOUND: f64 = 0.5;
 pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
         RunKind::Distances => &["right", "wrong", "missed"],
-        RunKind::Disparities => &["bad2"],
+        RunKind::Disparities => &["total_bad2"],
         RunKind::Courses => &["finished", "collisions"],
         RunKind::NoTruth => &["unrivalled", "agreed"],
     };
@@ -147,9 +148,12 @@ impl Summary {
         })
     }
 
-    /// True for few wrong cells and some right ones, or some pixels with a disparity, or some of the
-    /// courses driven; else an algorithm is not called best.
+    /// True for few wrong cells and some right ones, more of them than the prior has, or some pixels
+    /// with a disparity, or some of the courses driven; else an algorithm is not called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
+        if self.behind_prior.contains(&algorithm.algorithm) {
+            return false;
+        }
         let share = |name| algorithm.value(Metric::find(name)?);
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
         let is_within = |name, max| share(name).is_none_or(|share| share <= max);
@@ -188,11 +192,17 @@ impl Summary {
                 "at least {:.0} % of the courses' length driven",
                 percent(MIN_DRIVEN)
             ),
-            _ => format!(
-                "at most {:.0} % wrong and at least {:.0} % right cells",
-                percent(USABLE.max_wrong),
-                percent(USABLE.min_right)
-            ),
+            _ => {
+                let prior = match self.prior_test {
+                    PriorTest::Tested => ", and more right minus wrong cells than the prior",
+                    _ => "",
+                };
+                format!(
+                    "at most {:.0} % wrong and at least {:.0} % right cells{prior}",
+                    percent(USABLE.max_wrong),
+                    percent(USABLE.min_right)
+                )
+            }
         }
     }
 
@@ -235,7 +245,13 @@ impl Summary {
         let passes = self.checkpoint_words();
         let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
         let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
-        let all = sentences.chain(passes).chain(fastest).chain(usable);
+        let untold = (self.prior_test == PriorTest::TooFewPairs)
+            .then(|| "Too few pairs to tell if they beat the prior.".to_owned());
+        let all = sentences
+            .chain(passes)
+            .chain(fastest)
+            .chain(usable)
+            .chain(untold);
         all.collect()
     }
 

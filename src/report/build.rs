@@ -128,7 +128,8 @@ struct Report<'a> {
 impl Report<'_> {
     fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
-        for row in &mut self.tables.rows {
+        let tables = &mut self.tables;
+        for row in tables.rows.iter_mut().chain(&mut tables.prior) {
             row.metrics = row.metrics.in_area(options.area);
         }
         let tables = &self.tables;
@@ -140,6 +141,7 @@ impl Report<'_> {
         }
         summary.add_drives(&tables.drives);
         summary.add_accuracy(&tables.accuracy);
+        summary.add_prior(&tables.prior)?;
         summary.reliability.clone_from(&tables.reliability);
         summary.latency = self.latency();
         summary.ending = self.ending()?;
@@ -153,6 +155,7 @@ impl Report<'_> {
         if let Some(metric) = options.sort {
             summary.sort_by(metric);
         }
+        summary.test_prior(&tables.rows, &tables.prior);
         summary.find_leads(&tables.rows, &tables.drives);
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&tables.rows, &run.name);

@@ -40,6 +40,7 @@ impl Summary {
         parts
             .chain(self.empty_area())
             .chain(self.nothing_near())
+            .chain(self.prior_words())
             .chain(profile)
             .chain(self.mixed_times())
             .chain(self.slow_drivers())

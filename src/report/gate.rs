@@ -1,6 +1,7 @@
 //! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
 use super::junit::{TestCase, TestResult};
+use super::prior::PRIOR;
 use super::summary::{AlgorithmSummary, Summary};
 use serde::Serialize;
 use svl_score::judge::{Metric, MetricUnit};
@@ -62,13 +63,18 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
     let area = limit.area.unwrap_or_default();
     let result = |algorithm: &AlgorithmRecord| {
         let value = match unit {
+            _ if limit.relative_to.as_deref() == Some(PRIOR) => {
+                let value = |label: &str| summary.value_in(label, limit.metric, None, area);
+                let both = value(&algorithm.label).zip(value(PRIOR));
+                both.map(|(own, prior)| own - prior)
+            }
             None => summary.value_in(&algorithm.label, limit.metric, limit.checkpoint, area),
             Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
         };
         let keeps =
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
         // The reference of the ratio is named but not in this run.
-        let absent = matches!(unit, Some(None));
+        let absent = matches!(unit, Some(None)) && limit.relative_to.as_deref() != Some(PRIOR);
         let state = match value {
             _ if absent => GateState::Skipped,
             None => GateState::NotMeasured,
@@ -158,7 +164,10 @@ impl GateResult {
         let area = area.map_or_else(String::new, |area| format!(" in area {area}"));
         let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
         let other = relative_to.as_ref();
-        let other = other.map(|other| format!(" in units of {other}'s"));
+        let other = other.map(|other| match other.as_str() {
+            PRIOR => " beyond the prior's".to_owned(),
+            other => format!(" in units of {other}'s"),
+        });
         let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);
         format!("{algorithm}: {}{area}{checkpoint}{other}", metric.words)
     }

@@ -31,6 +31,7 @@ mod markdown;
 pub mod outputs;
 pub mod page;
 pub mod plot;
+mod prior;
 mod reliability;
 mod rows;
 mod samples;
@@ -59,6 +60,7 @@ pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use lead::{Certainty, Lead, RunnerUp};
+pub use prior::{PRIOR, PriorTest, TruthRow};
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,

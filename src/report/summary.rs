@@ -3,6 +3,7 @@
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
 use super::lead::Lead;
+use super::prior::PriorTest;
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, metric_totals, record};
 use super::samples::run_key;
@@ -36,6 +37,9 @@ pub struct Summary {
     pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
+    /// The prior, which looks at nothing; absent where cells are not scored by distances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior: Option<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
     /// The units and tables that it is of.
@@ -78,6 +82,11 @@ pub struct Summary {
     /// True if the algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
+    /// The test against the prior, and the algorithms that do not beat it.
+    #[serde(skip)]
+    pub prior_test: PriorTest,
+    #[serde(skip)]
+    pub behind_prior: Vec<String>,
     /// The algorithms that report the truth itself.
     #[serde(skip)]
     pub perfect: Vec<String>,
@@ -396,8 +405,8 @@ impl Summary {
     ) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } | MetricOrigin::Time => {
-                let own = self.algorithms.iter().find(|a| a.algorithm == label)?;
-                own.value_in(metric, area)
+                let mut all = self.algorithms.iter().chain(&self.prior);
+                all.find(|a| a.algorithm == label)?.value_in(metric, area)
             }
             MetricOrigin::Checkpoints => {
                 let (passed, frames) = self.passes(label, checkpoint);
@@ -448,6 +457,19 @@ impl Summary {
         for own in &mut self.algorithms {
             own.totals.0 = own.totals.0.in_area(area);
         }
+    }
+
+    /// Adds the prior, of its rows.
+    ///
+    /// # Errors
+    /// As [`Summary::from_rows`].
+    pub fn add_prior(&mut self, rows: &[Row]) -> Result<()> {
+        let mut summary = Self::from_frames_of(rows, &[])?;
+        self.prior = summary.algorithms.pop().map(|prior| AlgorithmSummary {
+            results_hash: None,
+            ..prior
+        });
+        Ok(())
     }
 
     /// Adds the results of drives.

@@ -2,6 +2,7 @@
 
 use super::answer::USABLE;
 use super::drives::DriveSummary;
+use super::prior::PRIOR;
 use super::stress::{StressSummary, kinds};
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use super::table::{NONE, Table, TableCell, TableColumn};
@@ -235,7 +236,9 @@ impl Summary {
         let kind = self.kind();
         let is_all = *choice == ColumnChoice::All;
         let metrics = choice.metrics(kind);
-        let ranked = self.ranked_algorithms();
+        let mut ranked = self.ranked_algorithms();
+        // Below the algorithms, and never among them.
+        ranked.extend(&self.prior);
         let value = |a: &AlgorithmSummary, metric: &Metric| self.value(&a.algorithm, metric, None);
         let is_measured = |metric: &Metric| ranked.iter().any(|a| value(a, metric).is_some());
         let mut table = Table::new("", if is_all { "algorithm" } else { "" });
@@ -328,6 +331,13 @@ impl Summary {
             && let Some((term, meaning)) = self.area_note()
         {
             table.note(term, meaning);
+        }
+        if self.prior.is_some() {
+            table.note(
+                PRIOR,
+                "who looks at nothing: in each cell the median of the true disparities of the \
+                 other runs, or of the other blocks of a single run",
+            );
         }
         if table
             .columns

@@ -4,6 +4,7 @@ use crate::accuracy::{AccuracyTally, PairErrors};
 use crate::build::COURSES;
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{CoursePlan, DriveRow};
+use crate::prior::PRIOR;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::samples::{RunKey, is_scene, run_key};
 use crate::shots::LeftImages;
@@ -63,6 +64,9 @@ impl ScoredRun {
             return Self::read(whole);
         };
         let mut run = Self::read(Path::new(folder))?;
+        if label == PRIOR {
+            run.become_prior()?;
+        }
         if !run.labels().contains(&label) {
             let labels = run.labels().join(", ");
             return Err(Error::Invalid(format!(
@@ -141,6 +145,25 @@ impl ScoredRun {
             own_scenes: BTreeMap::new(),
             cells,
         })
+    }
+
+    /// Keeps the prior, which looks at nothing, in place of the algorithms.
+    fn become_prior(&mut self) -> Result<()> {
+        let table = self.report.join(format!("{PRIOR}.csv"));
+        if table.is_file() {
+            self.rows = read_rows(&table)?;
+        }
+        // Reports of drives, and of pixels, have none.
+        if table.is_file() && !self.rows.is_empty() {
+            self.cells = None;
+            self.checkpoints.clear();
+            self.manifest.algorithms = vec![AlgorithmRecord {
+                name: PRIOR.to_owned(),
+                label: PRIOR.to_owned(),
+                ..AlgorithmRecord::default()
+            }];
+        }
+        Ok(())
     }
 
     /// Selects the cells that metrics of an area are of.

@@ -524,6 +524,23 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
+        name: "total_bad2",
+        words: "pixels off > 2 px or invalid",
+        group: "pixels, %",
+        head: ">2 or none",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: mean("total_bad2", |facts| facts.pixels?.total_bad2()),
+        note: Some(|_| {
+            let words = "pixels off by more than 2 px or without a disparity, of those with truth \
+                         that both cameras see: a pixel that is left out is no better than a wrong \
+                         one";
+            (">2 or none", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        ..DETAIL
+    },
+    Metric {
         name: "bad1",
         words: "pixels off > 1 px",
         group: "pixels, %",

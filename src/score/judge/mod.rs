@@ -33,4 +33,4 @@ pub use metrics::{
     MetricOrigin, MetricTotal, MetricUnit, MetricValues, RunKind,
 };
 pub use support::agreed_cells;
-pub use truth::TrueCells;
+pub use truth::{CellTruth, NearTruth, TrueCells};

@@ -57,13 +57,29 @@ struct TrueCell {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct TrueQuarter {
     /// That of all pixels, floor included; `None` if the points do not determine it.
-    near: Option<CellDepth>,
-    /// True if the quarter that is not floor is nearer than an obstacle.
-    is_obstacle: bool,
-    /// Fraction of the cell's true pixels nearer than clear space.
-    not_clear: f64,
-    /// True if none of these is anything but floor; false if floor is unknown.
-    is_clear_floor: bool,
+    depth: Option<CellDepth>,
+    near: NearTruth,
+}
+
+/// What decides the score of a report in a cell, besides nearer surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellTruth {
+    /// `None` if the median is unknown.
+    pub area: Option<Area>,
+    pub median: Option<CellDepth>,
+    /// `None` if the nearest quarter is unknown.
+    pub near: Option<NearTruth>,
+}
+
+/// What is near in a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NearTruth {
+    /// A quarter of the cell is an obstacle: near, and not floor.
+    pub is_obstacle: bool,
+    /// Nearly all of the cell is clear space.
+    pub is_clear: bool,
+    /// Nothing but floor is nearer than clear space; false if floor is unknown.
+    pub is_clear_floor: bool,
 }
 
 impl TrueCells {
@@ -129,13 +145,26 @@ impl TrueCells {
 
     /// The nearest quarters of the cells, floor included, if they are known.
     pub fn near(&self) -> impl Iterator<Item = Option<CellDepth>> {
-        self.cells.iter().map(|cell| cell.quarter?.near)
+        self.cells.iter().map(|cell| cell.quarter?.depth)
     }
 
     /// True if a quarter of the cell, by its number in raster order, is an obstacle.
     pub(super) fn has_obstacle(&self, cell: usize) -> bool {
         let quarter = self.cells[cell].quarter;
-        quarter.is_some_and(|quarter| quarter.is_obstacle)
+        quarter.is_some_and(|quarter| quarter.near.is_obstacle)
+    }
+
+    /// What decides the scores of a constant, by column and row, in raster order.
+    pub fn truths(&self) -> impl Iterator<Item = ((usize, usize), CellTruth)> {
+        let cells = self.grid.iter().zip(&self.cells);
+        cells.map(|((place, median), cell)| {
+            let truth = CellTruth {
+                area: cell.area,
+                median: median.depth,
+                near: cell.quarter.map(|quarter| quarter.near),
+            };
+            (place, truth)
+        })
     }
 
     /// The rule by which a cell, by its number in raster order, is scored against its median or
@@ -156,7 +185,9 @@ impl TrueCells {
         let judged = cells.map(|(i, (((place, median), (_, report)), cell))| {
             let median = median.depth.as_ref();
             let rule = median.map_or(self.rule, |median| self.rule(i, median));
-            let near = cell.quarter.map(|quarter| quarter.judge(report, self.rule));
+            let near = cell
+                .quarter
+                .map(|quarter| quarter.near.judge(report, self.rule));
             let by_median = judge_cell(median, claimed(report, median), rule);
             let is_nearer = || {
                 let depths = report.depth.zip(median);
@@ -228,10 +259,12 @@ impl TrueQuarter {
         let not_clear = share(all, beyond(clear_px));
         let (_, near_px, _) = all.select_nth_unstable_by(rank, f32::total_cmp);
         Self {
-            near: Some(depth_at(*near_px, limits.rig)),
-            is_obstacle: near >= above.len() - rank,
-            not_clear,
-            is_clear_floor: limits.knows_floor && !above.iter().any(|&d| beyond(clear_px)(d)),
+            depth: Some(depth_at(*near_px, limits.rig)),
+            near: NearTruth {
+                is_obstacle: near >= above.len() - rank,
+                is_clear: not_clear < CLEAR,
+                is_clear_floor: limits.knows_floor && !above.iter().any(|&d| beyond(clear_px)(d)),
+            },
         }
     }
 
@@ -255,20 +288,37 @@ impl TrueQuarter {
         };
         let is_not_clear = |d: f32| f64::from(d) > clear_px;
         Some(Self {
-            near: points
+            depth: points
                 .percentile(NEAR_PERCENT, rule, rig)
                 .filter(|near| has_truth(near, rule)),
-            is_obstacle,
-            not_clear: points.share(is_not_clear),
-            is_clear_floor: limits.knows_floor && above.share(is_not_clear) == 0.0,
+            near: NearTruth {
+                is_obstacle,
+                is_clear: points.share(is_not_clear) < CLEAR,
+                is_clear_floor: limits.knows_floor && above.share(is_not_clear) == 0.0,
+            },
         })
     }
+}
 
+impl CellTruth {
+    /// Scores the report of a cell; a nearer surface is not looked for.
+    pub fn judge(&self, cell: &Cell, rule: CellRule) -> CellJudgement {
+        let median = self.median.as_ref();
+        let near = self.near.map(|near| near.judge(cell, rule));
+        CellJudgement {
+            area: self.area,
+            near: near.unwrap_or_default(),
+            ..judge_cell(median, claimed(cell, median), rule)
+        }
+    }
+}
+
+impl NearTruth {
     /// Scores the report of a cell by its nearest quarter.
-    fn judge(&self, cell: &Cell, rule: CellRule) -> NearJudgement {
+    fn judge(self, cell: &Cell, rule: CellRule) -> NearJudgement {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let is_near = self.is_obstacle;
-        let is_free = self.not_clear < CLEAR;
+        let is_free = self.is_clear;
         let Some(report) = &cell.depth else {
             let is_flagged = cell.near.is_some();
             return NearJudgement {
@@ -357,11 +407,10 @@ mod tests {
 
     #[test]
     fn a_flag_finds_what_is_near_and_is_false_where_nothing_is() {
-        let judged = |is_obstacle: bool, not_clear: f64| {
-            let quarter = TrueQuarter {
-                near: None,
+        let judged = |is_obstacle: bool, is_clear: bool| {
+            let quarter = NearTruth {
                 is_obstacle,
-                not_clear,
+                is_clear,
                 is_clear_floor: false,
             };
             let flagged = Cell {
@@ -375,10 +424,10 @@ mod tests {
                 (judged.found, judged.falsely)
             })
         };
-        assert_eq!(judged(true, 0.3), [(true, false), (false, false)]);
-        assert_eq!(judged(false, 0.0), [(false, true), (false, false)]);
+        assert_eq!(judged(true, false), [(true, false), (false, false)]);
+        assert_eq!(judged(false, true), [(false, true), (false, false)]);
         // Something is near, but less than a quarter of the cell.
-        assert_eq!(judged(false, 0.1), [(false, false), (false, false)]);
+        assert_eq!(judged(false, false), [(false, false), (false, false)]);
     }
 
     #[test]

@@ -34,7 +34,9 @@ fn counted(frame: &Frame, shape: GridShape, place: (usize, usize)) -> (Area, boo
     let (mut floor, mut near, mut distances) = (0, 0, Vec::new());
     for y in rows {
         for x in columns.clone() {
-            let z = rig.depth_m(truth.disparity.get(x, y).into()).unwrap_or(f64::INFINITY);
+            let z = rig
+                .depth_m(truth.disparity.get(x, y).into())
+                .unwrap_or(f64::INFINITY);
             let is_floor = surfaces.get(x, y) == Surface::Floor;
             floor += usize::from(is_floor);
             near += usize::from(!is_floor && z < 0.5);
@@ -81,14 +83,21 @@ fn areas_and_obstacles_equal_a_count_of_the_pixels() {
         for (place, cell) in shape.iter().zip(&cells) {
             let (area, is_obstacle) = counted(&frame, shape, place);
             assert_eq!(cell.area, Some(area), "{} {place:?}", frame.sequence);
-            assert_eq!(cell.near.is_near, is_obstacle, "{} {place:?}", frame.sequence);
+            assert_eq!(
+                cell.near.is_near, is_obstacle,
+                "{} {place:?}",
+                frame.sequence
+            );
             counts[area as usize] += 1;
         }
         // The areas add up to what was one number before there were areas.
         let tallies = CellTallies::new(&cells);
         let sum = |count: fn(&svl::score::CellTally) -> usize| {
             let parts = AreaChoice::PARTS.map(|area| count(tallies.get(area)));
-            (parts.iter().sum::<usize>(), count(tallies.get(AreaChoice::All)))
+            (
+                parts.iter().sum::<usize>(),
+                count(tallies.get(AreaChoice::All)),
+            )
         };
         for (parts, all) in [
             sum(|cells| cells.right),
@@ -129,7 +138,8 @@ fn points_have_the_areas_of_all_pixels() {
         for (dense, points) in judged(&frame, RULE).iter().zip(&points) {
             if points.verdict != Verdict::NoTruth && points.near.is_known {
                 all += 1;
-                let is_alike = points.area == dense.area && points.near.is_near == dense.near.is_near;
+                let is_alike =
+                    points.area == dense.area && points.near.is_near == dense.near.is_near;
                 alike += usize::from(is_alike);
             }
         }
@@ -159,7 +169,10 @@ fn a_plane_below_the_camera_tells_floor_nearly_as_surfaces_do() {
         }
     }
     println!("near {near}, lost {lost}, gained {gained}; {moved} of {cells} cells of other areas");
-    assert!(near > 20 && 100 * (lost + gained) <= 12 * near, "{near}: {lost}, {gained}");
+    assert!(
+        near > 20 && 100 * (lost + gained) <= 12 * near,
+        "{near}: {lost}, {gained}"
+    );
     assert!(100 * moved <= 4 * cells, "{moved} of {cells}");
 }
 

@@ -230,10 +230,8 @@ fn time_counts_in_drives() {
     );
     let rows = fixture.text("r/rows.csv");
     let matched = rows.lines().filter(|line| line.contains(",slow,")).count() as u64;
-    assert_eq!(
-        matched + skipped("slow"),
-        of("slow").map(|row| row.frames).sum()
-    );
+    let frames: u64 = of("slow").map(|row| row.frames).sum();
+    assert_eq!(matched + skipped("slow"), frames);
     assert!(fixture.text("r/index.html").contains("latency, ms"));
 }
 

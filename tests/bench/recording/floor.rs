@@ -108,19 +108,38 @@ fn a_frame_on_the_floor_is_found_in_either_direction() {
     assert_eq!(rows(&[above]), Some(below.clone()));
     assert_eq!(rows(&[under]), Some(below.clone()));
     // By frames between them, and not straight below the camera.
-    let mast = ("base_footprint", "mast", [-0.2, 0.4, 0.2], [0.0, 0.0, 0.0, 1.0]);
+    let mast = (
+        "base_footprint",
+        "mast",
+        [-0.2, 0.4, 0.2],
+        [0.0, 0.0, 0.0, 1.0],
+    );
     let on_mast = ("mast", "cam", [0.5, 0.0, 0.3], OPTICAL);
     assert_eq!(rows(&[mast, on_mast]), Some(below));
     // A frame that is tilted by 90 degrees is a plane elsewhere: what is behind it is not floor.
-    let tilted = ("base_footprint", "cam", [0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]);
+    let tilted = (
+        "base_footprint",
+        "cam",
+        [0.0, 0.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0],
+    );
     assert_eq!(rows(&[tilted]), Some(Vec::new()));
     let rolled = [0.0, 0.0, FRAC_1_SQRT_2, FRAC_1_SQRT_2];
-    assert_eq!(rows(&[("cam", "base_footprint", [0.0, 0.5, 0.0], rolled)]), None);
+    assert_eq!(
+        rows(&[("cam", "base_footprint", [0.0, 0.5, 0.0], rolled)]),
+        None
+    );
     // On the floor, or below it, there is no camera.
     for height_m in [0.0, -0.5] {
-        assert_eq!(rows(&[("base_footprint", "cam", [0.0, 0.0, height_m], OPTICAL)]), None);
+        assert_eq!(
+            rows(&[("base_footprint", "cam", [0.0, 0.0, height_m], OPTICAL)]),
+            None
+        );
     }
-    assert_eq!(rows(&[("base_link", "cam", [0.0, 0.0, 0.5], OPTICAL)]), None);
+    assert_eq!(
+        rows(&[("base_link", "cam", [0.0, 0.0, 0.5], OPTICAL)]),
+        None
+    );
 }
 
 #[test]
@@ -158,7 +177,10 @@ fn a_named_height_is_that_of_a_level_camera() {
     let above = ("base_footprint", "cam", [0.0, 0.0, 0.5], OPTICAL);
     assert_eq!(rows(Some(3.0), &[above]).unwrap(), Some(Vec::new()));
     let refused = rows(Some(0.0), &[]).unwrap_err().to_string();
-    assert!(refused.contains("--camera-height: 0.01 to 100"), "{refused}");
+    assert!(
+        refused.contains("--camera-height: 0.01 to 100"),
+        "{refused}"
+    );
 }
 
 #[test]
@@ -168,7 +190,15 @@ fn surfaces_of_the_same_pixels_are_taken() {
         .collect();
     let surfaces = |size: (usize, usize)| {
         let codes = &codes[..size.0 * size.1];
-        [0, 1].map(|i| ros_image("/truth/surface", START_NS + i * PERIOD_NS, size, "mono8", codes))
+        [0, 1].map(|i| {
+            ros_image(
+                "/truth/surface",
+                START_NS + i * PERIOD_NS,
+                size,
+                "mono8",
+                codes,
+            )
+        })
     };
     let count = |size| {
         let messages = floor_and_wall().into_iter().chain(surfaces(size));
