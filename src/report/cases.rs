@@ -161,7 +161,7 @@ mod tests {
                 algorithm: algorithm.into(),
                 ..row(1000, (64, 48), None)
             };
-            row.metrics.set("bad2", bad);
+            row.metrics.set("total_bad2", bad);
             row.metrics.set("invalid", Some(0.1));
             row
         };

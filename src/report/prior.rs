@@ -377,6 +377,63 @@ mod tests {
         assert_eq!(right(&[(1, &[0.4])]), [Some(0.0)]);
     }
 
+    /// Pairs of one cell each in seven blocks or more; the prior's and the algorithm's right ones.
+    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Summary {
+        let rows = |label: &str, is_right: fn(u64) -> bool| -> Vec<_> {
+            let row = |sequence| {
+                let right = f64::from(u8::from(is_right(sequence)));
+                Row {
+                    algorithm: label.into(),
+                    seed: Some(1),
+                    sequence,
+                    metrics: MetricValues::from([
+                        ("right", right),
+                        ("wrong", 1.0 - right),
+                        ("unknown", 0.0),
+                        ("missed", 0.0),
+                    ]),
+                    ..row(1000, (64, 48), None)
+                }
+            };
+            (0..pairs).map(row).collect()
+        };
+        let (prior, own) = (rows(PRIOR, prior), rows("own", own));
+        let mut summary = Summary::from_rows(&own, &[]).unwrap();
+        summary.add_prior(&prior).unwrap();
+        summary.test_prior(&own, &prior);
+        summary
+    }
+
+    #[test]
+    fn who_does_not_beat_the_prior_is_behind_it() {
+        let half = |i: u64| i % 2 == 0;
+        let all_but_few = |i: u64| i % 20 != 0;
+        let better = tested(200, half, all_but_few);
+        assert_eq!(better.prior_test, PriorTest::Tested);
+        assert!(better.behind_prior.is_empty() && better.is_usable(&better.algorithms[0]));
+        for own in [half, |i: u64| i % 3 == 0] {
+            let behind = tested(200, half, own);
+            assert_eq!(behind.behind_prior, ["own"]);
+            assert!(!behind.is_usable(&behind.algorithms[0]));
+        }
+        // Of few pairs, and of a scene that hardly changes, nothing is told.
+        let few = tested(20, half, |_| true);
+        assert_eq!(
+            (few.prior_test, few.behind_prior.len()),
+            (PriorTest::TooFewPairs, 0)
+        );
+        let still = tested(200, all_but_few, |_| true);
+        assert_eq!(
+            (still.prior_test, still.behind_prior.len()),
+            (PriorTest::Still, 0)
+        );
+        let words = still.prior_words().unwrap();
+        assert!(
+            words.contains("hardly changes") && words.contains("95.0 %"),
+            "{words}"
+        );
+    }
+
     #[test]
     fn obstacles_are_found_or_missed() {
         let scored = |true_m, reported_m: Option<f64>| {

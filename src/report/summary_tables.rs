@@ -288,7 +288,10 @@ impl Summary {
                 }
                 MetricOrigin::Checkpoints if !is_all => {
                     if let Some(column) = self.marks_column() {
-                        add(column, &|a| TableCell::Marks(self.shares(&a.algorithm)));
+                        add(column, &|a| match a.algorithm.as_str() {
+                            PRIOR => text(String::new()),
+                            label => TableCell::Marks(self.shares(label)),
+                        });
                     }
                 }
                 _ if is_measured(metric) => {

@@ -146,9 +146,10 @@ fn a_frame_on_the_floor_is_found_in_either_direction() {
 fn points_are_floor_before_any_quantile() {
     let cloud = |i: u64| {
         let points = [
-            [0.4, 0.5, 30.0],
-            [0.0, 0.46, 30.0],
-            [-0.4, 0.44, 30.0],
+            // All but the last in the fifth row below the optical axis.
+            [0.4, 0.5, 32.8],
+            [0.0, 0.46, 30.176],
+            [-0.4, 0.44, 28.864],
             [0.0, 0.0, 2.0],
         ];
         cloud("cam", START_NS + i * PERIOD_NS, &points)
