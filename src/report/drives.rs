@@ -188,15 +188,15 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         let ratio = Sample::Ratio(rows.iter().map(|row| [part(row), by(row)]).collect());
         (ratio.total(), ratio.interval(&resamples))
     };
-    let of = |number| {
+    let metric = |number| {
         let sample = drive_sample(number, rows.iter().copied());
         (sample.total(), sample.interval(&resamples))
     };
     let mean = |part, by| ratio(part, by).0.unwrap_or_default();
     let one = |_: &DriveRow| 1.0;
-    let (_, finished_interval) = of(DriveNumber::Finished);
-    let (collisions_per_100m, collisions_interval) = of(DriveNumber::Collisions);
-    let (near_misses_per_100m, near_misses_interval) = of(DriveNumber::NearMisses);
+    let (_, finished_interval) = metric(DriveNumber::Finished);
+    let (collisions_per_100m, collisions_interval) = metric(DriveNumber::Collisions);
+    let (near_misses_per_100m, near_misses_interval) = metric(DriveNumber::NearMisses);
     let (first_collision_m, first_collision_interval) =
         ratio(|row| row.first_collision_m.unwrap_or(row.driven_m), one);
     let frames = |row: &DriveRow| row.frames as f64;

@@ -211,7 +211,7 @@ impl Drive {
         }
     }
 
-    /// Moves to the time of the next frame, until something is touched. Returns the distance driven,
+    /// Moves to the time of the next frame, until something is touched. Returns the distance driven
     /// and the least clearance with the nearest object.
     fn travel<'c>(&mut self, course: &'c Course) -> (f64, (f64, &'c str)) {
         let (config, frame_s) = (course.drive(), course.frame_s());

@@ -198,7 +198,7 @@ impl DriveWork<'_> {
             manifest: &self.session.plan.manifest,
             course: &course,
             algorithm,
-            latency_ms: self.latency.and_then(|latency| latency.of(algorithm)),
+            latency_ms: self.latency.and_then(|latency| latency.ms_for(algorithm)),
             stress: unit.stress,
             recording: recording.map(PathBuf::as_path),
         };

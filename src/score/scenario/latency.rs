@@ -24,7 +24,7 @@ const MAX_MS: f64 = 10_000.0;
 impl DriveLatency {
     /// The latency of an algorithm, milliseconds. The one of its label comes before that of its
     /// name.
-    pub fn of(&self, algorithm: &Algorithm) -> Option<f64> {
+    pub fn ms_for(&self, algorithm: &Algorithm) -> Option<f64> {
         let spec = algorithm.spec();
         match self {
             Self::All(ms) => {
@@ -90,7 +90,7 @@ mod tests {
         let ScenarioSource::Drive { drive, .. } = &scenario.source else {
             panic!("no drives");
         };
-        let latency = |algorithm| drive.latency_ms.as_ref()?.of(algorithm);
+        let latency = |algorithm| drive.latency_ms.as_ref()?.ms_for(algorithm);
         scenario.algorithms.iter().map(latency).collect()
     }
 

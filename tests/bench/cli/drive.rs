@@ -198,10 +198,10 @@ fn time_counts_in_drives() {
     fixture.write("timed.toml", format!("{scenario}{latencies}"));
     fixture.run("score timed.toml -q --drives none -o r");
     let drives: Vec<DriveRow> = read_rows(&fixture.path("r/drives.csv")).unwrap();
-    let of = |label: &'static str| drives.iter().filter(move |row| row.algorithm == label);
-    let hits = |label| of(label).map(|row| row.collisions).sum::<u64>();
-    let skipped = |label| of(label).map(|row| row.skipped).sum::<u64>();
-    let hashes = |label| of(label).map(|row| &row.track_hash).collect::<Vec<_>>();
+    let own = |label: &'static str| drives.iter().filter(move |row| row.algorithm == label);
+    let hits = |label| own(label).map(|row| row.collisions).sum::<u64>();
+    let skipped = |label| own(label).map(|row| row.skipped).sum::<u64>();
+    let hashes = |label| own(label).map(|row| &row.track_hash).collect::<Vec<_>>();
     assert_eq!(
         hashes("period"),
         hashes("truth"),
@@ -213,7 +213,7 @@ fn time_counts_in_drives() {
         (0, 0, 0)
     );
     // Every second pair; the tracks and the rows agree.
-    for row in of("slow") {
+    for row in own("slow") {
         assert_eq!(row.skipped, row.frames / 2);
     }
     let tracks: Vec<TrackRow> = read_rows(&fixture.path("r/tracks.csv")).unwrap();
@@ -223,7 +223,7 @@ fn time_counts_in_drives() {
     );
     let rows = fixture.text("r/rows.csv");
     let matched = rows.lines().filter(|line| line.contains(",slow,")).count() as u64;
-    let frames: u64 = of("slow").map(|row| row.frames).sum();
+    let frames: u64 = own("slow").map(|row| row.frames).sum();
     assert_eq!(matched + skipped("slow"), frames);
     assert!(fixture.text("r/index.html").contains("latency, ms"));
 }
