@@ -148,8 +148,8 @@ impl Summary {
         })
     }
 
-    /// True for few wrong cells and some right ones, and more than the prior has, or for some pixels
-    /// with a disparity, or some of the courses driven. No other algorithm is called best.
+    /// True for few wrong cells, some right ones and more than the prior has; for some pixels with
+    /// a disparity; for some of the courses driven. No other algorithm is called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
         if self.behind_prior.contains(&algorithm.algorithm) {
             return false;
