@@ -13,7 +13,8 @@ use std::sync::LazyLock;
 use svl_core::stereo::{CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
-    Area, AreaChoice, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues, Verdict,
+    AreaChoice, CellArea, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
+    Verdict,
 };
 
 /// A row of a table: named columns, each of one type.
@@ -279,7 +280,7 @@ record! {
         verdict: Verdict,
         /// Area of the cell by its truth: obstacle, floor (half or more of it), beyond (its median
         /// is beyond `beyond_m`), or pixels where disparities are scored.
-        area: Option<Area>,
+        area: Option<CellArea>,
         /// A quarter of the cell is truly nearer than the scenario's `obstacle_m` and not floor,
         /// and the cell is reported farther than its `clear_m`.
         missed: bool,
@@ -411,12 +412,12 @@ columns! {
             _ => CellState::from_name(text).map(Some),
         }
     }, |v| v.map(|v| v.name());
-    Option<Area>: "text?", |v| ColumnValue::Text(v.map_or("", Area::name)), |text| {
+    Option<CellArea>: "text?", |v| ColumnValue::Text(v.map_or("", CellArea::name)), |text| {
         match text {
             "" => Some(None),
-            _ => Area::from_name(text).map(Some),
+            _ => CellArea::from_name(text).map(Some),
         }
-    }, |v| v.map(Area::name);
+    }, |v| v.map(CellArea::name);
     AreaChoice: "text", |v| ColumnValue::Text(v.name()), AreaChoice::from_name, |v| v.name();
     u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
     u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone;

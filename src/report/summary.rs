@@ -2,8 +2,7 @@
 
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
-use super::lead::Lead;
-use super::prior::PriorTest;
+use super::lead::{Lead, PriorTest};
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, metric_totals, record};
 use super::samples::run_key;

@@ -116,8 +116,8 @@ impl Summary {
         }
         table.note(
             "noise, flicker",
-            "of the resting cells, whose true distance changes by at most 1 % from an answer to the \
-             next",
+            "of the resting cells, whose true distance changes by at most 1 % from an answer to \
+             the next",
         );
         (!table.rows.is_empty()).then_some(table)
     }

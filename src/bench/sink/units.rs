@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use svl_core::Result;
 use svl_report::units::{BLOCK, BlockWriter, ReportPlan, ReportRun, SealedPair, Units};
 use svl_report::{FrameRow, TruthRow, hash_words};
-use svl_score::judge::{Area, Checkpoint, Judged, TrueCells};
+use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 
 /// Writes the results of a run.
 pub struct UnitSink {
@@ -69,14 +69,14 @@ fn truths(judged: &Judged) -> Vec<TruthRow> {
     let (frame, truth) = (&judged.frame, judged.true_cells.as_ref());
     let has_pixels = |cells: &&TrueCells| {
         let mut areas = cells.truths().filter_map(|(_, truth)| truth.area);
-        areas.any(|area| area == Area::Pixels)
+        areas.any(|area| area == CellArea::Pixels)
     };
     let (Some(cells), Some(rig)) = (truth.filter(|cells| !has_pixels(cells)), frame.rig()) else {
         return Vec::new();
     };
     let truth = frame.truth.as_ref();
     let knows_floor = truth.is_some_and(|truth| truth.surface.is_some());
-    TruthRow::of_cells(frame.sequence, rig, knows_floor, cells.truths())
+    TruthRow::for_cells(frame.sequence, rig, knows_floor, cells.truths())
 }
 
 impl Sink for UnitSink {

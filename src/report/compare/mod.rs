@@ -304,8 +304,8 @@ fn complete_runs<'a>(common: [&[&'a Row]; 2], all: [&[&'a Row]; 2]) -> Vec<RunKe
     runs
 }
 
-/// The changes of the metrics in an area. `errors`: those of distances in the pairs of both, if both
-/// have cells.
+/// The changes of the metrics in an area. `errors`: those of distances in the pairs of both, if
+/// both have cells.
 fn changes_over(
     rows: [&[&Row]; 2],
     errors: Option<&[Vec<PairErrors>; 2]>,

@@ -141,8 +141,7 @@ fn counts_filters(metric: &Metric) -> bool {
     metric.group == "filters"
 }
 
-/// Number of cells of each kind, by the rule of the headline; those of all areas, as a picture shows
-/// them all.
+/// Number of cells of each kind, by the rule of the headline, in all areas: a picture shows all.
 pub(super) fn cells(row: &Row) -> String {
     let group = Metric::find("right").map(|metric| metric.group);
     let is_share = |metric: &&Metric| {

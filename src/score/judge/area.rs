@@ -6,7 +6,7 @@ use svl_core::did_you_mean;
 
 /// Area of a cell with truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Area {
+pub enum CellArea {
     /// Neither floor nor beyond: what a robot can hit.
     Obstacle,
     /// Half or more of the pixels with truth are floor.
@@ -17,7 +17,7 @@ pub enum Area {
     Pixels,
 }
 
-impl Area {
+impl CellArea {
     const ALL: [Self; 4] = [Self::Obstacle, Self::Floor, Self::Beyond, Self::Pixels];
 
     pub fn name(self) -> &'static str {
@@ -77,7 +77,7 @@ impl AreaChoice {
     }
 
     /// True if it has the cells of an area; only all have those whose area is unknown.
-    pub fn has(self, area: Option<Area>) -> bool {
+    pub fn has(self, area: Option<CellArea>) -> bool {
         self == Self::All || area.is_some_and(|area| area.choice() == self)
     }
 }
@@ -106,8 +106,8 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_written() {
-        for area in Area::ALL {
-            assert_eq!(Area::from_name(area.name()), Some(area));
+        for area in CellArea::ALL {
+            assert_eq!(CellArea::from_name(area.name()), Some(area));
             let choices = AreaChoice::PARTS.into_iter();
             assert_eq!(choices.filter(|choice| choice.has(Some(area))).count(), 1);
             assert!(AreaChoice::All.has(Some(area)));

@@ -1,6 +1,6 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
-use super::{Area, AreaChoice};
+use super::{AreaChoice, CellArea};
 use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid, Rig};
 
 /// The score of a cell.
@@ -39,7 +39,7 @@ pub struct CellJudgement {
     /// its median.
     pub right_surface: bool,
     /// `None` if the median is unknown.
-    pub area: Option<Area>,
+    pub area: Option<CellArea>,
     /// Median true disparity, pixels; `None` without truth.
     pub true_px: Option<f64>,
     /// True distance, metres; `None` without truth, without a rig, or at infinity.

@@ -15,7 +15,7 @@ mod sparse;
 mod support;
 mod truth;
 
-pub use area::{Area, AreaChoice};
+pub use area::{AreaChoice, CellArea};
 pub use cells::depth_at;
 pub use cells::{
     CellJudgement, CellTallies, CellTally, NearJudgement, Verdict, is_right, judge_cells,

@@ -4,7 +4,7 @@
 //! sensor, and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is
 //! narrow. Floor is no obstacle: whether a pixel or point is floor is known before any quantile.
 
-use super::Area;
+use super::CellArea;
 use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, is_within};
 use super::cells::{Verdict, judge_cell};
 use super::sparse::SparseCell;
@@ -48,7 +48,7 @@ struct TrueCell {
     /// The points of a sparse truth, or of one that covers less than half of the pixels.
     sparse: Option<SparseCell>,
     /// `None` if the median is unknown.
-    area: Option<Area>,
+    area: Option<CellArea>,
     /// `None` if it is not known.
     quarter: Option<TrueQuarter>,
 }
@@ -65,7 +65,7 @@ struct TrueQuarter {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellTruth {
     /// `None` if the median is unknown.
-    pub area: Option<Area>,
+    pub area: Option<CellArea>,
     pub median: Option<CellDepth>,
     /// `None` if the nearest quarter is unknown.
     pub near: Option<NearTruth>,
@@ -99,7 +99,7 @@ impl TrueCells {
             ..shape.into()
         };
         let mut grid = depth::grid(&truth.disparity, settings, rig);
-        let limits = Limits {
+        let limits = NearLimits {
             rule,
             rig,
             knows_floor: truth.surface.is_some(),
@@ -233,15 +233,15 @@ impl TrueCells {
     }
 }
 
-/// Limits of what is near in a frame.
+/// NearLimits of what is near in a frame.
 #[derive(Clone, Copy)]
-struct Limits<'a> {
+struct NearLimits<'a> {
     rule: CellRule,
     rig: Option<&'a Rig>,
     knows_floor: bool,
 }
 
-impl Limits<'_> {
+impl NearLimits<'_> {
     /// The disparities above which something is an obstacle, and above which it is not clear.
     fn obstacle_and_clear_px(&self) -> [f64; 2] {
         let (obstacle_m, clear_m) = self.rule.obstacle_and_clear_m();
@@ -251,7 +251,7 @@ impl Limits<'_> {
 
 impl TrueQuarter {
     /// That of a cell's known disparities, `all` and those `above` the floor.
-    fn new(all: &mut [f32], above: &[f32], limits: Limits<'_>) -> Self {
+    fn new(all: &mut [f32], above: &[f32], limits: NearLimits<'_>) -> Self {
         let [obstacle_px, clear_px] = limits.obstacle_and_clear_px();
         let beyond = |px: f64| move |d: f32| f64::from(d) > px;
         let rank = NEAR_PERCENT * all.len() / 100;
@@ -269,8 +269,12 @@ impl TrueQuarter {
     }
 
     /// `None` if the points do not determine it.
-    fn from_points(points: &SparseCell, above: &SparseCell, limits: Limits<'_>) -> Option<Self> {
-        let Limits { rule, rig, .. } = limits;
+    fn from_points(
+        points: &SparseCell,
+        above: &SparseCell,
+        limits: NearLimits<'_>,
+    ) -> Option<Self> {
+        let NearLimits { rule, rig, .. } = limits;
         let (obstacle_m, _) = rule.obstacle_and_clear_m();
         let [_, clear_px] = limits.obstacle_and_clear_px();
         let range = above.range(NEAR_PERCENT).filter(|_| above.is_enough())?;
@@ -343,13 +347,13 @@ impl NearTruth {
 }
 
 /// The area of a cell with this median, of which this fraction is floor.
-fn area(median: &CellDepth, floor: f64, rule: CellRule) -> Area {
+fn area(median: &CellDepth, floor: f64, rule: CellRule) -> CellArea {
     let is_beyond = |beyond_m| median.distance_m.is_none_or(|z| z > beyond_m);
     match rule {
-        CellRule::Disparity { .. } => Area::Pixels,
-        CellRule::Distance { .. } if floor >= MIN_FLOOR => Area::Floor,
-        CellRule::Distance { .. } if rule.beyond_m().is_some_and(is_beyond) => Area::Beyond,
-        CellRule::Distance { .. } => Area::Obstacle,
+        CellRule::Disparity { .. } => CellArea::Pixels,
+        CellRule::Distance { .. } if floor >= MIN_FLOOR => CellArea::Floor,
+        CellRule::Distance { .. } if rule.beyond_m().is_some_and(is_beyond) => CellArea::Beyond,
+        CellRule::Distance { .. } => CellArea::Obstacle,
     }
 }
 
@@ -601,13 +605,13 @@ mod tests {
             assert_eq!(areas[0], areas[1]);
             areas[0].unwrap()
         };
-        assert_eq!(area(cell(5, FLOOR, WALL), Some(2.0)), Area::Floor);
-        assert_eq!(area(cell(10, FAR, WALL), Some(2.0)), Area::Beyond);
-        assert_eq!(area(cell(10, FAR, WALL), None), Area::Obstacle);
-        assert_eq!(area(cell(10, WALL, FAR), Some(2.0)), Area::Obstacle);
+        assert_eq!(area(cell(5, FLOOR, WALL), Some(2.0)), CellArea::Floor);
+        assert_eq!(area(cell(10, FAR, WALL), Some(2.0)), CellArea::Beyond);
+        assert_eq!(area(cell(10, FAR, WALL), None), CellArea::Obstacle);
+        assert_eq!(area(cell(10, WALL, FAR), Some(2.0)), CellArea::Obstacle);
         // Floor far away is floor.
         let far_floor = (3.0, Surface::Floor);
-        assert_eq!(area(cell(6, far_floor, FAR), Some(2.0)), Area::Floor);
+        assert_eq!(area(cell(6, far_floor, FAR), Some(2.0)), CellArea::Floor);
     }
 
     #[test]
@@ -623,7 +627,10 @@ mod tests {
             };
             area(&infinity, 0.0, rule)
         };
-        assert_eq!([Some(2.0), None].map(area), [Area::Beyond, Area::Obstacle]);
+        assert_eq!(
+            [Some(2.0), None].map(area),
+            [CellArea::Beyond, CellArea::Obstacle]
+        );
     }
 
     #[test]

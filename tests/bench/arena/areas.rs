@@ -3,7 +3,7 @@
 
 use svl::arena::{Arena, ArenaConfig};
 use svl::depth::{GridSettings, grid};
-use svl::score::{Area, AreaChoice, CellJudgement, CellTallies, TrueCells, Verdict};
+use svl::score::{AreaChoice, CellArea, CellJudgement, CellTallies, TrueCells, Verdict};
 use svl::stereo::{
     CellRule, FloorPlane, Frame, GridShape, MapDensity, Plane, Surface, Truth, TruthKind,
 };
@@ -27,7 +27,7 @@ fn frames(seed: u64, every: usize) -> Vec<Frame> {
 }
 
 /// The area of a cell and whether a quarter of it is an obstacle, pixel by pixel.
-fn counted(frame: &Frame, shape: GridShape, place: (usize, usize)) -> (Area, bool) {
+fn counted(frame: &Frame, shape: GridShape, place: (usize, usize)) -> (CellArea, bool) {
     let (truth, rig) = (frame.truth.as_ref().unwrap(), frame.rig().unwrap());
     let surfaces = truth.surface.as_ref().unwrap();
     let (columns, rows) = shape.pixels(place, truth.disparity.size());
@@ -46,11 +46,11 @@ fn counted(frame: &Frame, shape: GridShape, place: (usize, usize)) -> (Area, boo
     distances.sort_by(f64::total_cmp);
     let pixels = distances.len();
     let area = if 2 * floor >= pixels {
-        Area::Floor
+        CellArea::Floor
     } else if distances[pixels / 2] > BEYOND_M {
-        Area::Beyond
+        CellArea::Beyond
     } else {
-        Area::Obstacle
+        CellArea::Obstacle
     };
     (area, 4 * near >= pixels)
 }
@@ -184,7 +184,7 @@ fn floor_is_unknown_where_nothing_tells_it() {
         ..truth
     });
     let cells = judged(&silent, RULE);
-    assert!(cells.iter().all(|cell| cell.area != Some(Area::Floor)));
+    assert!(cells.iter().all(|cell| cell.area != Some(CellArea::Floor)));
     // Near floor counts as an obstacle then, as nothing says otherwise.
     let near = |cells: &[CellJudgement]| cells.iter().filter(|cell| cell.near.is_near).count();
     assert!(near(&cells) > near(&judged(&frame, RULE)));
@@ -199,7 +199,7 @@ fn floor_is_unknown_where_nothing_tells_it() {
         areas
     };
     let all_floor = of_one(Surface::Floor, RULE);
-    assert!(all_floor.iter().all(|area| *area == Some(Area::Floor)));
+    assert!(all_floor.iter().all(|area| *area == Some(CellArea::Floor)));
     let CellRule::Distance {
         tolerance_m,
         tolerance_percent,
@@ -216,5 +216,5 @@ fn floor_is_unknown_where_nothing_tells_it() {
         beyond_m: Some(0.03),
     };
     let areas = of_one(Surface::Wall, all_beyond);
-    assert!(areas.iter().all(|area| *area == Some(Area::Beyond)));
+    assert!(areas.iter().all(|area| *area == Some(CellArea::Beyond)));
 }

@@ -205,8 +205,8 @@ fn surfaces_of_the_same_pixels_are_taken() {
         let messages = floor_and_wall().into_iter().chain(surfaces(size));
         let found = frames(messages, "/depth", None).unwrap();
         let surface = found[1].truth.as_ref().unwrap().surface.clone()?;
-        let of = |kind| surface.pixels().filter(|s| *s == kind).count();
-        Some([Surface::Floor, Surface::Wall].map(of))
+        let count = |kind| surface.pixels().filter(|s| *s == kind).count();
+        Some([Surface::Floor, Surface::Wall].map(count))
     };
     let half = SIZE.0 * SIZE.1 / 2;
     assert_eq!(count(SIZE), Some([half, half]));

@@ -10,7 +10,7 @@ use svl::manifest::{AlgorithmRecord, Manifest};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::report::{GateState, Row, Summary, limit_results};
 use svl::scenario::{Limit, Scenario, ScenarioSource};
-use svl::score::{Area, Judge, TrueCells};
+use svl::score::{CellArea, Judge, TrueCells};
 use svl::stereo::{Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Frame, Rig};
 
 const MATCHERS: [&str; 3] = ["v5", "sgm", "v3"];
@@ -76,7 +76,7 @@ fn answer(program: &str, frame: &Frame, judge: &Judge, medians: &[f32]) -> Depth
                 near: Some(0.9),
                 ..Cell::UNKNOWN
             },
-            "peeks" if truth.area != Some(Area::Obstacle) => truth
+            "peeks" if truth.area != Some(CellArea::Obstacle) => truth
                 .median
                 .map_or(Cell::UNKNOWN, |depth| known(depth.median_px, rig)),
             _ => Cell::UNKNOWN,
@@ -141,7 +141,7 @@ fn rows(scenario: &Scenario) -> (Vec<Row>, Errors) {
                     .iter()
                     .flatten()
                     .zip(scored.estimate.grid.iter());
-                for (truth, (_, cell)) in cells.filter(|c| c.0.area == Some(Area::Obstacle)) {
+                for (truth, (_, cell)) in cells.filter(|c| c.0.area == Some(CellArea::Obstacle)) {
                     let reported_m = cell.depth.and_then(|depth| depth.distance_m);
                     if let Some((z, true_m)) = reported_m.zip(truth.true_m) {
                         *sum += (z - true_m).powi(2);

@@ -225,8 +225,8 @@ impl SensorSetup {
         };
         FloorPlane::from_pose(&camera).map(Some).ok_or_else(|| {
             format!(
-                "by /tf_static the left camera is {:.2} m above '{FLOOR_FRAME}', which is the floor \
-                 below a robot: --camera-height M says how high it is",
+                "by /tf_static the left camera is {:.2} m above '{FLOOR_FRAME}', which is the \
+                 floor below a robot: --camera-height M says how high it is",
                 camera.translation.z
             )
         })
