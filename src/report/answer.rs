@@ -3,8 +3,7 @@
 
 use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
-use super::lead::{Certainty, Lead, RunnerUp};
-use super::prior::PriorTest;
+use super::lead::{Certainty, Lead, PriorTest, RunnerUp};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
 use super::summary::{AlgorithmSummary, Summary};
