@@ -57,6 +57,7 @@ impl EvaluationPlan<'_> {
 
     fn built(&self) -> Result<BuiltReport> {
         let options = BuildOptions {
+            area: self.area,
             sort: self.sort,
             gate: self.gate,
             figures: self.figures,

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl_core::Result;
 use svl_report::units::{BLOCK, BlockWriter, ReportPlan, ReportRun, SealedPair, Units};
-use svl_report::{FrameRow, hash_words};
-use svl_score::judge::{Checkpoint, Judged};
+use svl_report::{FrameRow, TruthRow, hash_words};
+use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 
 /// Writes the results of a run.
 pub struct UnitSink {
@@ -64,6 +64,21 @@ impl UnitSink {
     }
 }
 
+/// The truth of the cells of a frame, where distances are scored.
+fn truths(judged: &Judged) -> Vec<TruthRow> {
+    let (frame, truth) = (&judged.frame, judged.true_cells.as_ref());
+    let has_pixels = |cells: &&TrueCells| {
+        let mut areas = cells.truths().filter_map(|(_, truth)| truth.area);
+        areas.any(|area| area == CellArea::Pixels)
+    };
+    let (Some(cells), Some(rig)) = (truth.filter(|cells| !has_pixels(cells)), frame.rig()) else {
+        return Vec::new();
+    };
+    let truth = frame.truth.as_ref();
+    let knows_floor = truth.is_some_and(|truth| truth.surface.is_some());
+    TruthRow::for_cells(frame.sequence, rig, knows_floor, cells.truths())
+}
+
 impl Sink for UnitSink {
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
         self.identity = RunIdentity::new(start);
@@ -107,6 +122,7 @@ impl Sink for UnitSink {
                     .push([FrameRow::new(frame.sequence, label, checkpoint, shown)])?;
             }
         }
+        block.truths.push(truths(judged))?;
         block.failures.push(self.identity.failures(judged))?;
         let pictured: Vec<_> = (self.algorithms.iter())
             .filter(|(_, (_, is_pictured))| *is_pictured)

@@ -3,6 +3,7 @@
 use super::{BlockPictures, DriveFacts};
 use crate::csv_rows::csv_error;
 use crate::drives::{DriveRow, TrackRow};
+use crate::prior::TruthRow;
 use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -65,6 +66,7 @@ pub(super) const FAILURES: &str = "failures";
 pub(super) const FRAMES: &str = "frames";
 pub(super) const DRIVES: &str = "drives";
 pub(super) const TRACKS: &str = "tracks";
+pub(super) const TRUTHS: &str = "truths";
 pub(super) const PICTURES: &str = "pictures";
 
 /// Writes the tables of a block.
@@ -78,6 +80,8 @@ pub struct BlockWriter {
     pub frames: UnitTable<FrameRow>,
     pub drives: UnitTable<DriveRow>,
     pub tracks: UnitTable<TrackRow>,
+    /// Of the cells of each pair, once for all algorithms.
+    pub truths: UnitTable<TruthRow>,
 }
 
 impl BlockWriter {
@@ -90,6 +94,7 @@ impl BlockWriter {
             frames: UnitTable::new(folder, &name, FRAMES),
             drives: UnitTable::new(folder, &name, DRIVES),
             tracks: UnitTable::new(folder, &name, TRACKS),
+            truths: UnitTable::new(folder, &name, TRUTHS),
             folder: folder.to_owned(),
             name,
             seal: Seal {
@@ -158,6 +163,7 @@ impl BlockWriter {
         self.frames.seal(&mut files)?;
         self.drives.seal(&mut files)?;
         self.tracks.seal(&mut files)?;
+        self.truths.seal(&mut files)?;
         let before = std::mem::take(&mut self.seal.files);
         if let Some(pictures) = pictures {
             let text = json(pictures)?;

@@ -25,6 +25,7 @@ pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, w
 
 use super::drives::{CoursePlan, DriveRow, TrackRow};
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};
+use super::prior::TruthRow;
 use super::rows::{CellRow, FailureRow, Record, Row};
 use super::summary::TopicDelay;
 use serde::{Deserialize, Serialize};
@@ -76,6 +77,7 @@ pub fn unit_format() -> String {
         FailureRow::columns(),
         DriveRow::columns(),
         TrackRow::columns(),
+        TruthRow::columns(),
     ];
     let names = tables.iter().flatten().map(|column| column.name);
     hash(&names.chain([PICTURES]).collect::<Vec<_>>().join("\n"))

@@ -1,12 +1,13 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
-use super::block::{CELLS, DRIVES, FAILURES, FRAMES, ROWS, TRACKS};
+use super::block::{CELLS, DRIVES, FAILURES, FRAMES, ROWS, TRACKS, TRUTHS};
 use super::kept::KeptResults;
 use super::store::{StoredSeal, StoredSession, Units};
 use super::{ReportPlan, ReportRun, RunFacts, SealedPair};
 use crate::accuracy::{AccuracyRow, AccuracyTally};
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{DriveRow, TrackRow};
+use crate::prior::{PRIOR, PriorTally, TruthRow};
 use crate::reliability::{ReliabilityRow, ReliabilityTallies};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, FrameRow, Record, Row};
 use crate::table_writer::TableWriter;
@@ -111,6 +112,8 @@ pub struct ReportTables {
     pub accuracy: Vec<AccuracyRow>,
     /// Likewise.
     pub reliability: Vec<ReliabilityRow>,
+    /// The rows of the prior, where cells are scored by distances.
+    pub prior: Vec<Row>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -151,6 +154,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
         tables.accuracy = read_rows(&file("accuracy"))?;
         tables.reliability = read_rows(&file("reliability"))?;
+        tables.prior = read_rows(&file(PRIOR))?;
     }
     Ok(tables)
 }
@@ -194,6 +198,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
         write_table(folder, "checkpoints", &tables.checkpoints)?;
         write_table(folder, "accuracy", &tables.accuracy)?;
         write_table(folder, "reliability", &tables.reliability)?;
+        write_table(folder, PRIOR, &tables.prior)?;
     }
     Ok(tables)
 }
@@ -222,6 +227,7 @@ pub fn collect_tables(
     let rule = ScoreRule::new(plan)?;
     let mut accuracy = AccuracyTally::new(rule.cells);
     let mut reliability = ReliabilityTallies::default();
+    let mut prior = PriorTally::default();
     for run in runs {
         accuracy.begin_run();
         let mut tallies = RunTallies::new(plan, &rule, &run.run);
@@ -233,6 +239,7 @@ pub fn collect_tables(
             if let (Some(row), false) = (rows_of_pair.rows.first(), plan.is_driven()) {
                 accuracy.add(row.stamp_ns, &rows_of_pair.cells);
                 reliability.add(&rows_of_pair.cells);
+                prior.add(row, std::mem::take(&mut rows_of_pair.truths));
             }
             take(TakenRows {
                 rows: &rows_of_pair.rows,
@@ -259,6 +266,7 @@ pub fn collect_tables(
     }
     tables.accuracy = accuracy.into_rows(&plan.labels());
     tables.reliability = reliability.into_rows(&plan.labels());
+    tables.prior = prior.into_rows(rule.cells);
     Ok(tables)
 }
 
@@ -278,18 +286,18 @@ struct PairRows {
     frames: Vec<FrameRow>,
     drives: Vec<DriveRow>,
     tracks: Vec<TrackRow>,
+    truths: Vec<TruthRow>,
 }
 
 impl PairRows {
     fn from_drive(seal: &StoredSeal) -> Result<Self> {
         Ok(Self {
-            pair: None,
             rows: seal.whole(ROWS)?,
             cells: seal.whole(CELLS)?,
             failures: seal.whole(FAILURES)?,
-            frames: Vec::new(),
             drives: seal.whole(DRIVES)?,
             tracks: seal.whole(TRACKS)?,
+            ..Self::default()
         })
     }
 
@@ -348,6 +356,7 @@ struct SealReader<'a> {
     cells: PairReader<CellRow>,
     failures: PairReader<FailureRow>,
     frames: PairReader<FrameRow>,
+    truths: PairReader<TruthRow>,
 }
 
 impl<'a> SealReader<'a> {
@@ -362,6 +371,11 @@ impl<'a> SealReader<'a> {
             },
             failures: PairReader::open(stored, FAILURES)?,
             frames: PairReader::open(stored, FRAMES)?,
+            truths: if has_cells {
+                PairReader::open(stored, TRUTHS)?
+            } else {
+                PairReader::default()
+            },
         })
     }
 
@@ -383,6 +397,11 @@ impl<'a> SealReader<'a> {
                 .take(pair.sequence, &keep, &mut rows_of_pair.failures)?;
             self.frames
                 .take(pair.sequence, &keep, &mut rows_of_pair.frames)?;
+            // Sessions have the same truth of a pair.
+            let is_first = rows_of_pair.truths.is_empty();
+            let keep = |_: &str| is_here && is_first;
+            self.truths
+                .take(pair.sequence, &keep, &mut rows_of_pair.truths)?;
             if is_here {
                 rows_of_pair.pair = Some(pair.clone());
                 break;
@@ -458,6 +477,17 @@ macro_rules! pair_rows {
 }
 
 pair_rows!(Row, CellRow, FailureRow, FrameRow);
+
+impl RowOfPair for TruthRow {
+    fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// That of all.
+    fn algorithm(&self) -> &'static str {
+        ""
+    }
+}
 
 /// The rules of the scenario by which its frames were scored.
 struct ScoreRule {
