@@ -271,11 +271,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
 
 #[test]
 fn the_time_of_a_pair_holds_the_decision_of_its_cells() {
-    for decision in [
-        CellDecision::Median,
-        CellDecision::Stixels,
-        CellDecision::Safe,
-    ] {
+    for decision in [CellDecision::Median, CellDecision::Safe] {
         // Its own time is that of matching alone.
         let mut entry = RunMatcher::new(&"blind".parse().unwrap()).unwrap();
         let grid = GridSettings {
