@@ -56,7 +56,7 @@ const HEADINGS: &[(&str, &str)] = &[
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
-    sample shape tolerance figures publish dense near drives times \
+    sample beyond_m shape tolerance area figures publish dense near drives times \
     prune junit print_scenario script epochs test_seeds \
     trials pairs";
 
