@@ -54,7 +54,7 @@ const HEADINGS: &[(&str, &str)] = &[
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
-    sample shape tolerance figures publish dense near drives times \
+    sample beyond_m shape tolerance area figures publish dense near drives times \
     prune junit print_scenario script epochs pairs";
 
 /// The command whose page has the options of sources, which others name.
