@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/results/rivals.sh DATASETS
+# v5 beside v3, bm and sgm, for docs/results/rivals.md: bash docs/results/rivals.sh DATASETS
 # Prints, for each set of scenes, of v5 (and revision 2), v3, bm and sgm: right and wrong cells of obstacles, missed and
 # false near obstacles, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the
 # drives. The reports stay in reports/rivals-*.
