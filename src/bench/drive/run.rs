@@ -81,7 +81,7 @@ impl DrivePlan<'_> {
             },
             ..self.scenario.judge()
         };
-        let taken = Taken(Arc::clone(&log));
+        let taken = FreeAlgorithm(Arc::clone(&log));
         let start = RunStart {
             wanted: Some(&taken),
             ..RunStart::new(self.manifest, Some(self.course.seed()), &judge)
@@ -228,9 +228,9 @@ fn rounded(at: [f64; 2]) -> [f64; 2] {
 }
 
 /// The pairs that the algorithm is not too busy for.
-struct Taken(Arc<Mutex<DriveLog>>);
+struct FreeAlgorithm(Arc<Mutex<DriveLog>>);
 
-impl Wanted for Taken {
+impl Wanted for FreeAlgorithm {
     fn wants(&self, _: u64, _: &str) -> bool {
         // The pair at hand is the last one of the track.
         self.0
