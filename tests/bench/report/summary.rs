@@ -387,8 +387,8 @@ fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
     summary.perfect = vec!["truth".to_owned()];
     summary.find_leads(&rows, &[]);
     let lead = &summary.leads[0];
-    assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", true));
-    assert!(summary.answer().last().unwrap().contains("coverage"));
+    // One of few disparities leaves most pixels out.
+    assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", false));
 }
 
 #[test]
