@@ -145,7 +145,7 @@ impl Summary {
         let parts = [
             Some(pairs),
             self.scored_words(),
-            self.area_words().filter(|_| self.drives.is_empty()),
+            self.area_words(),
             courses.or(runs),
             Some(truth),
         ];
