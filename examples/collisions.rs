@@ -14,16 +14,13 @@ type Failure = Box<dyn std::error::Error>;
 /// A metric of an algorithm in a `summary.json`, lower being better.
 type Predictor = (&'static str, fn(&serde_json::Value, &str) -> Option<f64>);
 
-/// What may predict collisions: of the cells with truth, per pair, and of the checkpoints' frames.
-const PREDICTORS: [Predictor; 6] = [
+/// What may predict collisions: of the obstacle cells, per pair, and of the checkpoints' frames.
+const PREDICTORS: [Predictor; 5] = [
     ("wrong cells, %", |s, a| share(s, a, "cells_wrong")),
     ("cells not right, %", |s, a| {
         Some(100.0 - share(s, a, "cells_right")?)
     }),
     ("unknown cells, %", |s, a| share(s, a, "cells_unknown")),
-    ("missed_median per 100 pairs", |s, a| {
-        per_pair(s, a, "missed_median")
-    }),
     ("missed per 100 pairs", |s, a| per_pair(s, a, "missed")),
     ("checkpoints failed, %", checkpoints_failed),
 ];

@@ -17,10 +17,10 @@ columns() { awk -F'|' -v want="$1" 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ 
 # Of checkpoints, the frames that pass alone.
 fractions() { grep -v ' 0/6 0/6 ' | sed 's/| [✓✗]* /| /g; s,[0-9]*/[0-9]* ,,g'; }
 table reports/arena/summary.md 2 |
-  columns ' algorithm $|cells, %: (right|wrong)|obstacles: (missed|false)|p50' >"$work/arena"
+  columns ' algorithm $|obstacle cells, %: (right|wrong)|obstacles: (missed|false)|p50' >"$work/arena"
 table reports/arena/summary.md 3 | fractions >"$work/checkpoints"
 table reports/middlebury/summary.md 2 |
-  columns ' algorithm $|: (cover|invalid)|[>]2 px|p50|^ cells, %: (right|wrong)' >"$work/middlebury"
+  columns ' algorithm $|: cover|[>]2 or none|[>][12] px|p50|^ cells, %: (right|wrong)' >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
 # The run's manifest names day and processor.
 entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manifest.json | head -1; }

@@ -45,7 +45,7 @@ score arena30 $models/arena30.toml --seeds 7501..7502
 score noise scenarios/arena-noise.toml --seeds 7601..7602
 # Obstacles that appear in a run of pieces from different places, and what the flags say.
 [ -n "${SVL:-}" ] || cargo test --release --quiet --locked --test bench -- --ignored sudden_obstacles --nocapture
-sets="arena worlds10 worlds2 shapes courses arena30 noise"
+sets="worlds10 worlds2 courses shapes arena arena30 noise"
 if [ -n "$datasets" ]; then
   score middlebury scenarios/middlebury.toml --data "$datasets"
   score playground scenarios/eth3d.toml --data "$datasets" --scenes eth3d-playground_1l

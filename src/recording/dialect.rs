@@ -21,7 +21,7 @@ pub enum Dialect {
     /// | the same with `/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
-    /// | `/tf_static` | TFMessage: left camera → frame of the scans, if there are results |
+    /// | `/tf_static` | TFMessage: left camera → frame of the scans, base_footprint, if known |
     /// | `/truth/{depth,disparity}`, `/algo/<name>/depth` | sensor_msgs/msg/Image 32FC1 |
     /// | `/algo/<name>/points` | sensor_msgs/msg/PointCloud2, a point per known cell |
     /// | `/algo/<name>/scan` | sensor_msgs/msg/LaserScan |
@@ -107,7 +107,10 @@ impl Dialect {
                 geometry::encode_transform(pose, frames, stamp),
             ),
             // ROS tools look for transforms on /tf, whatever the frames.
-            Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
+            Self::Ros2 => (
+                "/tf".into(),
+                ros::encode_transforms(&[(*pose, frames)], stamp),
+            ),
         }
     }
 

@@ -34,6 +34,8 @@ pub struct Header {
     pub bits: Option<u8>,
     /// Coordinate frame of the left images, if the source names one.
     pub frame_id: Option<String>,
+    /// Height of the level camera above the floor, metres, if the source knows it.
+    pub camera_height_m: Option<f64>,
 }
 
 impl Header {
@@ -118,6 +120,10 @@ impl Header {
             ("stamps", self.stamps.map(StampOrigin::to_field)),
             ("bits", self.bits.map(|bits| bits.to_string())),
             ("frame_id", self.frame_id.clone()),
+            (
+                "camera_height_m",
+                self.camera_height_m.map(|height_m| height_m.to_string()),
+            ),
         ];
         let metadata = fields
             .into_iter()
@@ -147,6 +153,7 @@ impl Header {
             stamps: field("stamps").and_then(|text| StampOrigin::from_field(&text)),
             bits: field("bits").and_then(|bits| bits.parse().ok()),
             frame_id: field("frame_id"),
+            camera_height_m: field("camera_height_m").and_then(|height_m| height_m.parse().ok()),
         })
     }
 }

@@ -85,7 +85,9 @@ pub use opened::Recording;
 pub use reader::Reader;
 pub use recovery::Recovery;
 pub use result::{AlgorithmResult, PairResult, StoredResults};
-pub use ros::{CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, scan_transform};
+pub use ros::{
+    CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, static_transforms,
+};
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
 pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};

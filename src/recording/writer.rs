@@ -27,6 +27,7 @@ pub struct Writer {
     file: SyncedFile,
     format: RecordingFormat,
     channels: HashMap<String, u16>,
+    camera_height_m: Option<f64>,
 }
 
 impl Writer {
@@ -48,6 +49,7 @@ impl Writer {
             file,
             format,
             channels: HashMap::new(),
+            camera_height_m: header.camera_height_m,
         })
     }
 
@@ -121,6 +123,9 @@ impl Writer {
                 .baseline(rig, left)
                 .map_or(Ok(()), |said| self.put(said, left, sequence))?;
         }
+        if self.camera_height_m.is_some() {
+            self.write_static_transforms(left, sequence)?;
+        }
         if let Some(pose) = &frame.pose {
             self.put(dialect.pose(pose, left), left, sequence)?;
         }
@@ -183,6 +188,17 @@ impl Writer {
         Ok(())
     }
 
+    /// Writes the static transforms of a ROS 2 bag, once.
+    fn write_static_transforms(&mut self, stamp: RosStamp, sequence: u32) -> Result<()> {
+        if self.format.dialect != Dialect::Ros2 || self.channels.contains_key(TF_STATIC) {
+            return Ok(());
+        }
+        let left = frame_id(Side::Left);
+        let transforms = ros::static_transforms(left, self.camera_height_m, stamp.ns())?;
+        let transforms = transforms.map(|said| (TF_STATIC, said.message));
+        transforms.map_or(Ok(()), |said| self.put(said, stamp, sequence))
+    }
+
     /// Writes the result of an algorithm for `frame`: disparities, cells, hash; in ROS 2 also what
     /// live topics have.
     ///
@@ -196,12 +212,8 @@ impl Writer {
         let sequence = frame.sequence as u32;
         let dialect = self.format.dialect;
         if dialect == Dialect::Ros2 && frame.rig().is_some() {
+            self.write_static_transforms(stamp, sequence)?;
             let left = frame_id(Side::Left);
-            if !self.channels.contains_key(TF_STATIC) {
-                let transform = ros::scan_transform(left, stamp.ns())?;
-                let transform = transform.map(|said| (TF_STATIC, said.message));
-                transform.map_or(Ok(()), |said| self.put(said, stamp, sequence))?;
-            }
             for said in ros::result_messages(frame, result, &ResultOptions::new(left))? {
                 self.put((topic(said.topic), said.message), stamp, sequence)?;
             }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::bootstrap::Sample;
-use svl_score::judge::{CellNumber, Verdict};
+use svl_score::judge::{AreaChoice, CellNumber, Verdict};
 
 /// Largest change of a cell at rest between successive answers, of its true distance.
 const MAX_MOTION: f64 = 0.01;
@@ -20,11 +20,14 @@ const BOUNDS_M: (f64, f64) = (1.0, 16.0);
 
 record! {
     #[derive(Default)]
-    /// Errors of an algorithm's distances: of all, then by range of the true distance. A cell
-    /// counts if it is scored and has a distance. Unperturbed pairs only.
+    /// Errors of an algorithm's distances by area, then of all cells: of all distances, then by
+    /// range of the true distance. A cell counts if it is scored and has a distance. Unperturbed
+    /// pairs only.
     AccuracyRow {
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
+        /// The cells: obstacle (with pixels), floor, beyond, or all.
+        area: AreaChoice,
         /// Least true distance.
         from_m: f64,
         /// True distances are nearer; absent for the last range and for all.
@@ -61,6 +64,8 @@ impl AccuracyRow {
             CellNumber::AbsRel => self.abs_rel,
             CellNumber::Noise => self.noise_m,
             CellNumber::Flicker => self.flicker,
+            CellNumber::ErrorCells => Some(self.cells as f64),
+            CellNumber::RestingCells => Some(self.resting as f64),
         }
     }
 
@@ -115,8 +120,8 @@ pub(super) struct AccuracyTally {
 
 /// The errors of an algorithm.
 struct AlgorithmErrors {
-    /// By range, that of all first.
-    ranges: Vec<RangeErrors>,
+    /// By [`AreaChoice`] and range, that of all distances first.
+    areas: [Vec<RangeErrors>; AreaChoice::ALL.len()],
     /// By column and row.
     last: BTreeMap<(u32, u32), LastCell>,
 }
@@ -171,8 +176,11 @@ impl AccuracyTally {
             let before = own.last.insert((cell.column, cell.row), now);
             let since = |before: &LastCell| stamp_ns.checked_sub(before.stamp_ns);
             let before = before.filter(|before| since(before).is_some_and(|ns| ns <= MAX_GAP_NS));
-            for i in [0, range] {
-                let errors = &mut own.ranges[i];
+            let areas = AreaChoice::ALL
+                .into_iter()
+                .filter(|area| area.has(cell.area));
+            for (area, i) in areas.flat_map(|area| [(area, 0), (area, range)]) {
+                let errors = &mut own.areas[area as usize][i];
                 if let Some(reported_m) = reported_m {
                     errors.errors_m.push((reported_m - true_m) as f32);
                     errors.relative += (reported_m - true_m).abs() / true_m;
@@ -185,33 +193,32 @@ impl AccuracyTally {
     }
 
     /// As [`AccuracyTally::add`], for the cells of one algorithm; returns the errors that they add,
-    /// of all distances.
-    pub(super) fn take_pair(&mut self, stamp_ns: u64, cells: &[CellRow]) -> RangeErrors {
+    /// by [`AreaChoice`].
+    pub(super) fn take_pair(&mut self, stamp_ns: u64, cells: &[CellRow]) -> PairErrors {
         self.add(stamp_ns, cells);
         let label = cells.first().map(|cell| cell.algorithm.as_str());
         let own = label.and_then(|label| self.algorithms.get_mut(label));
-        own.map_or_else(RangeErrors::default, |own| {
-            std::mem::take(&mut own.ranges[0])
+        own.map_or_else(PairErrors::default, |own| {
+            AreaChoice::ALL.map(|area| std::mem::take(&mut own.areas[area as usize][0]))
         })
     }
 
-    /// Per algorithm, in the order of the labels, the errors of all distances and of each range
-    /// that has any.
+    /// Per algorithm, in the order of the labels, and per area the errors of all distances and of
+    /// each range that has any.
     pub(super) fn into_rows(mut self, labels: &[&str]) -> Vec<AccuracyRow> {
         let mut rows = Vec::new();
         for label in labels {
             let Some(all) = self.algorithms.remove(*label) else {
                 continue;
             };
-            let starts = [0.0, 0.0].into_iter().chain(self.bounds_m.iter().copied());
-            let ends = [None]
-                .into_iter()
-                .chain(self.bounds_m.iter().copied().map(Some));
-            let ends = ends.chain([None]);
-            for ((errors, from_m), to_m) in all.ranges.into_iter().zip(starts).zip(ends) {
-                if errors.resting > 0 || !errors.errors_m.is_empty() {
-                    rows.push(errors.into_row(label, from_m, to_m));
-                }
+            let bounds = || self.bounds_m.iter().copied();
+            let starts = [0.0, 0.0].into_iter().chain(bounds());
+            let ends = [None].into_iter().chain(bounds().map(Some)).chain([None]);
+            let ranges: Vec<_> = starts.zip(ends).collect();
+            for (area, own) in AreaChoice::ALL.into_iter().zip(all.areas) {
+                let own = own.into_iter().zip(&ranges);
+                let own = own.filter(|(errors, _)| !errors.is_empty());
+                rows.extend(own.map(|(errors, range)| errors.into_row(label, area, *range)));
             }
         }
         rows
@@ -220,15 +227,26 @@ impl AccuracyTally {
 
 impl AlgorithmErrors {
     fn new(ranges: usize) -> Self {
-        let errors = std::iter::repeat_with(RangeErrors::default);
+        let own = |_| {
+            std::iter::repeat_with(RangeErrors::default)
+                .take(ranges)
+                .collect()
+        };
         Self {
-            ranges: errors.take(ranges).collect(),
+            areas: AreaChoice::ALL.map(own),
             last: BTreeMap::new(),
         }
     }
 }
 
+/// The errors in a pair, by [`AreaChoice`].
+pub(super) type PairErrors = [RangeErrors; AreaChoice::ALL.len()];
+
 impl RangeErrors {
+    fn is_empty(&self) -> bool {
+        self.resting == 0 && self.errors_m.is_empty()
+    }
+
     /// Adds a cell of two successive answers, if it is at rest.
     fn add_change(
         &mut self,
@@ -253,8 +271,10 @@ impl RangeErrors {
         }
     }
 
-    /// The values of a metric in pairs, as [`RangeErrors::into_row`] has it over all of them.
-    pub(super) fn sample(number: CellNumber, pairs: &[Self]) -> Sample {
+    /// The values of a metric in the cells of an area in pairs, as [`RangeErrors::into_row`] has it
+    /// over all of them.
+    pub(super) fn sample(number: CellNumber, pairs: &[PairErrors], area: AreaChoice) -> Sample {
+        let pairs = || pairs.iter().map(move |own| &own[area as usize]);
         let errors = |own: &Self| {
             own.errors_m
                 .iter()
@@ -262,7 +282,7 @@ impl RangeErrors {
                 .map(f64::from)
                 .collect::<Vec<_>>()
         };
-        let parts = |part: &dyn Fn(&Self) -> [f64; 2]| pairs.iter().map(part).collect::<Vec<_>>();
+        let parts = |part: &dyn Fn(&Self) -> [f64; 2]| pairs().map(part).collect::<Vec<_>>();
         let cells = |own: &Self| own.errors_m.len() as f64;
         match number {
             CellNumber::Bias => Sample::Ratio(parts(&|own| [errors(own).iter().sum(), cells(own)])),
@@ -273,12 +293,16 @@ impl RangeErrors {
                 ]
             })),
             CellNumber::MedianError => {
-                let sizes = |own| errors(own).iter().map(|error| error.abs()).collect();
-                Sample::Median(pairs.iter().map(sizes).collect())
+                let sizes = |own: &Self| errors(own).iter().map(|error| error.abs()).collect();
+                Sample::Median(pairs().map(sizes).collect())
             }
             CellNumber::AbsRel => Sample::Ratio(parts(&|own| [own.relative, cells(own)])),
             CellNumber::Noise => Sample::Root(parts(&|own| [own.squares, 2.0 * own.known as f64])),
-            CellNumber::Flicker if pairs.iter().all(|own| own.errors_m.is_empty()) => {
+            CellNumber::ErrorCells => Sample::Count(pairs().map(cells).collect()),
+            CellNumber::RestingCells => {
+                Sample::Count(pairs().map(|own| own.resting as f64).collect())
+            }
+            CellNumber::Flicker if pairs().all(|own| own.errors_m.is_empty()) => {
                 Sample::Ratio(Vec::new())
             }
             CellNumber::Flicker => {
@@ -287,7 +311,12 @@ impl RangeErrors {
         }
     }
 
-    fn into_row(mut self, label: &str, from_m: f64, to_m: Option<f64>) -> AccuracyRow {
+    fn into_row(
+        mut self,
+        label: &str,
+        area: AreaChoice,
+        (from_m, to_m): (f64, Option<f64>),
+    ) -> AccuracyRow {
         let cells = self.errors_m.len() as u64;
         let mean = |sum: f64| (cells > 0).then(|| sum / cells as f64);
         let errors = || self.errors_m.iter().copied().map(f64::from);
@@ -299,6 +328,7 @@ impl RangeErrors {
         self.errors_m.sort_by(f32::total_cmp);
         AccuracyRow {
             algorithm: label.to_owned(),
+            area,
             from_m,
             to_m,
             cells,

@@ -2,8 +2,8 @@
 //! fastest one with its cost.
 
 use super::choice::better_first;
-use super::drives::{self, DriveRow};
-use super::lead::{Certainty, Lead, RunnerUp};
+use super::drives::{self, DriveRow, MIN_DRIVEN};
+use super::lead::{Certainty, Lead, PriorTest, RunnerUp};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
 use super::summary::{AlgorithmSummary, Summary};
@@ -40,7 +40,7 @@ const MIN_FOUND: f64 = 0.5;
 pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
         RunKind::Distances => &["right", "wrong", "missed"],
-        RunKind::Disparities => &["bad2"],
+        RunKind::Disparities => &["total_bad2"],
         RunKind::Courses => &["finished", "collisions"],
         RunKind::NoTruth => &["unrivalled", "agreed"],
     };
@@ -73,7 +73,8 @@ impl Summary {
         let best = ranked[place];
         // Beside the best of the usable stands the next usable one.
         let mut others = ranked[place + 1..].iter();
-        let second = others.find(|a| place == 0 || self.is_usable(a));
+        let is_shown = place == 0 && self.kind() != RunKind::Courses;
+        let second = others.find(|a| is_shown || self.is_usable(a));
         let second = second.and_then(|second| {
             let labels = [best, second].map(|a| a.algorithm.as_str());
             let certainty = match self.kind() {
@@ -146,9 +147,12 @@ impl Summary {
         })
     }
 
-    /// True for few wrong cells and some right ones, or some pixels with a disparity; else an
-    /// algorithm is not called best.
+    /// True for few wrong cells, some right ones and more than the prior has; for some pixels with
+    /// a disparity; for some of the courses driven. No other algorithm is called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
+        if self.behind_prior.contains(&algorithm.algorithm) {
+            return false;
+        }
         let share = |name| algorithm.value(Metric::find(name)?);
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
         let is_within = |name, max| share(name).is_none_or(|share| share <= max);
@@ -159,7 +163,12 @@ impl Summary {
             RunKind::Disparities => {
                 reaches("coverage", USABLE.min_coverage) && is_within("bad2", USABLE.max_bad)
             }
-            RunKind::Courses | RunKind::NoTruth => true,
+            RunKind::Courses => {
+                let mut drives = self.drives.iter();
+                let own = drives.find(|d| d.algorithm == algorithm.algorithm);
+                own.is_some_and(|own| own.has_driven)
+            }
+            RunKind::NoTruth => true,
         }
     }
 
@@ -178,11 +187,21 @@ impl Summary {
                 percent(USABLE.max_bad),
                 percent(USABLE.min_coverage)
             ),
-            _ => format!(
-                "at most {:.0} % wrong and at least {:.0} % right cells",
-                percent(USABLE.max_wrong),
-                percent(USABLE.min_right)
+            RunKind::Courses => format!(
+                "at least {:.0} % of the courses' length driven",
+                percent(MIN_DRIVEN)
             ),
+            _ => {
+                let prior = match self.prior_test {
+                    PriorTest::Tested => ", and more right minus wrong cells than the prior",
+                    _ => "",
+                };
+                format!(
+                    "at most {:.0} % wrong and at least {:.0} % right cells{prior}",
+                    percent(USABLE.max_wrong),
+                    percent(USABLE.min_right)
+                )
+            }
         }
     }
 
@@ -225,7 +244,13 @@ impl Summary {
         let passes = self.checkpoint_words();
         let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
         let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
-        let all = sentences.chain(passes).chain(fastest).chain(usable);
+        let untold = (self.prior_test == PriorTest::TooFewPairs)
+            .then(|| "Too few pairs to tell if they beat the prior.".to_owned());
+        let all = sentences
+            .chain(passes)
+            .chain(fastest)
+            .chain(usable)
+            .chain(untold);
         all.collect()
     }
 
@@ -276,7 +301,7 @@ impl Summary {
         }
         let best = &first.algorithm;
         let own = |metric| Some(value(metric, self.value(name, metric, None)?));
-        let cost = format!("{} {}", own(first.metric)?, first.metric.words);
+        let cost = format!("{} {}", own(first.metric)?, self.words(first.metric));
         let most = self.coverage_words(name, best);
         Some(format!(
             "{name} is {fast}{usable} ({time}{second_words}), with {cost}{most}."
@@ -332,7 +357,7 @@ impl Summary {
         };
         format!(
             "{most} {}{usable}{seeing} ({value}{second})",
-            lead.metric.words
+            self.words(lead.metric)
         )
     }
 

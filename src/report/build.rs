@@ -18,7 +18,7 @@ use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
 use svl_files::outputs::{FolderRule, remove_links, write, write_json};
-use svl_score::judge::{ColumnChoice, MatchFailure, Metric};
+use svl_score::judge::{AreaChoice, ColumnChoice, MatchFailure, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
 use svl_score::scenario::Limit;
@@ -28,6 +28,8 @@ use svl_score::scenario::Limit;
 pub struct BuildOptions<'a> {
     /// Metrics that the tables show, in place of the scenario's.
     pub columns: Option<&'a ColumnChoice>,
+    /// The cells that metrics of an area are of.
+    pub area: AreaChoice,
     /// Metric that the algorithms are sorted by.
     pub sort: Option<&'static Metric>,
     /// True if the limits of the scenario are checked.
@@ -123,8 +125,12 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
-    fn write(self, sources: Sources) -> Result<BuiltReport> {
+    fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
+        let tables = &mut self.tables;
+        for row in tables.rows.iter_mut().chain(&mut tables.prior) {
+            row.metrics = row.metrics.in_area(options.area);
+        }
         let tables = &self.tables;
         let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
         let mut manifest = self.manifest();
@@ -134,6 +140,7 @@ impl Report<'_> {
         }
         summary.add_drives(&tables.drives);
         summary.add_accuracy(&tables.accuracy);
+        summary.add_prior(&tables.prior)?;
         summary.reliability.clone_from(&tables.reliability);
         summary.latency = self.latency();
         summary.ending = self.ending()?;
@@ -147,6 +154,7 @@ impl Report<'_> {
         if let Some(metric) = options.sort {
             summary.sort_by(metric);
         }
+        summary.test_prior(&tables.rows, &tables.prior);
         summary.find_leads(&tables.rows, &tables.drives);
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&tables.rows, &run.name);
@@ -307,7 +315,7 @@ impl Report<'_> {
             let failed = failures.iter().filter(|row| row.algorithm == label).count() as u64;
             let pairs = if plan.is_driven() {
                 let own = drives.iter().filter(|drive| drive.algorithm == label);
-                own.map(|drive| drive.frames).sum()
+                own.map(|drive| drive.frames - drive.skipped).sum()
             } else {
                 rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed
             };

@@ -138,6 +138,7 @@ fn collect(outcomes: impl Iterator<Item = (String, Outcome)>) -> Vec<Case> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drives::tests::drive;
     use crate::speed::tests::row;
     use crate::table::TableCell;
 
@@ -160,7 +161,7 @@ mod tests {
                 algorithm: algorithm.into(),
                 ..row(1000, (64, 48), None)
             };
-            row.metrics.set("bad2", bad);
+            row.metrics.set("total_bad2", bad);
             row.metrics.set("invalid", Some(0.1));
             row
         };
@@ -186,23 +187,9 @@ mod tests {
     #[test]
     fn an_outcome_is_a_mark_or_its_reasons() {
         let drive = DriveRow {
-            scenario: String::new(),
-            seed: 1,
-            algorithm: "v5".into(),
             finished: false,
-            arrived: true,
             collisions: 1,
-            near_misses: 0,
-            stuck: 0,
-            driven_m: 6.0,
-            first_collision_m: None,
-            duration_s: 40.0,
-            stood_s: 0.0,
-            frames: 240,
-            failures: 0,
-            track_hash: String::new(),
-            recording: None,
-            stress: None,
+            ..drive(1, "v5")
         };
         let words = |change: fn(&mut DriveRow)| {
             let mut drive = drive.clone();

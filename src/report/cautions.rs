@@ -1,6 +1,7 @@
 //! Cautions for the reader of a run's numbers.
 
 use super::summary::Summary;
+use super::words::ms;
 use svl_core::counted;
 
 impl Summary {
@@ -37,9 +38,12 @@ impl Summary {
             .chain(failed)
             .chain(doubtful);
         parts
+            .chain(self.empty_area())
             .chain(self.nothing_near())
+            .chain(self.prior_words())
             .chain(profile)
             .chain(self.mixed_times())
+            .chain(self.slow_drivers())
             .chain(self.outliers())
             .collect()
     }
@@ -64,6 +68,28 @@ impl Summary {
              `svl score` with --times matches again what is needed"
                 .to_owned()
         })
+    }
+
+    /// Cautions about algorithms that are too slow for the rate of the pairs, and steer as if they
+    /// were not.
+    fn slow_drivers(&self) -> Vec<String> {
+        // The times of other builds are not those of svl.
+        let drives = self.drives.iter().filter(|_| self.slow_profile.is_none());
+        let words = drives.filter_map(|drive| {
+            let mut algorithms = self.algorithms.iter();
+            let own = algorithms.find(|a| a.algorithm == drive.algorithm)?;
+            let (p50_ms, period_ms) = (own.p50_ms?, drive.period_ms?);
+            (drive.latency_ms.is_none() && p50_ms > period_ms).then(|| {
+                format!(
+                    "{} takes {} ms per pair and steers as if it took {}, the time from pair to \
+                     pair; [drive] latency_ms sets what it takes on the robot",
+                    drive.algorithm,
+                    ms(p50_ms),
+                    ms(period_ms)
+                )
+            })
+        });
+        words.collect()
     }
 
     /// Caution about times that the machine disturbed.

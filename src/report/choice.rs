@@ -42,7 +42,11 @@ impl Summary {
 
     fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let algorithms = self.algorithms.iter();
-        algorithms.filter(|a| self.is_candidate(a)).collect()
+        let is_shown = |a: &&AlgorithmSummary| {
+            // A robot that stands hits nothing.
+            self.is_candidate(a) && (self.kind() != RunKind::Courses || self.is_usable(a))
+        };
+        algorithms.filter(is_shown).collect()
     }
 
     /// The value by which an algorithm is ranked: none for a time that is not believable, nor for

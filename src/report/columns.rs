@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use svl_core::stereo::CellRule;
-use svl_score::judge::{Better, Metric, MetricOrigin, MetricUnit};
+use svl_score::judge::{AreaChoice, Better, Metric, MetricOrigin, MetricUnit};
 
 /// A column of a table on disk.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -16,6 +16,9 @@ pub struct ColumnDescription {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heading: Option<String>,
     pub about: String,
+    /// The area of its number, where another column has that of the headline.
+    #[serde(skip)]
+    pub(super) area: Option<AreaChoice>,
 }
 
 impl ColumnDescription {
@@ -28,6 +31,7 @@ impl ColumnDescription {
             heading: None,
             // Code quotes are of the source.
             about: about.trim().replace('`', ""),
+            area: None,
         }
     }
 
@@ -49,6 +53,7 @@ impl ColumnDescription {
             MetricOrigin::Checkpoints => "; of checkpoints",
             MetricOrigin::Drives(_) => "; of drives",
         };
+        let areas = if metric.by_area { "; of an area" } else { "" };
         let note = metric.note.map(|note| note(CellRule::default()).1);
         let note = note.map_or_else(String::new, |note| format!(": {note}"));
         Self {
@@ -63,7 +68,8 @@ impl ColumnDescription {
                 MetricUnit::Per100M => Some("1/100 m"),
             },
             heading: Some(heading),
-            about: format!("{} ({better}{extent}){note}.", metric.words),
+            about: format!("{} ({better}{extent}{areas}){note}.", metric.words),
+            area: None,
         }
     }
 }

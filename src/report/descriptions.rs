@@ -3,6 +3,7 @@
 use super::accuracy::AccuracyRow;
 use super::columns::ColumnDescription;
 use super::drives::{DriveRow, TrackRow};
+use super::prior::PRIOR;
 use super::reliability::ReliabilityRow;
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use super::summary::{AlgorithmSummary, CheckpointSummary};
@@ -53,6 +54,11 @@ pub const TABLES: &[TableDescription] = &[
         name: "reliability",
         about: "the cells of one algorithm whose probability lies in one range",
         columns: ReliabilityRow::columns,
+    },
+    TableDescription {
+        name: PRIOR,
+        about: "one pair through the prior, which looks at nothing",
+        columns: Row::columns,
     },
     TableDescription {
         name: "failures",

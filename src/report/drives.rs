@@ -28,6 +28,10 @@ record! {
         stuck: u64,
         /// Distance that the robot drove itself.
         driven_m: f64,
+        /// Length of the route that the robot drove itself; what it drove twice counts once.
+        route_m: f64,
+        /// Length of the route, that of the driver with perfect sight.
+        course_m: f64,
         /// Distance driven until the first collision, if there was one.
         first_collision_m: Option<f64>,
         /// Duration of the drive.
@@ -38,6 +42,11 @@ record! {
         frames: u64,
         /// Number of frames on which the algorithm failed, so that the last command held.
         failures: u64,
+        /// Number of pairs that arrived while the algorithm was busy, and that it skipped.
+        skipped: u64,
+        /// Latency of the scenario, from a pair's stamp until its command takes effect; without one
+        /// it is the time from pair to pair.
+        latency_ms: Option<f64>,
         /// Digest of the track, equal for equal drives.
         track_hash: String,
         /// File of its recording in the report's folder, if it was kept.
@@ -70,6 +79,8 @@ record! {
         clearance_m: f64,
         /// True if the robot was set back to this place, after a collision or when it was stuck.
         placed: bool,
+        /// True if the algorithm was busy with an earlier pair and skipped this one.
+        skipped: bool,
         /// Event: `collision`, `near_miss`, `stuck`, or absent.
         event: Option<String>,
         /// Obstacles that the robot touched or nearly touched.
@@ -106,12 +117,18 @@ pub struct DriveSummary {
     pub finished: u64,
     pub finished_interval: Option<Interval>,
     pub collisions: u64,
-    /// Per 100 m driven.
-    pub collisions_per_100m: f64,
+    /// Per 100 m driven; absent, as all that is per distance, of a robot that never moved.
+    pub collisions_per_100m: Option<f64>,
     pub collisions_interval: Option<Interval>,
-    pub near_misses_per_100m: f64,
+    pub near_misses_per_100m: Option<f64>,
     pub near_misses_interval: Option<Interval>,
     pub stuck: u64,
+    /// Length of the route that the robot drove itself, and of the whole route: means over the
+    /// courses.
+    pub route_m: f64,
+    pub course_m: f64,
+    /// False for too little of it: nothing is said of the robot.
+    pub has_driven: bool,
     /// Mean distance driven until the first collision; a drive without one counts with all of its
     /// distance, so that it is a lower bound.
     pub first_collision_m: f64,
@@ -120,6 +137,12 @@ pub struct DriveSummary {
     pub speed_m_per_s: f64,
     /// Fraction of the time in which the robot did not move.
     pub stood_share: f64,
+    /// Fraction of the pairs that arrived while the algorithm was busy.
+    pub skipped_share: f64,
+    /// Latency of the scenario; absent without one.
+    pub latency_ms: Option<f64>,
+    /// Time from pair to pair; absent where no drive has two.
+    pub period_ms: Option<f64>,
 }
 
 impl DriveSummary {
@@ -127,6 +150,17 @@ impl DriveSummary {
     pub fn finished_share(&self) -> f64 {
         self.finished as f64 / self.courses as f64
     }
+}
+
+/// Fraction of the routes below which nothing is said of a robot: one that stands hits nothing.
+pub(super) const MIN_DRIVEN: f64 = 0.1;
+
+/// True if a robot drove that much of the routes, in all of these drives together.
+pub(super) fn has_driven<'a>(rows: impl Iterator<Item = &'a DriveRow>) -> bool {
+    let (route_m, course_m) = rows.fold((0.0, 0.0), |(route_m, course_m), row| {
+        (route_m + row.route_m, course_m + row.course_m)
+    });
+    route_m >= MIN_DRIVEN * course_m
 }
 
 /// Sums over an algorithm's drives with pairs of that `stress`; in the order in which the
@@ -150,27 +184,23 @@ pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSum
 
 fn summary(rows: &[&DriveRow]) -> DriveSummary {
     let resamples = Resamples::draw(&[rows.len()], true);
-    // A robot that never moved has no rate.
-    let both = |part: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64, scale: f64| {
+    let ratio = |part: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64| {
         let ratio = Sample::Ratio(rows.iter().map(|row| [part(row), by(row)]).collect());
-        let value = ratio.total().unwrap_or_default() * scale;
-        let interval = ratio.interval(&resamples);
-        (
-            value,
-            interval.map(|(low, high)| (low * scale, high * scale)),
-        )
+        (ratio.total(), ratio.interval(&resamples))
     };
+    let metric = |number| {
+        let sample = drive_sample(number, rows.iter().copied());
+        (sample.total(), sample.interval(&resamples))
+    };
+    let mean = |part, by| ratio(part, by).0.unwrap_or_default();
     let one = |_: &DriveRow| 1.0;
-    let (_, finished_interval) = both(|row| f64::from(u8::from(row.finished)), one, 1.0);
-    let (collisions_per_100m, collisions_interval) =
-        both(|row| row.collisions as f64, |row| row.driven_m, 100.0);
-    let (near_misses_per_100m, near_misses_interval) =
-        both(|row| row.near_misses as f64, |row| row.driven_m, 100.0);
-    let (first_collision_m, first_collision_interval) = both(
-        |row| row.first_collision_m.unwrap_or(row.driven_m),
-        one,
-        1.0,
-    );
+    let (_, finished_interval) = metric(DriveNumber::Finished);
+    let (collisions_per_100m, collisions_interval) = metric(DriveNumber::Collisions);
+    let (near_misses_per_100m, near_misses_interval) = metric(DriveNumber::NearMisses);
+    let (first_collision_m, first_collision_interval) =
+        ratio(|row| row.first_collision_m.unwrap_or(row.driven_m), one);
+    let frames = |row: &DriveRow| row.frames as f64;
+    let periods = |row: &DriveRow| row.frames.saturating_sub(1) as f64;
     DriveSummary {
         algorithm: rows[0].algorithm.clone(),
         courses: rows.len() as u64,
@@ -182,10 +212,16 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         near_misses_per_100m,
         near_misses_interval,
         stuck: rows.iter().map(|row| row.stuck).sum(),
-        first_collision_m,
+        route_m: mean(|row| row.route_m, one),
+        course_m: mean(|row| row.course_m, one),
+        has_driven: has_driven(rows.iter().copied()),
+        first_collision_m: first_collision_m.unwrap_or_default(),
         first_collision_interval,
-        speed_m_per_s: both(|row| row.driven_m, |row| row.duration_s, 1.0).0,
-        stood_share: both(|row| row.stood_s, |row| row.duration_s, 1.0).0,
+        speed_m_per_s: mean(|row| row.driven_m, |row| row.duration_s),
+        stood_share: mean(|row| row.stood_s, |row| row.duration_s),
+        skipped_share: mean(|row| row.skipped as f64, frames),
+        latency_ms: rows[0].latency_ms,
+        period_ms: ratio(|row| row.duration_s, periods).0.map(|s| 1.0e3 * s),
     }
 }
 
@@ -215,5 +251,136 @@ pub(super) fn drive_parts(number: DriveNumber, row: &DriveRow) -> [f64; 2] {
         DriveNumber::Finished => [f64::from(u8::from(row.finished)), 1.0],
         DriveNumber::Collisions => [row.collisions as f64, row.driven_m / 100.0],
         DriveNumber::NearMisses => [row.near_misses as f64, row.driven_m / 100.0],
+        DriveNumber::Driven => [row.route_m, 1.0],
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::Row;
+    use crate::speed::tests::row;
+    use crate::summary::Summary;
+
+    /// A course of 6 m that was finished, six pairs a second.
+    pub(crate) fn drive(seed: u64, algorithm: &str) -> DriveRow {
+        DriveRow {
+            scenario: "d".into(),
+            seed,
+            algorithm: algorithm.into(),
+            finished: true,
+            arrived: true,
+            collisions: 0,
+            near_misses: 0,
+            stuck: 0,
+            driven_m: 6.0,
+            route_m: 6.0,
+            course_m: 6.0,
+            first_collision_m: None,
+            duration_s: 40.0,
+            stood_s: 0.0,
+            frames: 241,
+            failures: 0,
+            skipped: 0,
+            latency_ms: None,
+            track_hash: format!("{seed} {algorithm}"),
+            recording: None,
+            stress: None,
+        }
+    }
+
+    /// The summary of drives whose algorithms take `ms` per pair.
+    fn summary(drives: &[DriveRow], ms: u64) -> Summary {
+        let row = |drive: &DriveRow| Row {
+            algorithm: drive.algorithm.clone(),
+            ..row(1000 * ms, (64, 48), None)
+        };
+        let rows: Vec<_> = drives.iter().map(row).collect();
+        let mut summary = Summary::from_rows(&rows, &[]).unwrap();
+        summary.add_drives(drives);
+        summary.find_leads(&rows, drives);
+        summary
+    }
+
+    #[test]
+    fn a_robot_that_hardly_drives_is_in_no_sentence() {
+        let stands = |route_m| DriveRow {
+            finished: false,
+            route_m,
+            ..drive(1, "stands")
+        };
+        let hits = |algorithm| DriveRow {
+            finished: false,
+            collisions: 2,
+            ..drive(1, algorithm)
+        };
+        let answer = |route_m| summary(&[hits("a"), hits("b"), stands(route_m)], 1).answer();
+        let few = answer(0.61).join(" ");
+        assert!(
+            few.contains("stands has the fewest collisions (0.0 per 100 m, a"),
+            "{few}"
+        );
+        let few = answer(0.59).join(" ");
+        assert!(!few.contains("stands"), "{few}");
+        let words = "the fewest collisions of the usable (33.3 per 100 m, b the same)";
+        assert!(few.contains(words), "{few}");
+        assert!(
+            few.ends_with("Usable: at least 10 % of the courses' length driven."),
+            "{few}"
+        );
+        // It is in the table, and not on the front.
+        let summary = summary(&[hits("a"), stands(0.0)], 1);
+        assert_eq!(summary.headline().rows.len(), 2);
+        assert_eq!(summary.front().1, ["a"]);
+        let alone = self::summary(&[stands(0.0), stands(0.5)], 1);
+        assert_eq!(alone.answer(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_robot_that_never_moved_has_no_rate() {
+        let stood = DriveRow {
+            driven_m: 0.0,
+            ..drive(1, "v3")
+        };
+        let summary = summarize(&[stood], None);
+        assert_eq!(summary[0].collisions_per_100m, None);
+        assert_eq!(summary[0].near_misses_per_100m, None);
+        assert_eq!(
+            summarize(&[drive(1, "v3")], None)[0].collisions_per_100m,
+            Some(0.0)
+        );
+    }
+
+    #[test]
+    fn pairs_that_were_skipped_are_a_fraction_of_all() {
+        let busy = DriveRow {
+            skipped: 80,
+            frames: 160,
+            latency_ms: Some(250.0),
+            duration_s: 159.0 / 6.0,
+            ..drive(2, "v3")
+        };
+        let idle = DriveRow {
+            frames: 160,
+            duration_s: 159.0 / 6.0,
+            ..busy.clone()
+        };
+        let own = &summarize(&[busy, DriveRow { skipped: 0, ..idle }], None)[0];
+        assert_eq!((own.skipped_share, own.latency_ms), (0.25, Some(250.0)));
+        assert!((own.period_ms.unwrap() - 1000.0 / 6.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn slow_algorithms_without_a_latency_are_named() {
+        let with = |latency_ms| DriveRow {
+            latency_ms,
+            ..drive(1, "v3")
+        };
+        let cautions = |latency_ms, ms| summary(&[with(latency_ms)], ms).cautions();
+        let words = "v3 takes 200 ms per pair and steers as if it took 167, the time from pair to \
+                     pair; [drive] latency_ms sets what it takes on the robot";
+        assert_eq!(cautions(None, 200), [words]);
+        assert!(cautions(None, 166).is_empty());
+        assert!(cautions(Some(200.0), 200).is_empty());
     }
 }

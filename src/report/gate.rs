@@ -1,6 +1,7 @@
 //! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
 use super::junit::{TestCase, TestResult};
+use super::prior::PRIOR;
 use super::summary::{AlgorithmSummary, Summary};
 use serde::Serialize;
 use svl_score::judge::{Metric, MetricUnit};
@@ -59,15 +60,21 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
         .relative_to
         .as_deref()
         .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let area = limit.area.unwrap_or_default();
     let result = |algorithm: &AlgorithmRecord| {
         let value = match unit {
-            None => summary.value(&algorithm.label, limit.metric, limit.checkpoint),
+            _ if limit.relative_to.as_deref() == Some(PRIOR) => {
+                let value = |label: &str| summary.value_in(label, limit.metric, None, area);
+                let both = value(&algorithm.label).zip(value(PRIOR));
+                both.map(|(own, prior)| own - prior)
+            }
+            None => summary.value_in(&algorithm.label, limit.metric, limit.checkpoint, area),
             Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
         };
         let keeps =
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
         // The reference of the ratio is named but not in this run.
-        let absent = matches!(unit, Some(None));
+        let absent = matches!(unit, Some(None)) && limit.relative_to.as_deref() != Some(PRIOR);
         let state = match value {
             _ if absent => GateState::Skipped,
             None => GateState::NotMeasured,
@@ -80,7 +87,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             algorithm: Some(algorithm.label.clone()),
             value,
             state,
-            scored: summary_row.and_then(AlgorithmSummary::scored),
+            scored: summary_row.and_then(|row| row.scored_for(limit.metric, area)),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
         }
     };
@@ -149,15 +156,20 @@ impl GateResult {
             algorithm,
             metric,
             checkpoint,
+            area,
             relative_to,
             ..
         } = &self.limit;
         let algorithm = self.algorithm.as_ref().unwrap_or(algorithm);
+        let area = area.map_or_else(String::new, |area| format!(" in area {area}"));
         let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
         let other = relative_to.as_ref();
-        let other = other.map(|other| format!(" in units of {other}'s"));
+        let other = other.map(|other| match other.as_str() {
+            PRIOR => " beyond the prior's".to_owned(),
+            other => format!(" in units of {other}'s"),
+        });
         let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);
-        format!("{algorithm}: {}{checkpoint}{other}", metric.words)
+        format!("{algorithm}: {}{area}{checkpoint}{other}", metric.words)
     }
 
     /// The same with the kind of its bounds, without their values.
@@ -201,7 +213,12 @@ impl std::fmt::Display for GateResult {
             (_, None) => {
                 f.write_str(" is not measured in this run")?;
                 if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
-                    write!(f, ": {cells} cells have a truth")?;
+                    let area = self.limit.area.unwrap_or_default();
+                    let of_area = match self.limit.metric.by_area {
+                        true => format!(" of area {area}"),
+                        false => String::new(),
+                    };
+                    write!(f, ": {cells} cells{of_area} have a truth")?;
                 }
             }
             (_, Some(value)) => {

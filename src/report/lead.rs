@@ -40,6 +40,20 @@ pub enum Certainty {
     TooFewCourses,
 }
 
+/// The test of algorithms against the prior.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PriorTest {
+    /// There is no prior.
+    #[default]
+    None,
+    /// [`Summary::behind_prior`] has those that do not beat it.
+    Tested,
+    /// Too few blocks of pairs for an interval.
+    TooFewPairs,
+    /// The prior is right nearly everywhere, so it is no test.
+    Still,
+}
+
 impl Certainty {
     /// The words after the second's value; empty if the difference is clear.
     pub(super) fn words(self) -> &'static str {

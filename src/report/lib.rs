@@ -11,6 +11,7 @@ mod accuracy;
 mod agreed;
 mod algorithm_parameters;
 mod answer;
+mod areas;
 mod build;
 pub mod calibration;
 mod cases;
@@ -30,6 +31,8 @@ mod maps;
 mod markdown;
 pub mod page;
 pub mod plot;
+mod prior;
+mod prior_test;
 mod reliability;
 mod rows;
 mod samples;
@@ -56,7 +59,8 @@ pub use descriptions::{METRIC_NAMES, TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
-pub use lead::{Certainty, Lead, RunnerUp};
+pub use lead::{Certainty, Lead, PriorTest, RunnerUp};
+pub use prior::{PRIOR, TruthRow};
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,

@@ -76,16 +76,7 @@ pub fn maps(
 mod tests {
     use super::*;
     use crate::csv_rows::rows_from_text;
-
-    /// A drive whose other numbers are 0.
-    fn drive(seed: u64, algorithm: &str, finished: bool) -> DriveRow {
-        let text = format!(
-            "scenario,seed,algorithm,finished,arrived,collisions,near_misses,stuck,driven_m,\
-             first_collision_m,duration_s,stood_s,frames,failures,track_hash,recording,stress\n\
-             d,{seed},{algorithm},{finished},true,0,0,0,0,,0,0,0,0,,,\n"
-        );
-        rows_from_text(&text).unwrap().remove(0)
-    }
+    use crate::drives::tests::drive;
 
     #[test]
     fn courses_that_a_candidate_fails_come_first_with_its_view() {
@@ -94,13 +85,11 @@ mod tests {
             field_of_view_deg: 60.0,
             ..CoursePlan::default()
         });
-        let drives = [
-            drive(1, "v3", true),
-            drive(1, "blind", false),
-            drive(2, "v3", false),
-        ];
+        let mut drives = [drive(1, "v3"), drive(1, "blind"), drive(2, "v3")];
+        (drives[1].finished, drives[2].finished) = (false, false);
         let track = "scenario,seed,algorithm,sequence,x_m,y_m,heading,speed_m_per_s,clearance_m,\
-                     placed,event,with,stress\nd,2,v3,0,1,2,0.5,0,0,false,collision,ball,\n";
+                     placed,skipped,event,with,stress\n\
+                     d,2,v3,0,1,2,0.5,0,0,false,false,collision,ball,\n";
         let track = rows_from_text(track).unwrap();
         let maps = maps(&plans, &drives, &track, &["v3"]);
         let order: Vec<_> = maps

@@ -5,11 +5,17 @@
 
 use super::columns::ColumnDescription;
 use polars::prelude::{Column, DataFrame, PolarsResult};
+use serde::Serializer;
+use serde::ser::SerializeMap as _;
+use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::LazyLock;
 use svl_core::stereo::{CellRule, CellState};
 use svl_files::ColumnPlaces;
-use svl_score::judge::{METRICS, Metric, MetricTotal, MetricUnit, MetricValues, Verdict};
+use svl_score::judge::{
+    AreaChoice, CellArea, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
+    Verdict,
+};
 
 /// A row of a table: named columns, each of one type.
 pub trait Record: Sized {
@@ -116,13 +122,38 @@ macro_rules! record {
                 serializer: S,
             ) -> std::result::Result<S::Ok, S::Error> {
                 use $crate::rows::Record as _;
-                let names = Self::columns().into_iter().map(|column| column.name);
-                serializer.collect_map(names.zip(self.values()))
+                $crate::rows::serialize_record(&Self::columns(), self.values(), serializer)
             }
         }
     };
 }
 pub(super) use record;
+
+/// Writes a row as JSON: a number per column, those of other areas than the headline's in `areas`,
+/// by the name of the area, which is absent where nothing is of it.
+pub(super) fn serialize_record<S: Serializer>(
+    columns: &[ColumnDescription],
+    values: Vec<ColumnValue<'_>>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let mut map = serializer.serialize_map(None)?;
+    let mut areas: BTreeMap<&str, BTreeMap<&str, ColumnValue<'_>>> = BTreeMap::new();
+    for (column, value) in columns.iter().zip(values) {
+        let Some(area) = column.area.map(AreaChoice::name) else {
+            map.serialize_entry(column.name, &value)?;
+            continue;
+        };
+        let name = column.name.strip_prefix(area).unwrap_or(column.name);
+        if !matches!(value, ColumnValue::Whole(None) | ColumnValue::Real(None)) {
+            let own = areas.entry(area).or_default();
+            own.insert(name.trim_start_matches('_'), value);
+        }
+    }
+    if !areas.is_empty() {
+        map.serialize_entry("areas", &areas)?;
+    }
+    map.end()
+}
 
 record! {
     /// A pair that an algorithm failed on.
@@ -247,14 +278,11 @@ record! {
         true_distance_m: Option<f64>,
         /// Result of the cell: right, wrong, unknown or no-truth.
         verdict: Verdict,
-        /// The median is truly nearer than the scenario's `obstacle_m` and reported farther than
-        /// its `clear_m`.
-        missed_median: bool,
-        /// The reverse of `missed_median`: truly farther than `clear_m`, reported nearer than
-        /// `obstacle_m`.
-        false_median: bool,
-        /// The nearest quarter of the cell is truly nearer than `obstacle_m`, and the cell is
-        /// reported farther than `clear_m`.
+        /// Area of the cell by its truth: obstacle, floor (half or more of it), beyond (its median
+        /// is beyond `beyond_m`), or pixels where disparities are scored.
+        area: Option<CellArea>,
+        /// A quarter of the cell is truly nearer than the scenario's `obstacle_m` and not floor,
+        /// and the cell is reported farther than its `clear_m`.
         missed: bool,
         /// The cell is reported nearer than `obstacle_m`, and less than 5 % of it is truly nearer
         /// than `clear_m`.
@@ -384,6 +412,13 @@ columns! {
             _ => CellState::from_name(text).map(Some),
         }
     }, |v| v.map(|v| v.name());
+    Option<CellArea>: "text?", |v| ColumnValue::Text(v.map_or("", CellArea::name)), |text| {
+        match text {
+            "" => Some(None),
+            _ => CellArea::from_name(text).map(Some),
+        }
+    }, |v| v.map(CellArea::name);
+    AreaChoice: "text", |v| ColumnValue::Text(v.name()), AreaChoice::from_name, |v| v.name();
     u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
     u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
     f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone;
@@ -419,23 +454,72 @@ const FIRST_IN_ROWS: [&str; 10] = [
     "row_offset",
 ];
 
-static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
+/// A metric's column in a table, of the cells of an area.
+struct MetricColumn {
+    metric: &'static Metric,
+    area: AreaChoice,
+    name: String,
+}
+
+static METRICS_IN_ROWS: LazyLock<Vec<MetricColumn>> = LazyLock::new(|| {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
     let rest = METRICS
         .iter()
         .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
-    first
-        .chain(rest)
-        .filter_map(|metric| Some((metric, metric.column()?.0)))
-        .collect()
+    let of_frames = first.chain(rest).filter(|metric| metric.column().is_some());
+    metric_columns(&of_frames.collect::<Vec<_>>(), &AreaChoice::PARTS)
 });
 
-static METRICS_IN_SUMMARIES: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
-    METRICS
-        .iter()
-        .filter_map(|metric| Some((metric, metric.summary_column()?)))
-        .collect()
+static METRICS_IN_SUMMARIES: LazyLock<Vec<MetricColumn>> = LazyLock::new(|| {
+    let metrics = METRICS.iter();
+    let metrics: Vec<_> = metrics.filter(|m| m.summary_column().is_some()).collect();
+    metric_columns(&metrics, &AreaChoice::ALL)
 });
+
+/// The columns of metrics that have one: those of the headline, then those of the other areas.
+fn metric_columns(metrics: &[&'static Metric], areas: &[AreaChoice]) -> Vec<MetricColumn> {
+    let column = |area: AreaChoice| {
+        let metrics = metrics.iter().filter(move |metric| metric.has_area(area));
+        metrics.filter_map(move |metric| {
+            let name = metric.summary_column()?;
+            Some(MetricColumn {
+                metric,
+                area,
+                name: if area == AreaChoice::default() {
+                    name.to_owned()
+                } else {
+                    format!("{}_{name}", area.name())
+                },
+            })
+        })
+    };
+    areas.iter().copied().flat_map(column).collect()
+}
+
+impl MetricColumn {
+    fn value(&self, metrics: &MetricValues) -> Option<f64> {
+        metrics.get_in(self.metric.name, self.area)
+    }
+
+    fn description(&'static self) -> ColumnDescription {
+        let other = Some(self.area).filter(|area| *area != AreaChoice::default());
+        let headline = metric_column(self.metric);
+        let about = match other {
+            None => headline.about,
+            Some(AreaChoice::All) => format!("{}, of all areas.", capitalized(self.metric.words)),
+            Some(area) => {
+                let words = capitalized(self.metric.words);
+                format!("{words}, of the area {}.", area.name())
+            }
+        };
+        ColumnDescription {
+            name: &self.name,
+            area: other,
+            about,
+            ..headline
+        }
+    }
+}
 
 /// The metrics' columns of all frames of an algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -449,18 +533,11 @@ impl std::ops::Deref for MetricTotals {
     }
 }
 
-/// Metrics with the names of their columns, in the order of a table.
-type MetricOrder = [(&'static Metric, &'static str)];
-
 impl RowField for MetricValues {
     const KIND: &'static str = "number?";
 
     fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
-        columns.extend(
-            METRICS_IN_ROWS
-                .iter()
-                .map(|(metric, _)| metric_column(metric)),
-        );
+        columns.extend(METRICS_IN_ROWS.iter().map(MetricColumn::description));
     }
 
     fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
@@ -480,8 +557,7 @@ impl RowField for MetricTotals {
     const KIND: &'static str = "number?";
 
     fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
-        let order = METRICS_IN_SUMMARIES.iter();
-        columns.extend(order.map(|(metric, _)| metric_column(metric)));
+        columns.extend(METRICS_IN_SUMMARIES.iter().map(MetricColumn::description));
     }
 
     fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
@@ -498,38 +574,65 @@ impl RowField for MetricTotals {
     }
 }
 
-/// A value per metric, whole where the metric counts.
+/// A value per column, whole where the metric counts.
 fn metric_values<'a>(
-    order: &'static MetricOrder,
+    columns: &'static [MetricColumn],
     metrics: &'a MetricValues,
 ) -> impl Iterator<Item = ColumnValue<'a>> {
-    order
+    columns
         .iter()
-        .map(|(metric, _)| match metrics.get(metric.name) {
-            value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
-            value => ColumnValue::Real(value),
+        .map(|column| match (column.value(metrics), column.metric) {
+            (value, metric) if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
+            (value, _) => ColumnValue::Real(value),
         })
 }
 
-fn parse_metrics(order: &MetricOrder, cells: CsvCells<'_>) -> Result<MetricValues, String> {
+fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<MetricValues, String> {
     let mut metrics = MetricValues::default();
-    for (metric, column) in order {
-        metrics.set(metric.name, RowField::parse(column, cells)?);
+    for column in columns {
+        let value = RowField::parse(&column.name, cells)?;
+        metrics.set_in(column.metric.name, column.area, value);
     }
+    metrics.add_up();
     Ok(metrics)
 }
 
-fn stored_metrics(order: &MetricOrder, fields: &[&MetricValues]) -> Vec<Column> {
-    let column = |(metric, column): &(&'static Metric, &'static str)| {
-        let values = fields.iter().map(|field| field.get(metric.name));
-        if metric.counts() {
+fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) -> Vec<Column> {
+    let column = |column: &'static MetricColumn| {
+        let values = fields.iter().map(|field| column.value(field));
+        if column.metric.counts() {
             let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-            Column::new((*column).into(), counts)
+            Column::new(column.name.as_str().into(), counts)
         } else {
-            Column::new((*column).into(), values.collect::<Vec<_>>())
+            Column::new(column.name.as_str().into(), values.collect::<Vec<_>>())
         }
     };
-    order.iter().map(column).collect()
+    columns.iter().map(column).collect()
+}
+
+/// The totals of the columns of rows.
+///
+/// # Errors
+/// The error of polars.
+pub(super) fn metric_totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
+    let mut totals = MetricValues::default();
+    for MetricColumn { metric, area, name } in &*METRICS_IN_ROWS {
+        let MetricOrigin::Frame { total, .. } = metric.origin else {
+            continue;
+        };
+        let column = rows.column(name)?;
+        let value = match total {
+            // Polars sums in blocks; the digits of earlier reports depend on its order of addition.
+            MetricTotal::Mean => column.as_materialized_series().mean(),
+            MetricTotal::Sum | MetricTotal::ShareOf(_) => {
+                let counts = column.u64()?.iter().flatten();
+                counts.reduce(|a, b| a + b).map(|count| count as f64)
+            }
+        };
+        totals.set_in(metric.name, *area, value);
+    }
+    totals.add_up();
+    Ok(MetricTotals(totals))
 }
 
 /// The column of a metric of frames.
@@ -565,6 +668,7 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
         kind,
         unit,
         heading: None,
+        area: None,
         about: parts.into_iter().flatten().collect::<Vec<_>>().join(" "),
     }
 }

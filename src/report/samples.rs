@@ -2,7 +2,7 @@
 
 use super::rows::Row;
 use svl_score::bootstrap::{Resamples, Sample};
-use svl_score::judge::{Metric, MetricOrigin, MetricTotal};
+use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
 
 /// Seed and recording of a row's run.
 pub(super) type RunKey<'a> = (Option<u64>, Option<&'a str>);
@@ -17,9 +17,15 @@ pub(super) fn is_scene(row: &Row) -> bool {
     !row.name.is_empty() && row.run.is_none()
 }
 
-/// The values of a metric; absent if no pair has it.
+/// The values of a metric in the area that is selected; absent if no pair has it.
 pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
-    let values = || rows.iter().map(|row| row.metrics.get(metric.name));
+    let area = rows.first().map(|row| row.metrics.area());
+    sample_in(metric, rows, area.unwrap_or_default())
+}
+
+/// The values of a metric in an area; absent if no pair has it.
+pub(super) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Option<Sample> {
+    let values = || rows.iter().map(|row| row.metrics.get_in(metric.name, area));
     match metric.origin {
         MetricOrigin::Frame { total, .. } => match total {
             MetricTotal::Mean => Some(Sample::Ratio(
@@ -30,8 +36,8 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
                 .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
             MetricTotal::ShareOf(_) => {
                 let part = |row: &&Row| {
-                    let part = row.metrics.get(metric.name);
-                    let both = part.zip(row.metrics.whole(metric));
+                    let part = row.metrics.get_in(metric.name, area);
+                    let both = part.zip(row.metrics.whole_in(metric, area));
                     both.map_or([0.0; 2], |(part, whole)| [part, whole])
                 };
                 Some(Sample::Ratio(rows.iter().map(part).collect()))

@@ -1,5 +1,6 @@
 //! What a report was made of: its units and its tables.
 
+use super::prior::PRIOR;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -60,13 +61,14 @@ impl Sources {
 }
 
 /// The tables with all rows of a report.
-const TABLES: [&str; 8] = [
+const TABLES: [&str; 9] = [
     "rows",
     "cells",
     "failures",
     "checkpoints",
     "accuracy",
     "reliability",
+    PRIOR,
     "drives",
     "tracks",
 ];

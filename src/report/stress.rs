@@ -79,7 +79,7 @@ pub(super) fn add_drives(stress: &mut [StressSummary], plain: &[DriveSummary], r
             let broken = s.broken.take().into_iter().chain([fewer]);
             s.broken = Some(broken.collect::<Vec<_>>().join(", "));
         }
-        (s.collisions, s.finished) = (Some(own.collisions_per_100m), Some(finished));
+        (s.collisions, s.finished) = (own.collisions_per_100m, Some(finished));
     }
 }
 

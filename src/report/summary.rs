@@ -2,9 +2,9 @@
 
 use super::accuracy::AccuracyRow;
 use super::drives::{self, DriveRow, DriveSummary};
-use super::lead::Lead;
+use super::lead::{Lead, PriorTest};
 use super::reliability::ReliabilityRow;
-use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
+use super::rows::{CheckpointRow, MetricTotals, Record, Row, metric_totals, record};
 use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
@@ -17,7 +17,7 @@ use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
 use svl_files::slow_profile;
 use svl_score::judge::{
-    ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues, RunKind,
+    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricValues, RunKind,
 };
 use svl_score::losses::RunEnding;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
@@ -36,6 +36,9 @@ pub struct Summary {
     pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
+    /// The prior, which looks at nothing; absent where cells are not scored by distances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior: Option<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
     /// The units and tables that it is of.
@@ -72,9 +75,17 @@ pub struct Summary {
     /// The metrics that tables show.
     #[serde(skip)]
     pub columns: ColumnChoice,
+    /// The area whose numbers tables, sentences and plots have.
+    #[serde(skip)]
+    pub area: AreaChoice,
     /// True if the algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
+    /// The test against the prior, and the algorithms that do not beat it.
+    #[serde(skip)]
+    pub prior_test: PriorTest,
+    #[serde(skip)]
+    pub behind_prior: Vec<String>,
     /// The algorithms that report the truth itself.
     #[serde(skip)]
     pub perfect: Vec<String>,
@@ -110,6 +121,9 @@ pub struct RunScope {
     pub scored: Option<(u64, u64)>,
     /// The most cells of a pair that were scored.
     pub cells_of_pair: u64,
+    /// Rows whose cells are scored by distances, and those of them that know what is floor.
+    pub by_distance: u64,
+    pub knowing_floor: u64,
 }
 
 /// An algorithm without a result of some pairs, which `failures.csv` lists.
@@ -223,6 +237,11 @@ impl RunScope {
             .collect();
         let runs: BTreeSet<_> = rows.iter().map(run_key).collect();
         let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width, row.height)).collect();
+        let with = |name: &str| {
+            rows.iter()
+                .filter(|r| r.metrics.get(name).is_some())
+                .count()
+        };
         Self {
             pairs: pairs.len() as u64,
             sizes: sizes.into_iter().collect(),
@@ -232,6 +251,8 @@ impl RunScope {
                 .iter()
                 .filter_map(|row| row.metrics.get("scored_cells"))
                 .fold(0.0, f64::max) as u64,
+            by_distance: with("missed") as u64,
+            knowing_floor: with("floor") as u64,
         }
     }
 }
@@ -243,12 +264,32 @@ impl AlgorithmSummary {
         count("scored_pairs").zip(count("scored_cells"))
     }
 
+    /// Number of scored cells of an area; `None` if it has none.
+    pub fn cells_in(&self, area: AreaChoice) -> Option<u64> {
+        let parts = ["right", "wrong", "unknown"].iter();
+        let counts = parts.map(|name| self.totals.get_in(name, area));
+        counts.sum::<Option<f64>>().map(|cells| cells as u64)
+    }
+
+    /// As [`Self::scored`], the cells that a metric is of.
+    pub fn scored_for(&self, metric: &Metric, area: AreaChoice) -> Option<(u64, u64)> {
+        let (pairs, cells) = self.scored()?;
+        let of_area = || self.cells_in(area).unwrap_or_default();
+        Some((pairs, if metric.by_area { of_area() } else { cells }))
+    }
+
     /// The value of a metric of frames, absent if the run does not measure it; for other metrics
     /// see [`Summary::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
+        self.value_in(metric, self.totals.area())
+    }
+
+    /// As [`Self::value`], of the cells of an area.
+    pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         match metric.origin {
-            MetricOrigin::Frame { .. } => self.totals.value(metric),
-            MetricOrigin::Cells { .. } => self.totals.get(metric.name),
+            MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } => {
+                self.totals.value_in(metric, area)
+            }
             MetricOrigin::Time => self.p50_ms,
             MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
         }
@@ -267,11 +308,13 @@ impl Summary {
     pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let summary = Row::frame(rows).and_then(|frame| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
-            Ok(Self {
+            let mut summary = Self {
                 scope: RunScope::new(rows),
                 ..Self::from_frames(&frame, &checkpoints)?
-            }
-            .with_scored())
+            };
+            let area = rows.first().map(|row| row.metrics.area());
+            summary.select(area.unwrap_or_default());
+            Ok(summary.with_scored())
         });
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
@@ -348,10 +391,21 @@ impl Summary {
     /// The value of any metric, absent if the run does not measure it. `checkpoint`: the only one
     /// that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
+        self.value_in(label, metric, checkpoint, self.area)
+    }
+
+    /// As [`Self::value`], of the cells of an area.
+    pub fn value_in(
+        &self,
+        label: &str,
+        metric: &Metric,
+        checkpoint: Option<u32>,
+        area: AreaChoice,
+    ) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } | MetricOrigin::Time => {
-                let own = self.algorithms.iter().find(|a| a.algorithm == label)?;
-                own.value(metric)
+                let mut all = self.algorithms.iter().chain(&self.prior);
+                all.find(|a| a.algorithm == label)?.value_in(metric, area)
             }
             MetricOrigin::Checkpoints => {
                 let (passed, frames) = self.passes(label, checkpoint);
@@ -359,11 +413,12 @@ impl Summary {
             }
             MetricOrigin::Drives(number) => {
                 let own = self.drives.iter().find(|d| d.algorithm == label)?;
-                Some(match number {
-                    DriveNumber::Finished => own.finished_share(),
+                match number {
+                    DriveNumber::Finished => Some(own.finished_share()),
                     DriveNumber::Collisions => own.collisions_per_100m,
                     DriveNumber::NearMisses => own.near_misses_per_100m,
-                })
+                    DriveNumber::Driven => Some(own.route_m),
+                }
             }
         }
     }
@@ -386,12 +441,34 @@ impl Summary {
             for summary in own.filter(|own| own.algorithm == row.algorithm) {
                 for metric in METRICS {
                     if let MetricOrigin::Cells { number, .. } = metric.origin {
-                        summary.totals.0.set(metric.name, row.number(number));
+                        let value = row.number(number);
+                        summary.totals.0.set_in(metric.name, row.area, value);
                     }
                 }
             }
         }
         self.accuracy = rows.to_vec();
+    }
+
+    /// Selects the area whose numbers all tables, sentences and plots have.
+    fn select(&mut self, area: AreaChoice) {
+        self.area = area;
+        for own in &mut self.algorithms {
+            own.totals.0 = own.totals.0.in_area(area);
+        }
+    }
+
+    /// Adds the prior, of its rows.
+    ///
+    /// # Errors
+    /// As [`Summary::from_rows`].
+    pub fn add_prior(&mut self, rows: &[Row]) -> Result<()> {
+        let mut summary = Self::from_frames_of(rows, &[])?;
+        self.prior = summary.algorithms.pop().map(|prior| AlgorithmSummary {
+            results_hash: None,
+            ..prior
+        });
+        Ok(())
     }
 
     /// Adds the results of drives.
@@ -480,7 +557,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     let summary = AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
-        totals: totals(rows)?,
+        totals: metric_totals(rows)?,
         results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
         ..AlgorithmSummary::default()
     };
@@ -515,20 +592,6 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         outliers: Some(speed.outliers()),
         ..summary
     })
-}
-
-fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
-    let mut totals = MetricValues::default();
-    for metric in METRICS {
-        let value = match metric.column() {
-            Some((column, MetricTotal::Mean)) => mean(rows, column)?,
-            Some((column, _)) => sum(rows, column)?.map(|count| count as f64),
-            None => continue,
-        };
-        // Polars sums in blocks; the digits of earlier reports depend on its order of addition.
-        totals.set(metric.name, value);
-    }
-    Ok(MetricTotals(totals))
 }
 
 fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
@@ -583,10 +646,6 @@ fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {
 fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {
     let column = group.column(column)?.u64()?;
     Ok(column.iter().flatten().reduce(|a, b| a + b))
-}
-
-fn mean(group: &DataFrame, column: &str) -> PolarsResult<Option<f64>> {
-    Ok(group.column(column)?.as_materialized_series().mean())
 }
 
 fn flags(group: &DataFrame, column: &str) -> PolarsResult<Vec<bool>> {

@@ -2,6 +2,7 @@
 
 use super::answer::USABLE;
 use super::drives::DriveSummary;
+use super::prior::PRIOR;
 use super::stress::{StressSummary, kinds};
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use super::table::{NONE, Table, TableCell, TableColumn};
@@ -91,10 +92,14 @@ impl Summary {
             "AbsRel %",
             "noise m",
             "flicker %",
+            "resting",
         ]);
         let metres = |value: Option<f64>| value.map_or(NONE.to_owned(), |v| format!("{v:.3}"));
         let order = self.ranked_algorithms().into_iter();
-        let own = order.flat_map(|a| self.accuracy.iter().filter(|r| r.algorithm == a.algorithm));
+        let own = order.flat_map(|a| {
+            let rows = self.accuracy.iter();
+            rows.filter(|row| row.algorithm == a.algorithm && row.area == self.area)
+        });
         for row in own {
             let cells = [
                 row.range_words(),
@@ -105,14 +110,16 @@ impl Summary {
                 percent(row.abs_rel),
                 metres(row.noise_m),
                 percent(row.flicker),
+                row.resting.to_string(),
             ];
             table.push(&row.algorithm, cells);
         }
         table.note(
             "noise, flicker",
-            "of cells whose true distance changes by at most 1 % from an answer to the next",
+            "of the resting cells, whose true distance changes by at most 1 % from an answer to \
+             the next",
         );
-        (!self.accuracy.is_empty()).then_some(table)
+        (!table.rows.is_empty()).then_some(table)
     }
 
     /// Right cells by the probability that an algorithm gives them.
@@ -229,7 +236,9 @@ impl Summary {
         let kind = self.kind();
         let is_all = *choice == ColumnChoice::All;
         let metrics = choice.metrics(kind);
-        let ranked = self.ranked_algorithms();
+        let mut ranked = self.ranked_algorithms();
+        // Below the algorithms, and never among them.
+        ranked.extend(&self.prior);
         let value = |a: &AlgorithmSummary, metric: &Metric| self.value(&a.algorithm, metric, None);
         let is_measured = |metric: &Metric| ranked.iter().any(|a| value(a, metric).is_some());
         let mut table = Table::new("", if is_all { "algorithm" } else { "" });
@@ -256,7 +265,7 @@ impl Summary {
             if let (false, "right", Some(right), Some(wrong)) =
                 (is_all, metric.name, named("right"), named("wrong"))
             {
-                add(TableColumn::new(metric.group, ""), &|a| {
+                add(TableColumn::new(self.group(metric), ""), &|a| {
                     let shares = value(a, right).zip(value(a, wrong));
                     let bar = |(right, wrong)| TableCell::Bar { right, wrong };
                     shares.map_or_else(|| text(String::new()), bar)
@@ -279,14 +288,17 @@ impl Summary {
                 }
                 MetricOrigin::Checkpoints if !is_all => {
                     if let Some(column) = self.marks_column() {
-                        add(column, &|a| TableCell::Marks(self.shares(&a.algorithm)));
+                        add(column, &|a| match a.algorithm.as_str() {
+                            PRIOR => text(String::new()),
+                            label => TableCell::Marks(self.shares(label)),
+                        });
                     }
                 }
                 _ if is_measured(metric) => {
                     let column = TableColumn {
                         is_optional: metric.better == Better::Neither && !is_all,
                         is_less_better: metric.better == Better::Less,
-                        ..TableColumn::new(metric.group, metric.head)
+                        ..TableColumn::new(self.group(metric), metric.head)
                     };
                     add(column, &|a| metric_cell(metric, value(a, metric)));
                 }
@@ -309,7 +321,7 @@ impl Summary {
         let rule = self.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {
-                (&column.group[..], &column.head[..]) == (metric.group, metric.head)
+                column.group == self.group(metric) && column.head == metric.head
             };
             table.columns.iter().any(own)
         };
@@ -317,6 +329,18 @@ impl Summary {
         for note in shown.iter().filter_map(|metric| metric.note) {
             let (term, meaning) = note(rule);
             table.note(term, meaning);
+        }
+        if shown.iter().any(|metric| metric.by_area)
+            && let Some((term, meaning)) = self.area_note()
+        {
+            table.note(term, meaning);
+        }
+        if self.prior.is_some() {
+            table.note(
+                PRIOR,
+                "who looks at nothing: in each cell the median of the true disparities of the \
+                 other runs, or of the other blocks of a single run",
+            );
         }
         if table
             .columns
@@ -479,6 +503,9 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     };
     let rate =
         |value: f64, range: Option<Interval>| format!("{value:.1}{}", interval(range, 1.0, 1));
+    let per_100m = |value: Option<f64>, range| {
+        value.map_or_else(|| NONE.to_owned(), |value| rate(value, range))
+    };
     let mut table = Table::new("Drives", "algorithm").with_columns([
         "courses",
         "finished, %",
@@ -486,8 +513,11 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
         "near/100 m",
         "first hit, m",
         "stuck",
+        "driven, m",
         "m/s",
         "stood, %",
+        "latency, ms",
+        "skipped, %",
     ]);
     for drive in drives {
         let share = 100.0 * drive.finished_share();
@@ -495,16 +525,21 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
         let cells = [
             drive.courses.to_string(),
             format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
-            rate(drive.collisions_per_100m, drive.collisions_interval),
-            rate(drive.near_misses_per_100m, drive.near_misses_interval),
+            per_100m(drive.collisions_per_100m, drive.collisions_interval),
+            per_100m(drive.near_misses_per_100m, drive.near_misses_interval),
             if drive.collisions == 0 {
                 NONE.to_owned()
             } else {
                 first
             },
             drive.stuck.to_string(),
+            format!("{:.1} of {:.1}", drive.route_m, drive.course_m),
             format!("{:.2}", drive.speed_m_per_s),
             format!("{:.0}", 100.0 * drive.stood_share),
+            drive
+                .latency_ms
+                .map_or_else(|| NONE.to_owned(), |ms| ms.to_string()),
+            format!("{:.0}", 100.0 * drive.skipped_share),
         ];
         table.push(&drive.algorithm, cells);
     }
@@ -525,6 +560,15 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     table.note(
         "stuck",
         "number of times that the robot was stuck and was set back on the route",
+    );
+    table.note(
+        "driven",
+        "metres of the route that the robot drove itself, of its length; means over the courses",
+    );
+    table.note(
+        "latency, skipped",
+        "time from a pair's stamp until its command takes effect, without one the next pair; pairs \
+         that arrived while the algorithm was busy",
     );
     (!drives.is_empty()).then_some(table)
 }
@@ -555,7 +599,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
         }
     }
     let has_truth = own.iter().any(|s| s.right.is_some());
-    let is_driven = own.iter().any(|s| s.collisions.is_some());
+    let is_driven = own.iter().any(|s| s.finished.is_some());
     let heads = levels.iter().map(|level| match level {
         0.0 => "unperturbed".to_owned(),
         level => level.to_string(),

@@ -1,6 +1,7 @@
 //! A summary on the terminal: the answer first.
 
 use super::lead::Lead;
+use super::prior::PRIOR;
 use super::summary::Summary;
 use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::stereo::TruthOrigin;
@@ -34,7 +35,7 @@ impl Summary {
             };
             let is_best = |row: &[TableCell]| {
                 let is_own = |lead: &Lead| TableCell::Text(lead.algorithm.clone()) == row[0];
-                self.leads.iter().any(is_own)
+                row[0] == TableCell::Text(PRIOR.to_owned()) || self.leads.iter().any(is_own)
             };
             let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
             let shown = rows.filter(|(i, row)| more == 0 || *i < FIRST_ALGORITHMS || is_best(row));
@@ -144,6 +145,7 @@ impl Summary {
         let parts = [
             Some(pairs),
             self.scored_words(),
+            self.area_words(),
             courses.or(runs),
             Some(truth),
         ];

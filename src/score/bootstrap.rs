@@ -50,7 +50,7 @@ pub struct Resamples {
 }
 
 /// Length of the blocks drawn from a drive of `length`.
-fn block(length: usize) -> usize {
+pub fn block_length(length: usize) -> usize {
     (2.0 * (length as f64).cbrt()).ceil() as usize
 }
 
@@ -63,7 +63,7 @@ impl Resamples {
             let mut ranges = Vec::new();
             let mut begin = 0;
             for &length in stretches {
-                let block = if independent { 1 } else { block(length) };
+                let block = if independent { 1 } else { block_length(length) };
                 let mut left = length;
                 while left > 0 {
                     let first = random.usize(0..length);
@@ -83,7 +83,7 @@ impl Resamples {
             if independent {
                 length
             } else {
-                length.div_ceil(block(length).max(1))
+                length.div_ceil(block_length(length).max(1))
             }
         };
         Self {
@@ -211,7 +211,7 @@ impl Sample {
 /// probability kept from 0 and 1 by half a block on either side. `None` for too few blocks.
 pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
-    let blocks = |frames: u64| (frames as usize).div_ceil(block(frames as usize).max(1));
+    let blocks = |frames: u64| (frames as usize).div_ceil(block_length(frames as usize).max(1));
     let mut share = |(passed, frames): (u64, u64)| {
         let blocks = blocks(frames) as f64;
         // Half a block added on either side: a fraction of 0 or 1 over few frames is not certain.

@@ -28,7 +28,7 @@ fn collisions_are_compared_with_metrics() {
     let algorithm = |label: &str, wrong: u32| {
         format!(
             "{{\"algorithm\": \"{label}\", \"pairs\": 10, \"cells_right\": 50, \"cells_wrong\": \
-             {wrong}, \"cells_unknown\": 10, \"missed_median\": 1, \"missed\": 2}}"
+             {wrong}, \"cells_unknown\": 10, \"missed\": 2}}"
         )
     };
     let algorithms = [("a", 3), ("b:x=1", 5), ("c", 9)].map(|(label, n)| algorithm(label, n));

@@ -199,7 +199,6 @@ fn live_sources_are_named_in_their_table_alone() {
     let own = [
         "src/live/",
         "src/bench/source/open.rs",
-        "src/bench/source/network.rs",
         "src/bench/source/ros2.rs",
         "src/cli/commands/replay/mod.rs",
     ];

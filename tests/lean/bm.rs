@@ -169,7 +169,7 @@ fn equals_opencv() {
     }
 }
 
-/// The sizes of the departures in `docs/biases.md`, in per cent of all pixels and of the worst
+/// The sizes of the departures in `docs/algorithms.md`, in per cent of all pixels and of the worst
 /// scene's.
 #[test]
 #[ignore = "all scenes, half a minute: in .ci/nightly"]

@@ -28,23 +28,24 @@ for cell in table("cells.csv"):
         known = cell["state"] in ("", "known")
         reported = number(cell["distance_m"]) if known else None
         key = cell["algorithm"], cell["column"], cell["row"]
-        tracks[key].append((int(cell["sequence"]), truth, reported))
+        tracks[key].append((cell["area"], truth, reported))
 
 equal = 0
 for row in table("accuracy.csv"):
     start, end = float(row["from_m"]), number(row["to_m"])
     assert (start, end) in [(a, b) for a, b in ranges], (start, end)
     inside = lambda z: start <= z and (end is None or z < end)
+    own = lambda area: row["area"] in ("all", area.replace("pixels", "obstacle"))
     errors, relative, resting, flickers, steps = [], [], 0, 0, []
     for (algorithm, _, _), track in tracks.items():
         if algorithm != row["algorithm"]:
             continue
-        for _, truth, reported in track:
-            if reported is not None and inside(truth):
+        for area, truth, reported in track:
+            if own(area) and reported is not None and inside(truth):
                 errors.append(reported - truth)
                 relative.append(abs(reported - truth) / truth)
-        for (a, truth_a, was), (b, truth_b, now) in zip(track, track[1:]):
-            if not inside(truth_b) or abs(truth_b - truth_a) > 0.01 * truth_a:
+        for (_, truth_a, was), (area, truth_b, now) in zip(track, track[1:]):
+            if not own(area) or not inside(truth_b) or abs(truth_b - truth_a) > 0.01 * truth_a:
                 continue
             resting += 1
             if was is None and now is None:

@@ -154,12 +154,31 @@ impl Course {
         at.y >= self.goal_m()
     }
 
+    /// Length of the route, metres.
+    pub(super) fn length_m(&self) -> f64 {
+        self.length_to(self.route.len())
+    }
+
+    /// Length of the route up to its place that is nearest to `at`, metres.
+    pub(super) fn along_m(&self, at: GroundPoint) -> f64 {
+        self.length_to(self.nearest(at))
+    }
+
+    fn length_to(&self, place: usize) -> f64 {
+        let steps = self.route.windows(2).take(place);
+        steps.map(|pair| (pair[1].at - pair[0].at).norm()).sum()
+    }
+
+    /// The place of the route that is nearest to `at`.
+    fn nearest(&self, at: GroundPoint) -> usize {
+        let distance = |place: &usize| (self.route[*place].at - at).norm();
+        let nearest = (0..self.route.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.unwrap_or_default()
+    }
+
     /// The place of the route that is nearest to `at`, and `along_m` farther on.
     pub(super) fn route_after(&self, at: GroundPoint, along_m: f64) -> RobotState {
-        let distance = |state: &RobotState| (state.at - at).norm();
-        let nearest = (0..self.route.len())
-            .min_by(|&a, &b| distance(&self.route[a]).total_cmp(&distance(&self.route[b])));
-        let from = nearest.unwrap_or_default();
+        let from = self.nearest(at);
         let mut left_m = along_m;
         for (i, pair) in self.route.windows(2).enumerate().skip(from) {
             left_m -= (pair[1].at - pair[0].at).norm();

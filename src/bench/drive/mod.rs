@@ -7,7 +7,9 @@
 //!          └──────────────────────── steering rule ◀── hear ◀────────────────────┘
 //! ```
 //!
-//! A command that was decided on a frame holds from the next frame on: one frame of delay.
+//! A command that was decided on a frame takes effect after the algorithm's latency, and until then
+//! the former one holds; without a latency from the next frame on. Pairs that arrive while the
+//! algorithm is busy are skipped.
 
 mod course;
 mod proof;

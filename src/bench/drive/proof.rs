@@ -57,7 +57,7 @@ impl Course {
     fn proof(&self, settings: GridSettings) -> Result<Option<Vec<RobotState>>> {
         let gait = self.gait();
         let rig = self.world().rig();
-        let mut drive = Drive::new(self);
+        let mut drive = Drive::new(self, self.frame_s());
         let mut route = Vec::new();
         while drive.step(self) {
             if drive.log.events().any(DriveEvent::ends_proof) {

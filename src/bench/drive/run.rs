@@ -3,7 +3,7 @@
 use super::course::Course;
 use super::source::DriveSource;
 use crate::run::{Matchers, Monitor, Pace, run};
-use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, frame_shot};
+use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, Wanted, frame_shot};
 use crate::source::{ArenaSource, Source, StressedSource};
 use parking_lot::Mutex;
 use std::collections::VecDeque;
@@ -26,6 +26,8 @@ pub struct DrivePlan<'a> {
     pub manifest: &'a Manifest,
     pub course: &'a Arc<Course>,
     pub algorithm: &'a Algorithm,
+    /// The algorithm's latency, milliseconds; without it a command takes effect at the next pair.
+    pub latency_ms: Option<f64>,
     /// The perturbation of its pairs, if any.
     pub stress: Option<Stress>,
     /// Its recording, if it is recorded; the file is new.
@@ -57,7 +59,11 @@ impl DrivePlan<'_> {
     /// # Errors
     /// Those of the algorithm's build, of rendering, and of the recording.
     pub fn drive(&self, monitor: &mut dyn Monitor) -> Result<DriveResult> {
-        let source = DriveSource::new(self.course);
+        let latency_s = self.latency_ms.map(|ms| 1.0e-3 * ms);
+        let source = DriveSource::new(
+            self.course,
+            latency_s.unwrap_or_else(|| self.course.frame_s()),
+        );
         let log = source.log();
         let mut source: Box<dyn Source> = match self.stress {
             None => Box::new(source),
@@ -75,7 +81,11 @@ impl DrivePlan<'_> {
             },
             ..self.scenario.judge()
         };
-        let start = RunStart::new(self.manifest, Some(self.course.seed()), &judge);
+        let taken = FreeAlgorithm(Arc::clone(&log));
+        let start = RunStart {
+            wanted: Some(&taken),
+            ..RunStart::new(self.manifest, Some(self.course.seed()), &judge)
+        };
         let mut sinks = match self.writer()? {
             None => Vec::new(),
             Some(writer) => Sinks::open(SinkRequest {
@@ -124,6 +134,7 @@ impl DrivePlan<'_> {
             // Perturbed pairs are not the arena's.
             hash: (self.stress.is_none())
                 .then(|| ArenaSource::hash(self.course.world().config(), seed)),
+            camera_height_m: Some(self.course.world().config().rig.above_floor_m),
             ..Header::new("drive")
         };
         let mut writer = Writer::create(path, &header, svl_recording::ImageFormat::Raw)?;
@@ -152,6 +163,7 @@ impl DrivePlan<'_> {
                 speed_m_per_s: point.speed_m_per_s,
                 clearance_m: point.clearance_m,
                 placed: point.is_placed,
+                skipped: point.is_skipped,
                 event: event.map(str::to_owned),
                 with: with.cloned(),
                 stress: self.stress_text(),
@@ -175,11 +187,15 @@ impl DrivePlan<'_> {
             near_misses,
             stuck,
             driven_m: log.driven_m(),
+            route_m: log.route_m,
+            course_m: self.course.length_m(),
             first_collision_m: log.first_collision_m(),
             duration_s: log.duration_s(),
             stood_s: log.stood_s(),
             frames: log.track.len() as u64,
             failures,
+            skipped: log.skipped(),
+            latency_ms: self.latency_ms,
             track_hash: hash(&places.join("\n")),
             recording: self.recording.and_then(name),
             stress: self.stress_text(),
@@ -209,6 +225,20 @@ impl Course {
 /// Rounds to a tenth of a millimetre: invisible on a map, and short in a file.
 fn rounded(at: [f64; 2]) -> [f64; 2] {
     at.map(|v| (1.0e4 * v).round() / 1.0e4)
+}
+
+/// The pairs that the algorithm is not too busy for.
+struct FreeAlgorithm(Arc<Mutex<DriveLog>>);
+
+impl Wanted for FreeAlgorithm {
+    fn wants(&self, _: u64, _: &str) -> bool {
+        // The pair at hand is the last one of the track.
+        self.0
+            .lock()
+            .track
+            .last()
+            .is_none_or(|point| !point.is_skipped)
+    }
 }
 
 /// Keeps the rows of a drive, and the frames before its worst collision.
@@ -275,7 +305,9 @@ impl DriveSink {
             let scored = judged.estimates.first()?;
             Some(scored.estimate.algorithm.clone())
         };
-        let name = self.last.back().and_then(algorithm).unwrap_or_default();
+        // The algorithm may have skipped the last.
+        let name = self.last.iter().rev().find_map(algorithm);
+        let name = name.unwrap_or_default();
         let shot = |place: usize| {
             let judged = &self.last[place];
             let scored = judged.estimates.first()?;

@@ -15,7 +15,7 @@ use svl_report::CoursePlan;
 use svl_report::units::{
     BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter, remove_file,
 };
-use svl_score::scenario::{Scenario, ScenarioSource};
+use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
 
 /// A drive of the scenario, by the places of course and algorithm in it.
@@ -75,7 +75,7 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
 /// Drives what is missing of a scenario, several drives at once.
 pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
     let scenario = plan.scenario;
-    let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
+    let ScenarioSource::Drive { seeds, drive, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
             "scenario '{}' has no drives",
             scenario.name
@@ -110,6 +110,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let work = DriveWork {
         scenario,
         seeds,
+        latency: drive.latency_ms.as_ref(),
         courses: Courses::new(scenario, seeds, todo.iter().map(|unit| unit.course)),
         session: &session,
         folder: plan.folder,
@@ -136,6 +137,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
 struct DriveWork<'a> {
     scenario: &'a Scenario,
     seeds: &'a [u64],
+    latency: Option<&'a DriveLatency>,
     courses: Courses<'a>,
     session: &'a EvaluationSession,
     folder: &'a Path,
@@ -203,6 +205,7 @@ impl DriveWork<'_> {
             manifest: &self.session.list.manifest,
             course: &course,
             algorithm,
+            latency_ms: self.latency.and_then(|latency| latency.ms_for(algorithm)),
             stress: unit.stress,
             recording: recording.map(PathBuf::as_path),
         };

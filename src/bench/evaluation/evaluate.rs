@@ -66,6 +66,7 @@ impl EvaluationPlan<'_> {
 
     fn built(&self) -> Result<BuiltReport> {
         let options = BuildOptions {
+            area: self.area,
             sort: self.sort,
             gate: self.gate,
             figures: self.figures,

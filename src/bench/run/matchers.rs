@@ -1,9 +1,10 @@
 //! The algorithms of a run, each with its memory.
 
 use std::collections::VecDeque;
+use svl_core::depth::{self, CellDecision};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
-use svl_core::timing::StageTimes;
+use svl_core::timing::{Stage, StageTimes};
 use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 use svl_score::memory::{self, MemoryUse};
@@ -168,6 +169,8 @@ impl Matchers {
 /// Maps that the sinks no longer need, with the labels of their algorithms.
 pub(super) type Spent = Vec<(String, DisparityMap)>;
 impl RunMatcher {
+    /// Matches a pair. A decision of cells other than the median is part of the measured time; the
+    /// median costs nothing beside a matcher.
     pub(super) fn compute(
         &mut self,
         pair: RectifiedPair<'_>,
@@ -179,6 +182,12 @@ impl RunMatcher {
         };
         output.begin();
         self.matcher.compute(pair, context, &mut output)?;
+        if output.grid.is_none() && context.grid.decision != CellDecision::Median {
+            let (map, rig) = (output.disparity.disparity(), context.rig.as_ref());
+            let grid = depth::cells(map, pair.left(), context.grid, context.cells, rig);
+            output.decided = Some(grid);
+            output.clock.lap(Stage::Checks);
+        }
         // Cells are scored by their place: another shape would compare the wrong ones.
         match &output.grid {
             Some(grid) if grid.shape() != context.grid.shape() => Err(Error::Invalid(

@@ -28,10 +28,9 @@ pub(super) fn judged(judge: &Judge, frame: Frame, matches: MatchedFrame) -> Judg
         } = matched;
         let disparity = output.disparity;
         let own_grid = output.grid.is_some();
-        let grid = output.grid.unwrap_or_else(|| {
-            let (map, left) = (disparity.disparity(), frame.pair.left());
-            depth::cells(map, left, judge.grid, judge.cells, frame.rig())
-        });
+        let grid = output.grid.or(output.decided);
+        let grid =
+            grid.unwrap_or_else(|| depth::grid(disparity.disparity(), judge.grid, frame.rig()));
         Estimate {
             algorithm,
             disparity,

@@ -5,8 +5,10 @@ use crate::source::{AlignmentMonitor, AssumeRectified};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::matcher::{MatchContext, MatchOutput, Matcher};
 use svl_core::stereo::{ExtraPlanes, Frame, Geometry, Gray, RectifiedPair, StereoPair};
+use svl_core::timing::Stage;
 use svl_score::judge::{Judge, Judged, MatchFailure};
 use svl_score::manifest::Manifest;
 
@@ -265,6 +267,32 @@ fn failures_reach_the_sinks_and_the_manifest() {
     let record = &manifest.algorithms[0];
     assert_eq!(record.failed_pairs, 2);
     assert_eq!(record.failure.as_deref(), Some("too dark"));
+}
+
+#[test]
+fn the_time_of_a_pair_holds_the_decision_of_its_cells() {
+    for decision in [CellDecision::Median, CellDecision::Safe] {
+        // Its own time is that of matching alone.
+        let mut entry = RunMatcher::new(&"blind".parse().unwrap()).unwrap();
+        let grid = GridSettings {
+            decision,
+            ..GridSettings::default()
+        };
+        let context = MatchContext {
+            grid,
+            ..MatchContext::default()
+        };
+        let image = Gray::filled(40, 20, 7).unwrap();
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        let pair = RectifiedPair::assume(&pair);
+        let output = entry.compute(pair, &context).unwrap();
+        let is_timed = !output.clock.times().get(Stage::Checks).is_zero();
+        assert_eq!(is_timed, decision != CellDecision::Median, "{decision:?}");
+        let map = output.disparity.disparity();
+        let decided = depth::cells(map, pair.left(), grid, context.cells, None);
+        assert_eq!(output.decided, is_timed.then_some(decided));
+        assert!(output.grid.is_none(), "it is not the algorithm's own");
+    }
 }
 
 /// Answers the announced pairs by their numbers, and fails on the second.

@@ -18,7 +18,7 @@ use svl_sim::arena::Arena;
 
 /// Largest width of a frame's picture, pixels: that of the arena's.
 const MAX_WIDTH: usize = 320;
-/// Largest width of a scene's picture: nineteen scenes through eight algorithms are a page of
+/// Largest width of a scene's picture: sixteen scenes through eight algorithms are a page of
 /// 3.3 MB. The page shows it two thirds as wide.
 const MAX_SCENE_WIDTH: usize = 200;
 

@@ -11,7 +11,7 @@ use svl_core::{Error, Result, counted};
 use svl_live::dds::{Address, Domain, TopicOutbox};
 use svl_recording::{
     LiveTopic, PairResult, ResultMessage, ResultOptions, diagnostics, result_messages,
-    scan_transform,
+    static_transforms,
 };
 use svl_score::judge::Judged;
 
@@ -70,7 +70,7 @@ impl PublishSink {
             let expected = "expected one prefix of topics, as ros2:/svl";
             return Err(Error::Usage(format!("{address}: {expected}")));
         };
-        let transform = scan_transform(&options.frame_id, now().as_nanos() as u64)?;
+        let transform = static_transforms(&options.frame_id, None, now().as_nanos() as u64)?;
         let mut publication = Publication {
             prefix: prefix.trim_end_matches('/').to_owned(),
             outbox: TopicOutbox::new(Domain::join(&address)?)?,

@@ -12,10 +12,25 @@ use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
 };
-use svl_report::{FrameRow, hash_words};
-use svl_score::judge::{Checkpoint, Judged};
+use svl_report::{FrameRow, TruthRow, hash_words};
+use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
+
+/// The truth of the cells of a frame, where distances are scored.
+fn truths(judged: &Judged) -> Vec<TruthRow> {
+    let (frame, truth) = (&judged.frame, judged.true_cells.as_ref());
+    let has_pixels = |cells: &&TrueCells| {
+        let mut areas = cells.truths().filter_map(|(_, truth)| truth.area);
+        areas.any(|area| area == CellArea::Pixels)
+    };
+    let (Some(cells), Some(rig)) = (truth.filter(|cells| !has_pixels(cells)), frame.rig()) else {
+        return Vec::new();
+    };
+    let truth = frame.truth.as_ref();
+    let knows_floor = truth.is_some_and(|truth| truth.surface.is_some());
+    TruthRow::for_cells(frame.sequence, rig, knows_floor, cells.truths())
+}
 
 /// The pairs of a run so far.
 pub type RunPairs = Arc<Mutex<Vec<PairFacts>>>;
@@ -122,6 +137,11 @@ impl UnitSink {
         let pair = self.pair(judged);
         self.pairs.lock().push(pair);
         let frame = &judged.frame;
+        // Perturbed pairs have the truth of the others.
+        let truths = match self.run.stress {
+            None => truths(judged),
+            Some(_) => Vec::new(),
+        };
         for scored in &judged.estimates {
             let label = &scored.estimate.algorithm;
             let shown = scored.checkpoints.iter();
@@ -132,6 +152,7 @@ impl UnitSink {
                 rows: vec![self.identity.row(judged, scored)],
                 cells: self.identity.cells(judged, scored),
                 frames: frames.collect(),
+                truths: truths.clone(),
                 ..UnitRows::default()
             };
             self.block.entry(label.clone()).or_default().push(&rows)?;
@@ -141,6 +162,7 @@ impl UnitSink {
             let failures = vec![failure];
             own.push(&UnitRows {
                 failures,
+                truths: truths.clone(),
                 ..UnitRows::default()
             })?;
         }

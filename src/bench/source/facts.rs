@@ -49,7 +49,7 @@ pub struct SourceFacts {
     pub is_constant: bool,
     /// Vertical misalignment of the first pairs, of raw pairs after rectification; none if too few
     /// points matched.
-    pub misalignment: Option<Alignment>,
+    pub vertical_misalignment: Option<Alignment>,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
 }
@@ -139,7 +139,7 @@ impl SourceFacts {
             },
             rig,
             is_constant,
-            misalignment: meter.alignment(),
+            vertical_misalignment: meter.alignment(),
             nearest: rig
                 .as_ref()
                 .and_then(NearestDistance::for_default_algorithm),

@@ -5,7 +5,15 @@ use super::{Heard, Request};
 use svl_core::Result;
 
 /// Options that they accept.
-pub(super) const OPTIONS: &[&str] = &["left", "right", "bits", "max_skew_ms", "queue", "when_full"];
+pub(super) const OPTIONS: &[&str] = &[
+    "left",
+    "right",
+    "bits",
+    "max_skew_ms",
+    "queue",
+    "when_full",
+    "camera_height_m",
+];
 
 /// Listens at the named topics; the second argument is true once it shall stop.
 pub type Listen = fn(&str, fn() -> bool) -> Result<Heard>;

@@ -3,7 +3,7 @@
 use super::{MapFiles, Source, wraps};
 use svl_core::matcher::{Algorithm, MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
-use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Truth};
+use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Surface, Truth};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
 use svl_report::TopicDelay;
@@ -20,6 +20,18 @@ impl MeasuredMaps {
         match self {
             Self::Topic(topic) => topic.measured(frame),
             Self::Files(files) => files.measured(frame),
+        }
+    }
+
+    /// The surfaces of a truth that was measured, if something tells them.
+    fn surfaces(
+        &mut self,
+        frame: &Frame,
+        disparity: &Plane<f32>,
+    ) -> Result<Option<Plane<Surface>>> {
+        match self {
+            Self::Topic(topic) => topic.surfaces(frame, disparity),
+            Self::Files(_) => Ok(None),
         }
     }
 
@@ -175,9 +187,18 @@ impl Source for MeasuredSource {
             return Ok(None);
         };
         if let Some(truth) = &mut self.truth {
-            let found = truth.measured(&frame)?;
-            frame.truth = found
-                .map(|(disparity, density)| Truth::from_sensor(disparity, density, &truth.name()));
+            let own = frame.truth.take().and_then(|own| own.surface);
+            if let Some((disparity, density)) = truth.measured(&frame)? {
+                // Those of the recording's own truth are of the same pixels.
+                let surface = match own.filter(|own| own.size() == disparity.size()) {
+                    Some(own) => Some(own),
+                    None => truth.surfaces(&frame, &disparity)?,
+                };
+                frame.truth = Some(Truth {
+                    surface,
+                    ..Truth::from_sensor(disparity, density, &truth.name())
+                });
+            }
         }
         for (source, map) in &mut self.maps {
             if let Some((disparity, density)) = map.measured(&frame)? {

@@ -16,7 +16,7 @@ use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
 use svl_recording::{Header, Recording, TRUTH_DEPTH, is_bag};
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
-use svl_sim::arena::Arena;
+use svl_sim::arena::{Arena, RandomScenes};
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
@@ -158,6 +158,7 @@ pub const SOURCES: &[SourceKind] = &[
             "queue",
             "when_full",
             "timeout",
+            "camera_height_m",
         ],
         recognizes: |name| grab::driver(name).is_some(),
         open: cameras,
@@ -198,7 +199,14 @@ pub const SOURCES: &[SourceKind] = &[
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), a ROS 1 bag, the \
                RealSense SDK's, Foxglove's; raw, compressed or Bayer images of two topics",
         origin: SourceOrigin::Recording,
-        options: &["left", "right", "bits", "max_skew_ms", "truth"],
+        options: &[
+            "left",
+            "right",
+            "bits",
+            "max_skew_ms",
+            "truth",
+            "camera_height_m",
+        ],
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
             let path = Path::new(name);
@@ -218,7 +226,7 @@ pub const SOURCES: &[SourceKind] = &[
         help: "a video of both images, with --side-by-side; two are named by their folder: svl \
                record . --left a.mp4 --right b.mp4; the program ffmpeg decodes them",
         origin: SourceOrigin::File,
-        options: &["side_by_side", "fps"],
+        options: &["side_by_side", "fps", "camera_height_m"],
         recognizes: |name| is_video(name) && !Path::new(name).is_dir(),
         open: video,
     },
@@ -230,7 +238,15 @@ pub const SOURCES: &[SourceKind] = &[
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
                or the images that --left and --right name",
         origin: SourceOrigin::Folder,
-        options: &["left", "right", "side_by_side", "fps", "bits", "truth"],
+        options: &[
+            "left",
+            "right",
+            "side_by_side",
+            "fps",
+            "bits",
+            "truth",
+            "camera_height_m",
+        ],
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,
     },
@@ -330,7 +346,9 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
         )));
     };
     let source = ArenaSource::new(Arena::new(config, seed)?, seed);
+    let is_on_floor = config.random != Some(RandomScenes::Shapes);
     let header = Header {
+        camera_height_m: is_on_floor.then_some(config.rig.above_floor_m),
         scenario: Some(scenario.name.clone()),
         seed: Some(seed),
         hash: Some(ArenaSource::hash(config, seed)),

@@ -4,8 +4,8 @@ use super::calibration::{self, Calib, CalibrationFiles};
 use super::measured::{delays, files_of};
 use super::request::Request;
 use super::{
-    Limited, MeasuredMaps, MeasuredSource, PlausibleSource, RectifiedSource, ReferenceSource,
-    Resized, Source,
+    FloorSource, Limited, MeasuredMaps, MeasuredSource, PlausibleSource, RectifiedSource,
+    ReferenceSource, Resized, Source,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -126,6 +126,12 @@ impl Opened {
         }
         if !references.is_empty() {
             self.source = Box::new(ReferenceSource::new(self.source, &references)?);
+        }
+        let named_m = request.options.camera_height_m;
+        self.header.camera_height_m = named_m.or(self.header.camera_height_m);
+        if let Some(height_m) = self.header.camera_height_m {
+            let is_named = named_m.is_some();
+            self.source = Box::new(FloorSource::new(self.source, height_m, is_named));
         }
         Ok(self)
     }

@@ -148,7 +148,7 @@ mod tests {
             kept_calibration: None,
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
-            misalignment: None,
+            vertical_misalignment: None,
             nearest: None,
             truths: vec![TruthFacts {
                 topic: Some("/velodyne_points".to_owned()),

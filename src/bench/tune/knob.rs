@@ -209,6 +209,7 @@ fn field<'a>(cells: &'a mut CellRule, name: &str) -> &'a mut f64 {
             tolerance_percent,
             obstacle_m,
             clear_m,
+            beyond_m: _,
         } => match name {
             "tolerance_m" => tolerance_m,
             "tolerance_percent" => tolerance_percent,

@@ -49,6 +49,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             unit,
             heading,
             about,
+            ..
         } in (table.columns)()
         {
             let facts = [Some(kind), heading.as_deref(), unit];

@@ -11,7 +11,7 @@ use svl::report::compare::{
     AlgorithmChange, Change, Comparison, ComparisonPage, Judgement, ScoredRun,
 };
 use svl::report::{TestCase, TestResult, junit};
-use svl::score::{Better, ColumnChoice, Metric, MetricUnit};
+use svl::score::{AreaChoice, Better, ColumnChoice, Metric, MetricUnit};
 use svl::sink::find_left;
 
 /// Compare reports: changes of metrics, with confidence intervals
@@ -55,6 +55,9 @@ pub(crate) struct Args {
     /// not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
+    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
+    #[arg(long, value_name = "AREA", default_value_t)]
+    area: AreaChoice,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
     ///
     /// `svl columns metrics` lists them.
@@ -100,7 +103,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let [base, others @ ..] = &mut runs[..] else {
         bail!("name two reports or more")
     };
+    base.select(args.area);
     for other in &mut *others {
+        other.select(args.area);
         other.align_with(base);
     }
     let (mut comparisons, mut not_compared) = (Vec::new(), Vec::new());

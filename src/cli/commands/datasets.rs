@@ -1,6 +1,6 @@
 //! `svl datasets`: the data sets svl reads, and their files in a folder.
 
-use crate::cli::shared::terminal::{print, print_json, size, style};
+use crate::cli::shared::terminal::{print, print_json, size, style, width, wrapped};
 use serde::Serialize;
 use std::path::PathBuf;
 use svl::report::table::{NONE, Table};
@@ -9,8 +9,9 @@ use svl::source::dataset::{DATASETS, Dataset, Inventory};
 
 /// List the stereo data sets svl reads, and what is there of each
 ///
-/// Scenes are pairs with or without truth. Missing is what the scenario of the same name needs.
-/// docs/data-sets.md says where each data set is and how to unpack it.
+/// With a folder, scenes are the pairs there, with or without truth, and missing is what the
+/// scenario of the same name needs. docs/data-sets.md says where each data set is and how to unpack
+/// it.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -42,42 +43,47 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let listed = DATASETS.iter().map(|dataset| Listed {
         dataset,
-        there: root.as_deref().map(|root| Inventory::of(dataset, root)),
+        there: root.as_deref().map(|root| Inventory::read(dataset, root)),
     });
     let listed: Vec<_> = listed.collect();
     if args.json {
         return print_json(&listed);
     }
-    let table = if root.is_some() {
-        there(&listed)
-    } else {
-        known()
-    };
-    print(&table.terminal(style()))
+    match root {
+        Some(_) => print(&there(&listed)),
+        None => print(&known()),
+    }
 }
 
 /// The layouts.
-fn known() -> Table {
-    let mut table = Table::new("", "data set").with_texts(["scenes of its scenario", "content"]);
+fn known() -> String {
+    let mut table = Table::new("", "data set").with_columns(["scenes"]);
+    table = table.with_texts(["content"]);
     for dataset in DATASETS {
-        let scenes = format!("{} in {}", dataset.scenes, dataset.folder);
-        table.push(dataset.name, [scenes, dataset.title.to_owned()]);
+        let cells = [dataset.scenes.to_string(), dataset.title.to_owned()];
+        table.push(dataset.name, cells);
     }
-    table
+    table.terminal(style())
 }
 
+/// Column of the missing parts.
+const COLUMN: usize = 34;
+
 /// The scenes and sizes in the folder, and the parts that are missing.
-fn there(listed: &[Listed]) -> Table {
-    let mut table = Table::new("", "data set").with_columns(["scenes", "size"]);
-    table = table.with_texts(["missing"]);
+fn there(listed: &[Listed]) -> String {
+    let line = |name: &str, scenes: &str, size: &str, missing: &str| {
+        let head = format!("{name:<14} {scenes:>6} {size:>10}");
+        wrapped(&head, COLUMN, missing, width())
+    };
+    let mut text = line("data set", "scenes", "size", "missing");
     for Listed { dataset, there } in listed {
         let there = there.as_ref().expect("a folder to look into");
+        let (scenes, size) = (there.scenes.to_string(), size(there.bytes));
         let missing = match &there.missing[..] {
             [] => NONE.to_owned(),
             missing => missing.join("; "),
         };
-        let cells = [there.scenes.to_string(), size(there.bytes), missing];
-        table.push(dataset.name, cells);
+        text += &line(dataset.name, &scenes, &size, &missing);
     }
-    table
+    text
 }

@@ -100,7 +100,8 @@ struct MatchReport<'a> {
 struct MatchCell {
     #[serde(flatten)]
     report: CellReport,
-    /// The most frequent reason of its invalid pixels, if the cell is unknown or near.
+    /// The most frequent reason of its invalid pixels, if the cell has no distance because too few
+    /// are valid.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<&'static str>,
     /// The parts of the log odds that its report is right, if v5's decision computed them.
@@ -132,7 +133,7 @@ impl MatchCell {
         });
         Self {
             report,
-            reason: cell.depth.is_none().then(|| reason.name()),
+            reason: (cell.depth.is_none() && reason != Reason::Valid).then(|| reason.name()),
             score: score.unwrap_or_default(),
         }
     }

@@ -9,7 +9,7 @@ use svl::evaluation::Parts;
 use svl::losses::LossLimit;
 use svl::outputs::Outputs;
 use svl::report::{BuildOptions, REPORT, build};
-use svl::score::{ColumnChoice, Metric};
+use svl::score::{AreaChoice, ColumnChoice, Metric};
 
 /// Build the report of a folder again, or of the parts of a run
 ///
@@ -43,6 +43,9 @@ pub(in crate::cli) struct Args {
     /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
     #[arg(long, value_name = "NAMES")]
     columns: Option<ColumnChoice>,
+    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
+    #[arg(long, value_name = "AREA", default_value_t)]
+    area: AreaChoice,
     /// Sort the algorithms by a metric, the best first
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
@@ -81,6 +84,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let options = BuildOptions {
         columns: args.columns.as_ref(),
+        area: args.area,
         sort: args.sort,
         gate: args.gate,
         figures,

@@ -36,15 +36,15 @@ const HEADINGS: &[(&str, &str)] = &[
     ),
     (
         "Scoring",
-        "near_m shape tolerance stress repeat check gate fail_on allow_loss protocol \
+        "near_m beyond_m shape tolerance stress repeat check gate fail_on allow_loss protocol \
          max_disparity verify",
     ),
     ("Training", "tables_only fit_seed epochs hidden"),
     (
         "Output",
         "output force rows cells why preview error_map figure figures table \
-         compress ros2 publish dense near camera_height rerun drives sort \
-         columns explain junit print_scenario to rectify example web markdown json",
+         compress ros2 publish dense near rerun drives area \
+         sort columns explain junit print_scenario to rectify example web markdown json",
     ),
     (
         "Run",
@@ -54,7 +54,7 @@ const HEADINGS: &[(&str, &str)] = &[
 
 /// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &str = "\
-    sample shape tolerance figures publish dense near camera_height drives times \
+    sample beyond_m shape tolerance area figures publish dense near drives times \
     prune junit print_scenario script epochs pairs";
 
 /// The command whose page has the options of sources, which others name.

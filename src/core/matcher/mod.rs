@@ -149,6 +149,8 @@ pub struct MatchOutput {
     pub grid: Option<DepthGrid>,
     /// The grid before filters, from an algorithm followed by some.
     pub unfiltered: Option<DepthGrid>,
+    /// The grid that the caller made of the map within the measured time, if it did.
+    pub decided: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
     /// Memory for the cells of a grid, and for the disparities of one cell.
@@ -171,6 +173,7 @@ impl MatchOutput {
             disparity,
             grid: None,
             unfiltered: None,
+            decided: None,
             clock: Clock::start(),
             cells: Vec::new(),
             keys: Vec::new(),
@@ -180,7 +183,7 @@ impl MatchOutput {
     /// Starts the clock for the next pair and forgets the last grid.
     pub fn begin(&mut self) {
         self.take_back_cells();
-        self.unfiltered = None;
+        (self.unfiltered, self.decided) = (None, None);
         self.clock = Clock::start();
     }
 

@@ -234,6 +234,9 @@ pub enum CellRule {
         /// Anything farther need not be avoided yet.
         #[serde(default = "CellRule::clear_m")]
         clear_m: f64,
+        /// A cell whose median is farther is of the area beyond; there is none without it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        beyond_m: Option<f64>,
     },
     /// Right when `|d - d_true| <= tolerance_px`; for scenes without calibration. Sparse truth and
     /// single surfaces have the tolerance of [`CellRule::proportional_at`].
@@ -247,6 +250,7 @@ impl Default for CellRule {
             tolerance_percent: Self::tolerance_percent(),
             obstacle_m: Self::obstacle_m(),
             clear_m: Self::clear_m(),
+            beyond_m: None,
         }
     }
 }
@@ -292,14 +296,15 @@ impl CellRule {
 
     /// # Errors
     /// [`Error::Invalid`] if a number is not positive, or obstacles are not nearer than clear
-    /// space.
+    /// space and than what is beyond.
     pub fn validate(&self) -> Result<()> {
-        let numbers = match *self {
+        let mut numbers = match *self {
             Self::Distance {
                 tolerance_m,
                 tolerance_percent,
                 obstacle_m,
                 clear_m,
+                beyond_m: _,
             } => vec![
                 ("tolerance_m", tolerance_m),
                 ("tolerance_percent", tolerance_percent),
@@ -308,6 +313,7 @@ impl CellRule {
             ],
             Self::Disparity { tolerance_px } => vec![("tolerance_px", tolerance_px)],
         };
+        numbers.extend(self.beyond_m().map(|beyond_m| ("beyond_m", beyond_m)));
         let is_positive = |value: f64| value > 0.0 && value.is_finite();
         if let Some((key, value)) = numbers.into_iter().find(|(_, value)| !is_positive(*value)) {
             return Err(Error::Invalid(format!(
@@ -321,6 +327,13 @@ impl CellRule {
                 ..
             } if obstacle_m >= clear_m => Err(Error::Invalid(format!(
                 "cells.obstacle_m = {obstacle_m}: must be below cells.clear_m = {clear_m}"
+            ))),
+            Self::Distance {
+                obstacle_m,
+                beyond_m: Some(beyond_m),
+                ..
+            } if obstacle_m >= beyond_m => Err(Error::Invalid(format!(
+                "cells.beyond_m = {beyond_m}: must be above cells.obstacle_m = {obstacle_m}"
             ))),
             _ => Ok(()),
         }
@@ -355,6 +368,14 @@ impl CellRule {
                 ..
             } => (obstacle_m, clear_m),
             Self::Disparity { .. } => (Self::obstacle_m(), Self::clear_m()),
+        }
+    }
+
+    /// Distance in metres beyond which a cell is of the area beyond, if there is one.
+    pub fn beyond_m(&self) -> Option<f64> {
+        match *self {
+            Self::Distance { beyond_m, .. } => beyond_m,
+            Self::Disparity { .. } => None,
         }
     }
 

@@ -13,6 +13,7 @@
 mod calibration;
 mod disparity;
 mod distortion;
+mod floor;
 mod frame;
 mod grid;
 mod identity;
@@ -28,6 +29,7 @@ pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rota
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};
+pub use floor::FloorPlane;
 pub use frame::{
     Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, MapDensity, Pose, RecordedMap,
     Surface, Truth, TruthKind, TruthOrigin, Visibility,

@@ -7,6 +7,7 @@ use crate::sync::StereoSync;
 use svl_core::stereo::Side;
 
 /// Rule by which messages form pairs.
+#[derive(Clone)]
 pub(crate) enum PairStamps {
     /// By `/stereo/sync`, in svl's own recordings.
     Synced,

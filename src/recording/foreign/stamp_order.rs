@@ -15,6 +15,7 @@ const MAX_BYTES: usize = 256 << 20;
 
 /// Sorts images by stamp. Beyond the time in the log for which they wait, beyond the limit of their
 /// bytes, and where the clock jumps back, the order is that of the file.
+#[derive(Clone)]
 pub(super) struct StampOrder<T> {
     waiting: BTreeMap<StampKey, HeldImage<T>>,
     /// Log time and key of those that wait, and of some that do not any more.
@@ -35,6 +36,7 @@ pub(super) struct StampOrder<T> {
 /// Jumps of the clock before it, stamp, arrivals before it.
 type StampKey = (u64, u64, u64);
 
+#[derive(Clone)]
 struct HeldImage<T> {
     image: T,
     bytes: usize,
@@ -99,6 +101,7 @@ impl<T> StampOrder<T> {
 
 /// Pairs images by their stamps: those of a file in the order of their stamps, live ones as they
 /// arrive.
+#[derive(Clone)]
 pub(crate) struct ImagePairing<T> {
     order: Option<StampOrder<(Side, u64, T, usize)>>,
     pairing: StampPairing<T>,

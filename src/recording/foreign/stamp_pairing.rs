@@ -34,6 +34,7 @@ impl UnpairedImages {
 }
 
 /// Images of two cameras waiting for their partners.
+#[derive(Clone)]
 pub(crate) struct StampPairing<T> {
     max_skew_ns: u64,
     /// Limit on the bytes of waiting images.

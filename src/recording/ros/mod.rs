@@ -11,7 +11,8 @@ mod write;
 pub(super) use read::*;
 pub use result_message::{ResultMessage, ResultOptions};
 pub use results::{diagnostics, result_messages};
-pub use scan::scan_transform;
+pub(crate) use scan::FLOOR_FRAME;
+pub use scan::static_transforms;
 pub(super) use write::*;
 
 /// The encoding of ROS 1's messages.

@@ -2,7 +2,7 @@
 
 use super::message::CdrWriter;
 use super::result_message::{ResultMessage, ResultOptions};
-use super::write::{encode, encode_transform, header_fields};
+use super::write::{encode, encode_transforms, header_fields};
 use crate::{AlgorithmCells, CellReport, Encoded, PairResult, RosStamp};
 use std::ops::Range;
 use svl_core::Result;
@@ -30,24 +30,32 @@ fn scan_frame(frame_id: &str) -> String {
     }
 }
 
-/// The transform from the optical frame to the scan's, on `/tf_static`; `None` if the camera's
-/// driver publishes it.
+/// The frame on the floor below a robot (REP 120).
+pub(crate) const FLOOR_FRAME: &str = "base_footprint";
+
+/// The transforms from the optical frame on `/tf_static`, in one message, as its last one is that
+/// of late subscribers: to the scan's frame, unless the camera's driver publishes it, and to the
+/// floor below a level camera of that height. `None` if there are none.
 ///
 /// # Errors
 /// [`svl_core::Error::Invalid`] for stamps outside 1970 ..= 2038.
-pub fn scan_transform(frame_id: &str, stamp_ns: u64) -> Result<Option<ResultMessage>> {
-    let child = scan_frame(frame_id);
-    if !child.starts_with(frame_id) {
-        return Ok(None);
-    }
+pub fn static_transforms(
+    frame_id: &str,
+    camera_height_m: Option<f64>,
+    stamp_ns: u64,
+) -> Result<Option<ResultMessage>> {
     // Forward, left and up of the child are z, -x and -y of the parent.
     let rotation = nalgebra::Quaternion::new(0.5, 0.5, -0.5, 0.5);
     let rotation = nalgebra::Unit::new_unchecked(rotation);
-    let pose = Pose::from_parts(nalgebra::Translation::identity(), rotation);
+    let below = |m: f64| Pose::from_parts(nalgebra::Translation3::new(0.0, m, 0.0), rotation);
+    let scan = scan_frame(frame_id);
+    let to_scan = (scan.starts_with(frame_id)).then(|| (below(0.0), [frame_id, &scan]));
+    let to_floor = camera_height_m.map(|height_m| (below(height_m), [frame_id, FLOOR_FRAME]));
+    let transforms: Vec<_> = to_scan.into_iter().chain(to_floor).collect();
     let stamp = RosStamp::new(stamp_ns)?;
-    Ok(Some(ResultMessage {
+    Ok((!transforms.is_empty()).then(|| ResultMessage {
         topic: "/tf_static",
-        message: encode_transform(&pose, [frame_id, &child], stamp),
+        message: encode_transforms(&transforms, stamp),
     }))
 }
 
@@ -301,9 +309,20 @@ mod tests {
 
     #[test]
     fn a_frame_that_no_driver_has_is_published() {
-        assert!(scan_transform("cam_optical_frame", 1).unwrap().is_none());
-        let sent = scan_transform("stereo_left", 1).unwrap().unwrap();
+        assert!(
+            static_transforms("cam_optical_frame", None, 1)
+                .unwrap()
+                .is_none()
+        );
+        let sent = static_transforms("stereo_left", Some(0.3), 1)
+            .unwrap()
+            .unwrap();
         let read = ros::read_cdr(&sent.into_data(), ros::transforms).unwrap();
+        let (_, (_, floor, place, _)) = &read[1];
+        assert_eq!(
+            (floor.as_str(), *place),
+            ("base_footprint", [0.0, 0.3, 0.0])
+        );
         let (_, (parent, child, _, [x, y, z, w])) = &read[0];
         assert_eq!(
             (parent.as_str(), child.as_str()),

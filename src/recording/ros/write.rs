@@ -119,20 +119,18 @@ pub(crate) fn encode_camera_info(
     )
 }
 
-/// A tf2_msgs/msg/TFMessage with one transform: the pose of `child` in the frame of `parent`.
-pub(crate) fn encode_transform(
-    pose: &Pose,
-    [parent, child]: [&str; 2],
-    stamp: RosStamp,
-) -> Encoded {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+/// A tf2_msgs/msg/TFMessage: the poses of children in the frames of parents, `[parent, child]`.
+pub(crate) fn encode_transforms(transforms: &[(Pose, [&str; 2])], stamp: RosStamp) -> Encoded {
     let body = |cdr: &mut CdrWriter| {
-        cdr.length(1);
-        header_fields(cdr, stamp, parent);
-        cdr.str(child);
-        [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
-            .into_iter()
-            .for_each(|v| cdr.f64(v));
+        cdr.length(transforms.len());
+        for (pose, [parent, child]) in transforms {
+            let (t, q) = (pose.translation.vector, pose.rotation.coords);
+            header_fields(cdr, stamp, parent);
+            cdr.str(child);
+            [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+                .into_iter()
+                .for_each(|v| cdr.f64(v));
+        }
     };
     encode(
         "tf2_msgs/msg/TFMessage",

@@ -2,10 +2,11 @@
 
 use super::scored_run::ScoredRun;
 use super::{AlgorithmChange, Change, Comparison, Conclusion, Judgement};
-use crate::drives::{DriveRow, drive_parts, drive_sample};
+use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use svl_core::{Error, Result, counted, joined};
 use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
@@ -92,6 +93,7 @@ impl AlgorithmChange {
             other_past: 0,
             blocks: pairs.len(),
             metrics: metrics.collect(),
+            areas: BTreeMap::new(),
             checkpoints: Vec::new(),
             has_partial_checkpoints: false,
             courses: Some(CourseChanges::new(&pairs)),
@@ -135,7 +137,12 @@ impl Change {
             // Even if all that differ do so in one direction, it may be chance.
             _ if (1..sign_test::METHOD.fewest_blocks).contains(&(up + down)) => Judgement::TooFew,
             _ if !sign_test::is_real([up, down]) => Judgement::Unclear,
+            Better::Neither => Judgement::Differs,
             Better::More if up > down => Judgement::Better,
+            // A robot that stands hits nothing.
+            Better::Less if up < down && !has_driven(pairs.iter().map(|(_, b)| *b)) => {
+                Judgement::Unclear
+            }
             Better::Less if up < down => Judgement::Better,
             _ => Judgement::Worse,
         };
@@ -322,24 +329,25 @@ impl Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::csv_rows::rows_from_text;
+    use crate::drives::tests::drive;
 
-    /// Drives of 10 m on as many courses, each with these collisions; without any it is finished.
+    /// Drives on as many courses, each with these collisions; without any it is finished.
     fn drives(collisions: &[u64]) -> Vec<DriveRow> {
-        let head = "scenario,seed,algorithm,finished,arrived,collisions,near_misses,stuck,driven_m,\
-                    first_collision_m,duration_s,stood_s,frames,failures,track_hash,recording,\
-                    stress\n";
-        let row = |(seed, hits): (usize, &u64)| {
-            let is_finished = *hits == 0;
-            format!("s,{seed},v3,{is_finished},true,{hits},0,0,10,,9,0,9,0,{seed}-{hits},,\n")
+        let row = |(seed, hits): (u64, &u64)| DriveRow {
+            finished: *hits == 0,
+            collisions: *hits,
+            track_hash: format!("{seed}-{hits}"),
+            ..drive(seed, "v3")
         };
-        let rows: String = collisions.iter().enumerate().map(row).collect();
-        rows_from_text(&format!("{head}{rows}")).unwrap()
+        (0..).zip(collisions).map(row).collect()
     }
 
     fn judged(before: &[u64], after: &[u64], name: &str) -> Judgement {
-        let (before, after) = (drives(before), drives(after));
-        let pairs: Vec<_> = before.iter().zip(&after).collect();
+        judged_rows(&drives(before), &drives(after), name)
+    }
+
+    fn judged_rows(before: &[DriveRow], after: &[DriveRow], name: &str) -> Judgement {
+        let pairs: Vec<_> = before.iter().zip(after).collect();
         let alike = pairs.iter().all(|(a, b)| a.track_hash == b.track_hash);
         let metric = Metric::find(name).unwrap();
         let MetricOrigin::Drives(number) = metric.origin else {
@@ -367,6 +375,15 @@ mod tests {
     fn fewer_finished_courses_are_worse() {
         assert_eq!(judged(&[0; 8], &[1; 8], "finished"), Judgement::Worse);
         assert_eq!(judged(&[1; 8], &[0; 8], "finished"), Judgement::Better);
+    }
+
+    #[test]
+    fn a_robot_that_stands_is_not_better() {
+        let (before, mut after) = (drives(&[1; 8]), drives(&[0; 8]));
+        for (route_m, judgement) in [(0.61, Judgement::Better), (0.59, Judgement::Unclear)] {
+            after.iter_mut().for_each(|row| row.route_m = route_m);
+            assert_eq!(judged_rows(&before, &after, "collisions"), judgement);
+        }
     }
 
     #[test]

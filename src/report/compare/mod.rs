@@ -9,9 +9,9 @@ mod past;
 mod scored_run;
 mod text;
 
-use super::accuracy::RangeErrors;
+use super::accuracy::{PairErrors, RangeErrors};
 use super::rows::Row;
-use super::samples::{RunKey, resamples, run_key, sample};
+use super::samples::{RunKey, resamples, run_key, sample_in};
 pub use conclusion::{Conclusion, JudgedComparison};
 use courses::{CourseChanges, are_driven};
 pub use frames::FindLeft;
@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
-use svl_score::judge::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
+use svl_score::judge::{AreaChoice, Better, METRICS, Metric, MetricOrigin, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
 pub use text::signed;
@@ -34,6 +34,8 @@ pub struct Comparison {
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
+    /// The cells that metrics of an area are of.
+    pub area: AreaChoice,
     /// Differences in how they were scored, in words: if there are any, nothing is called better or
     /// worse.
     pub differences: Vec<String>,
@@ -97,6 +99,9 @@ pub struct AlgorithmChange {
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
     pub metrics: Vec<Change>,
+    /// The metrics of the other areas, by the names of the areas.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub areas: BTreeMap<&'static str, Vec<Change>>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<CheckpointChange>,
     /// True if checkpoints of both runs are not compared, as they have not the same pairs.
@@ -224,6 +229,7 @@ impl Comparison {
             base: base.folder.clone(),
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
+            area: base.area(),
             differences: differences(base, other, &algorithms)?,
             truths: [base, other].map(|run| run.manifest.truth.clone()),
             origins: [base, other].map(|run| ReportOrigin::new(&run.manifest)),
@@ -253,11 +259,9 @@ impl Comparison {
                 .collect(),
         };
         if !comparison.is_judged() {
-            let algorithms = &mut comparison.algorithms;
-            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
-            metrics.for_each(Change::withdraw);
-            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
-            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
+            let algorithms = comparison.algorithms.iter_mut();
+            let changes = algorithms.flat_map(AlgorithmChange::changes_mut);
+            changes.for_each(Change::withdraw);
         }
         Ok(comparison)
     }
@@ -278,7 +282,13 @@ impl Comparison {
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
-    changes_over([base, other], None, &resamples(base))
+    let area = base.first().map(|row| row.metrics.area());
+    changes_over(
+        [base, other],
+        None,
+        area.unwrap_or_default(),
+        &resamples(base),
+    )
 }
 
 /// The runs whose pairs both reports have completely: checkpoint tables hold sums only. `common`
@@ -292,10 +302,12 @@ fn complete_runs<'a>(common: [&[&'a Row]; 2], all: [&[&'a Row]; 2]) -> Vec<RunKe
     runs
 }
 
-/// `errors`: those of distances in the pairs of both, if both have cells.
+/// The changes of the metrics in an area. `errors`: those of distances in the pairs of both, if
+/// both have cells.
 fn changes_over(
     rows: [&[&Row]; 2],
-    errors: Option<&[Vec<RangeErrors>; 2]>,
+    errors: Option<&[Vec<PairErrors>; 2]>,
+    area: AreaChoice,
     resamples: &Resamples,
 ) -> Vec<Change> {
     // Metrics that no pair has, and checkpoints, have no sample.
@@ -303,8 +315,8 @@ fn changes_over(
         let samples = match metric.origin {
             MetricOrigin::Cells { number, .. } => errors?
                 .each_ref()
-                .map(|pairs| Some(RangeErrors::sample(number, pairs))),
-            _ => rows.map(|rows| sample(metric, rows)),
+                .map(|pairs| Some(RangeErrors::sample(number, pairs, area))),
+            _ => rows.map(|rows| sample_in(metric, rows, area)),
         };
         let [Some(a), Some(b)] = samples else {
             return None;
@@ -366,6 +378,14 @@ impl AlgorithmChange {
         }))
     }
 
+    /// All changes, those of other areas included.
+    fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
+        let areas = self.areas.values_mut().flatten();
+        let checkpoints = self.checkpoints.iter_mut();
+        let checkpoints = checkpoints.map(|checkpoint| &mut checkpoint.change);
+        self.metrics.iter_mut().chain(areas).chain(checkpoints)
+    }
+
     fn from_runs(
         base: &ScoredRun,
         other: &ScoredRun,
@@ -392,7 +412,17 @@ impl AlgorithmChange {
         } else {
             None
         };
-        let mut metrics = changes_over([&a, &b], errors.as_ref(), &resamples);
+        let changes = |area| changes_over([&a, &b], errors.as_ref(), area, &resamples);
+        let mut metrics = changes(base.area());
+        let others = AreaChoice::ALL
+            .into_iter()
+            .filter(|area| *area != base.area());
+        let others = others.map(|area| {
+            let mut own = changes(area);
+            own.retain(|change| change.metric.by_area);
+            (area.name(), own)
+        });
+        let areas = others.filter(|(_, own)| !own.is_empty()).collect();
         if !are_times_comparable(base, other, &pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
@@ -406,17 +436,9 @@ impl AlgorithmChange {
             })
         };
         let checkpoints = base.checkpoints(label, &runs).into_iter();
-        let mut checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
+        let checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
         let has_both = base.has_checkpoints(label) && other.has_checkpoints(other_label);
-        // Equal numbers of unequal results are a coincidence, as wide as the interval.
-        if equal_results < pairs.len() {
-            metrics.iter_mut().for_each(Change::withdraw_equal);
-            let changes = checkpoints
-                .iter_mut()
-                .map(|checkpoint| &mut checkpoint.change);
-            changes.for_each(Change::withdraw_equal);
-        }
-        Ok(Self {
+        let mut change = Self {
             algorithm: label.to_owned(),
             other_algorithm: other_label.to_owned(),
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
@@ -435,10 +457,16 @@ impl AlgorithmChange {
             },
             blocks: resamples.blocks(),
             metrics,
+            areas,
             has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
             courses: None,
-        })
+        };
+        // Equal numbers of unequal results are a coincidence, as wide as the interval.
+        if equal_results < pairs.len() {
+            change.changes_mut().for_each(Change::withdraw_equal);
+        }
+        Ok(change)
     }
 }
 

@@ -1,9 +1,10 @@
 //! A report that is compared, read from its folder.
 
-use crate::accuracy::{AccuracyTally, RangeErrors};
+use crate::accuracy::{AccuracyTally, PairErrors};
 use crate::build::COURSES;
 use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{CoursePlan, DriveRow};
+use crate::prior::PRIOR;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::samples::{RunKey, is_scene, run_key};
 use crate::shots::LeftImages;
@@ -12,6 +13,7 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
+use svl_score::judge::AreaChoice;
 use svl_score::manifest::{AlgorithmRecord, Manifest, read_json};
 use svl_score::scenario::PairRange;
 
@@ -22,6 +24,7 @@ pub struct ScoredRun {
     /// The folder itself.
     report: PathBuf,
     pub manifest: Manifest,
+    area: AreaChoice,
     /// Reason why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
     /// Rows of the unperturbed pairs.
@@ -61,6 +64,9 @@ impl ScoredRun {
             return Self::read(whole);
         };
         let mut run = Self::read(Path::new(folder))?;
+        if label == PRIOR {
+            run.become_prior()?;
+        }
         if !run.labels().contains(&label) {
             let labels = run.labels().join(", ");
             return Err(Error::Invalid(format!(
@@ -128,6 +134,7 @@ impl ScoredRun {
             folder: folder.to_owned(),
             report: folder.to_owned(),
             manifest,
+            area: AreaChoice::default(),
             incomplete,
             rows,
             failures,
@@ -138,6 +145,37 @@ impl ScoredRun {
             own_scenes: BTreeMap::new(),
             cells,
         })
+    }
+
+    /// Keeps the prior, which looks at nothing, in place of the algorithms.
+    fn become_prior(&mut self) -> Result<()> {
+        let table = self.report.join(format!("{PRIOR}.csv"));
+        if table.is_file() {
+            self.rows = read_rows(&table)?;
+        }
+        // Reports of drives, and of pixels, have none.
+        if table.is_file() && !self.rows.is_empty() {
+            self.cells = None;
+            self.checkpoints.clear();
+            self.manifest.algorithms = vec![AlgorithmRecord {
+                name: PRIOR.to_owned(),
+                label: PRIOR.to_owned(),
+                ..AlgorithmRecord::default()
+            }];
+        }
+        Ok(())
+    }
+
+    /// Selects the cells that metrics of an area are of.
+    pub fn select(&mut self, area: AreaChoice) {
+        self.area = area;
+        for row in &mut self.rows {
+            row.metrics = row.metrics.in_area(area);
+        }
+    }
+
+    pub(super) fn area(&self) -> AreaChoice {
+        self.area
     }
 
     /// Names runs and numbers scenes as the other report does, where they have the same pairs.
@@ -282,12 +320,12 @@ impl ScoredRun {
     }
 
     /// The errors of distances in these pairs, in their order.
-    pub(super) fn pair_errors(&self, label: &str, pairs: &[&Row]) -> Result<Vec<RangeErrors>> {
+    pub(super) fn pair_errors(&self, label: &str, pairs: &[&Row]) -> Result<Vec<PairErrors>> {
         let places = pairs.iter().enumerate();
         let places = places.map(|(i, row)| (self.own_key(row), (i, row.stamp_ns)));
         let places: HashMap<_, _> = places.collect();
         let mut errors = Vec::new();
-        errors.resize_with(pairs.len(), RangeErrors::default);
+        errors.resize_with(pairs.len(), PairErrors::default);
         let rule = self.manifest.part("cells")?.unwrap_or_default();
         let (mut tally, mut last_run) = (AccuracyTally::new(rule), None);
         self.each_pair_of_cells(label, |(run, sequence), cells| {

@@ -7,7 +7,7 @@ use crate::page::{MarkView, PageImages, PictureView};
 use serde::Serialize;
 use svl_core::stereo::CellState;
 use svl_files::overlay::Mark;
-use svl_score::judge::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
+use svl_score::judge::{AreaChoice, CellFinding, METRICS, Metric, MetricTotal, Verdict};
 
 #[derive(Serialize)]
 pub(super) struct FigureView<'a> {
@@ -141,14 +141,16 @@ fn counts_filters(metric: &Metric) -> bool {
     metric.group == "filters"
 }
 
-/// Number of cells of each kind, by the rule of the headline.
+/// Number of cells of each kind, by the rule of the headline, in all areas: a picture shows all.
 pub(super) fn cells(row: &Row) -> String {
     let group = Metric::find("right").map(|metric| metric.group);
     let is_share = |metric: &&Metric| {
         Some(metric.group) == group && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
     };
-    let count =
-        |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));
+    let count = |metric: &Metric| {
+        let cells = row.metrics.get_in(metric.name, AreaChoice::All)?;
+        Some(format!("{cells} {}", metric.head))
+    };
     let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
     match counts[..] {
         [] => String::new(),

@@ -1,5 +1,6 @@
 //! The plots of the page.
 
+use super::super::accuracy::AccuracyRow;
 use super::super::page::PlotView;
 use super::super::plot::{
     AlgorithmColors, Axis, Bars, Chart, CourseMap, Series, SeriesStyle, Strips,
@@ -401,7 +402,11 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Resul
     let algorithms = summary.algorithms.iter();
     let series = algorithms.filter(|a| !summary.is_reference(a)).map(|a| {
         let own = summary.accuracy.iter();
-        let own = own.filter(|row| row.algorithm == a.algorithm && !row.is_of_all());
+        let is_own = |row: &&AccuracyRow| {
+            let is_range = row.area == summary.area && !row.is_of_all();
+            row.algorithm == a.algorithm && is_range
+        };
+        let own = own.filter(is_own);
         let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
         Series {
             name: a.algorithm.clone(),

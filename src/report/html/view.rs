@@ -2,6 +2,7 @@
 
 use super::super::gate::GateState;
 use super::super::plot::AlgorithmColors;
+use super::super::prior::PRIOR;
 use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
@@ -280,7 +281,11 @@ impl<'a> HeadlineView<'a> {
         };
         let labels = ranked.iter().map(|a| a.algorithm.as_str());
         Self {
-            algorithms: page.manifest.labels().enumerate().map(view).collect(),
+            algorithms: (page.manifest.labels())
+                .chain(page.summary.prior.as_ref().map(|_| PRIOR))
+                .enumerate()
+                .map(view)
+                .collect(),
             checkpoints: page.summary.checkpoint_names(),
             about: about(page, labels.clone()),
             cited: ranked

@@ -9,6 +9,7 @@ use crate::agreed::ScoreRule;
 use crate::checkpoints::RunTallies;
 use crate::csv_rows::read_rows;
 use crate::drives::{DriveRow, TrackRow};
+use crate::prior::{PRIOR, PriorTally};
 use crate::reliability::{ReliabilityRow, ReliabilityTallies};
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::table_writer::TableWriter;
@@ -27,6 +28,8 @@ pub struct ReportTables {
     pub accuracy: Vec<AccuracyRow>,
     /// Likewise.
     pub reliability: Vec<ReliabilityRow>,
+    /// The rows of the prior, where cells are scored by distances.
+    pub prior: Vec<Row>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -63,6 +66,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
         tables.accuracy = read_rows(&file("accuracy"))?;
         tables.reliability = read_rows(&file("reliability"))?;
+        tables.prior = read_rows(&file(PRIOR))?;
     }
     Ok(tables)
 }
@@ -106,6 +110,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
         write_table(folder, "checkpoints", &tables.checkpoints)?;
         write_table(folder, "accuracy", &tables.accuracy)?;
         write_table(folder, "reliability", &tables.reliability)?;
+        write_table(folder, PRIOR, &tables.prior)?;
     }
     Ok(tables)
 }
@@ -132,6 +137,7 @@ pub fn collect_tables(
     let rule = ScoreRule::new(&plan.manifest)?;
     let mut accuracy = AccuracyTally::new(rule.cells);
     let mut reliability = ReliabilityTallies::default();
+    let mut prior = PriorTally::default();
     let scenario = &plan.manifest.scenario;
     for run in runs {
         accuracy.begin_run();
@@ -142,6 +148,7 @@ pub fn collect_tables(
                 if let Some(row) = rows.rows.first() {
                     accuracy.add(row.stamp_ns, &rows.cells);
                     reliability.add(&rows.cells);
+                    prior.add(row, std::mem::take(&mut rows.truths));
                 }
             }
             take(TakenRows {
@@ -156,13 +163,20 @@ pub fn collect_tables(
             tables.tracks.extend(rows.tracks);
             Ok(())
         };
-        let is_read = |table: &str| has_cells || table != "cells";
+        // The truth of the cells is that of the first algorithm: all have the same.
+        let is_read = |first: bool, table: &str| match table {
+            "cells" => has_cells,
+            "truths" => has_cells && first,
+            _ => true,
+        };
         for block in 0..run.blocks(plan) {
             let units = plan
                 .labels()
                 .into_iter()
                 .filter_map(|label| run.unit(label, block));
-            let readers = units.map(|unit| UnitReader::open(unit, scenario, is_read));
+            let readers = units
+                .enumerate()
+                .map(|(n, unit)| UnitReader::open(unit, scenario, |table| is_read(n == 0, table)));
             let mut readers = readers.collect::<Result<Vec<_>>>()?;
             if plan.is_driven() {
                 for reader in &mut readers {
@@ -191,6 +205,7 @@ pub fn collect_tables(
     }
     tables.accuracy = accuracy.into_rows(&plan.labels());
     tables.reliability = reliability.into_rows(&plan.labels());
+    tables.prior = prior.into_rows(rule.cells);
     Ok(tables)
 }
 

@@ -8,6 +8,7 @@ use super::run::PairFacts;
 use super::store::{json, write_whole};
 use crate::csv_rows::{RowReader, csv_error};
 use crate::drives::{CoursePlan, DriveRow, TrackRow};
+use crate::prior::TruthRow;
 use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -188,6 +189,8 @@ unit_tables! {
     failures: FailureRow(sequence, scenario),
     /// Results of checkpoints.
     frames: FrameRow(sequence),
+    /// The truth of the cells of each pair: the same of all algorithms.
+    truths: TruthRow(sequence),
     drives: DriveRow(drive, scenario),
     tracks: TrackRow(drive, scenario),
 }

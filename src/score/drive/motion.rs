@@ -105,6 +105,8 @@ pub struct TrackPoint {
     pub clearance_m: f64,
     /// True if it was put there by hand, after a collision or when stuck.
     pub is_placed: bool,
+    /// True if the algorithm was busy with an earlier pair and skipped this one.
+    pub is_skipped: bool,
     pub event: Option<DriveEvent>,
 }
 
@@ -116,6 +118,8 @@ pub struct DriveLog {
     pub arrived: bool,
     /// Pairs per second.
     pub rate_hz: f64,
+    /// Length of the route that the robot drove itself, metres; what it drove twice counts once.
+    pub route_m: f64,
 }
 
 impl DriveLog {
@@ -160,6 +164,11 @@ impl DriveLog {
             }
         }
         None
+    }
+
+    /// Number of pairs that arrived while the algorithm was busy.
+    pub fn skipped(&self) -> u64 {
+        self.track.iter().filter(|p| p.is_skipped).count() as u64
     }
 
     /// Duration of the drive.

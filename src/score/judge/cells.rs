@@ -1,5 +1,6 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
+use super::{AreaChoice, CellArea};
 use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid, Rig};
 
 /// The score of a cell.
@@ -34,25 +35,27 @@ impl Verdict {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellJudgement {
     pub verdict: Verdict,
+    /// True if it is right, or if the report agrees with a quarter of the cell and is nearer than
+    /// its median.
+    pub right_surface: bool,
+    /// `None` if the median is unknown.
+    pub area: Option<CellArea>,
     /// Median true disparity, pixels; `None` without truth.
     pub true_px: Option<f64>,
     /// True distance, metres; `None` without truth, without a rig, or at infinity.
     pub true_m: Option<f64>,
-    /// By the median: truly nearer than the rule's `obstacle_m`, reported farther than its
-    /// `clear_m`.
-    pub missed_median: bool,
-    /// By the median: reported nearer than `obstacle_m`, truly farther than `clear_m`.
-    pub false_median: bool,
     /// By the nearest quarter; none if that is not known.
     pub near: NearJudgement,
     /// The number of the truth's points, if it is sparse; absent if it is dense or missing.
     pub points: Option<usize>,
 }
 
-/// The score of a cell by its nearest quarter: what a robot would hit.
+/// The score of a cell by its nearest quarter that is not floor: what a robot would hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NearJudgement {
-    /// The nearest quarter is nearer than the rule's `obstacle_m`.
+    /// False if the truth does not determine that quarter: then all others are false, too.
+    pub is_known: bool,
+    /// A quarter of the cell is nearer than the rule's `obstacle_m`, and not floor.
     pub is_near: bool,
     /// Near, and reported farther than the rule's `clear_m`.
     pub missed: bool,
@@ -61,21 +64,25 @@ pub struct NearJudgement {
     /// Reported as near or nearer than `obstacle_m`, and nearly all of the cell is farther than
     /// `clear_m`.
     pub falsely: bool,
+    /// Reported nearer than `obstacle_m`, and nothing but floor is nearer than `clear_m`.
+    pub is_floor: bool,
 }
 
 impl CellJudgement {
     /// For a frame without truth.
     pub const NO_TRUTH: Self = Self {
         verdict: Verdict::NoTruth,
+        right_surface: false,
+        area: None,
         true_px: None,
         true_m: None,
-        missed_median: false,
-        false_median: false,
         near: NearJudgement {
+            is_known: false,
             is_near: false,
             missed: false,
             found: false,
             falsely: false,
+            is_floor: false,
         },
         points: None,
     };
@@ -87,8 +94,20 @@ pub struct CellTally {
     pub right: usize,
     pub wrong: usize,
     pub unknown: usize,
-    pub missed_median: usize,
-    pub false_median: usize,
+    /// Right and wrong ones, where a nearer surface may be reported, too.
+    pub right_surface: usize,
+    pub wrong_surface: usize,
+    /// Cells whose nearest quarter is known.
+    pub quarters: usize,
+    /// Those of them that are near, and of these those that are unknown, missed and found.
+    pub near: usize,
+    pub near_unknown: usize,
+    pub missed: usize,
+    pub found: usize,
+    /// Cells reported as an obstacle that are nearly all clear, and those in which nothing but
+    /// floor is not.
+    pub falsely: usize,
+    pub floor: usize,
 }
 
 impl CellTally {
@@ -97,15 +116,55 @@ impl CellTally {
         self.right + self.wrong + self.unknown
     }
 
-    pub fn from_judgements(judgements: &[CellJudgement]) -> Self {
-        let count = |f: fn(&CellJudgement) -> bool| judgements.iter().filter(|j| f(j)).count();
-        Self {
-            right: count(|j| j.verdict == Verdict::Right),
-            wrong: count(|j| j.verdict == Verdict::Wrong),
-            unknown: count(|j| j.verdict == Verdict::Unknown),
-            missed_median: count(|j| j.missed_median),
-            false_median: count(|j| j.false_median),
+    pub fn from_judgements<'a>(judgements: impl IntoIterator<Item = &'a CellJudgement>) -> Self {
+        let mut tally = Self::default();
+        for judgement in judgements {
+            tally.add(judgement);
         }
+        tally
+    }
+
+    fn add(&mut self, judgement: &CellJudgement) {
+        let is_known = matches!(judgement.verdict, Verdict::Right | Verdict::Wrong);
+        let near = judgement.near;
+        for (count, is_so) in [
+            (&mut self.right, judgement.verdict == Verdict::Right),
+            (&mut self.wrong, judgement.verdict == Verdict::Wrong),
+            (&mut self.unknown, judgement.verdict == Verdict::Unknown),
+            (&mut self.right_surface, judgement.right_surface),
+            (
+                &mut self.wrong_surface,
+                is_known && !judgement.right_surface,
+            ),
+            (&mut self.quarters, near.is_known),
+            (&mut self.near, near.is_near),
+            (
+                &mut self.near_unknown,
+                near.is_near && !near.missed && !near.found,
+            ),
+            (&mut self.missed, near.missed),
+            (&mut self.found, near.found),
+            (&mut self.falsely, near.falsely),
+            (&mut self.floor, near.is_floor),
+        ] {
+            *count += usize::from(is_so);
+        }
+    }
+}
+
+/// Counts over the cells of a frame by their areas.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CellTallies([CellTally; AreaChoice::ALL.len()]);
+
+impl CellTallies {
+    pub fn new(judgements: &[CellJudgement]) -> Self {
+        Self(AreaChoice::ALL.map(|choice| {
+            CellTally::from_judgements(judgements.iter().filter(|cell| choice.has(cell.area)))
+        }))
+    }
+
+    pub fn get(&self, choice: AreaChoice) -> &CellTally {
+        &self.0[choice as usize]
     }
 }
 
@@ -176,9 +235,6 @@ pub(super) fn judge_cell(
     reported: Option<&CellDepth>,
     rule: CellRule,
 ) -> CellJudgement {
-    let true_m = truth.and_then(|t| t.distance_m);
-    let distances = true_m.zip(reported.and_then(|r| r.distance_m));
-    let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
     let verdict = match (truth.filter(|truth| has_truth(truth, rule)), reported) {
         (None, _) => Verdict::NoTruth,
         (Some(_), None) => Verdict::Unknown,
@@ -187,11 +243,10 @@ pub(super) fn judge_cell(
     };
     CellJudgement {
         verdict,
+        right_surface: verdict == Verdict::Right,
+        area: None,
         true_px: truth.map(|t| t.median_px.into()),
-        true_m,
-        missed_median: true_m.is_some_and(|t| t < obstacle_m)
-            && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
-        false_median: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
+        true_m: truth.and_then(|t| t.distance_m),
         near: NearJudgement::default(),
         points: None,
     }
@@ -233,6 +288,7 @@ mod tests {
             tolerance_percent: 5.0,
             obstacle_m: 0.4,
             clear_m: 0.9,
+            beyond_m: None,
         };
         let judged = |true_m, reported_m| {
             judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), rule)
@@ -241,16 +297,6 @@ mod tests {
         assert_eq!(judged(0.30, 0.321).verdict, Verdict::Wrong);
         assert_eq!(judged(2.00, 2.09).verdict, Verdict::Right);
         assert_eq!(judged(2.00, 2.11).verdict, Verdict::Wrong);
-        assert!(judged(0.39, 0.91).missed_median && !judged(0.39, 0.89).missed_median);
-        assert!(!judged(0.41, 0.91).missed_median);
-        assert!(judged(0.91, 0.39).false_median && !judged(0.89, 0.39).false_median);
-    }
-
-    #[test]
-    fn obstacles_missed_and_invented() {
-        assert!(judged(0.4, 0.8).missed_median && !judged(0.4, 0.7).missed_median);
-        assert!(judged(0.8, 0.4).false_median && !judged(0.7, 0.4).false_median);
-        assert!(!judged(0.6, 2.0).missed_median);
     }
 
     #[test]
@@ -265,10 +311,7 @@ mod tests {
             ..reported(1.0)
         };
         let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::default());
-        assert_eq!(
-            (judgement.verdict, judgement.missed_median),
-            (Verdict::Wrong, true)
-        );
+        assert_eq!(judgement.verdict, Verdict::Wrong);
         assert_eq!(
             judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
             Verdict::NoTruth

@@ -126,7 +126,10 @@ mod tests {
             "right", "wrong", "unknown", "missed", "false", "found", "floor", "passed", "time",
         ];
         expect(Distances, &distances);
-        expect(Disparities, &["coverage", "bad2", "passed", "time"]);
+        expect(
+            Disparities,
+            &["coverage", "total_bad2", "bad2", "passed", "time"],
+        );
         expect(Courses, &["finished", "collisions", "near_misses"]);
         expect(
             NoTruth,

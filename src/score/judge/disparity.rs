@@ -69,6 +69,12 @@ impl DisparityScore {
         share(self.bad2, self.estimated)
     }
 
+    /// Fraction of the scored pixels that are off by more than two pixels or have no estimate;
+    /// `None` without truth.
+    pub fn total_bad2(&self) -> Option<f64> {
+        share(self.bad2 + self.pixels - self.estimated, self.pixels)
+    }
+
     /// Fraction of the scored pixels without an estimate; `None` without truth.
     pub fn invalid(&self) -> Option<f64> {
         share(self.pixels - self.estimated, self.pixels)
@@ -121,6 +127,7 @@ mod tests {
             (score.bad1(), score.bad2(), score.invalid()),
             (Some(2.0 / 3.0), Some(1.0 / 3.0), Some(0.25))
         );
+        assert_eq!(score.total_bad2(), Some(0.5));
         let all = DisparityScore::new(
             &map,
             &Truth {

@@ -3,8 +3,8 @@
 use super::photometric::Correlations;
 use super::support::{agreed_cells, unrivalled_cells};
 use super::{
-    CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, DisparityScore,
-    FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueCells,
+    AreaChoice, CellJudgement, CellSupport, CellTallies, Checkpoint, CheckpointFrame,
+    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, TrueCells,
 };
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
@@ -142,27 +142,25 @@ impl Judge {
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let rule = self.rule(frame);
-        let cells = true_cells.map(|truth| truth.judge(&estimate.grid));
-        let surfaces =
-            true_cells.map(|truth| SurfaceTally::new(frame, truth, &estimate.grid, rule));
+        let cells = true_cells.map(|truth| truth.judge(frame, &estimate.grid));
         let filtered = true_cells
             .zip(cells.as_deref())
             .map(|(truth, cells)| FilterTally::new(frame, truth, &estimate, cells, rule));
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
-        let facts = FrameFacts {
+        let mut facts = FrameFacts {
             frame,
             estimate: &estimate,
             rule,
             pixels: truth.map(|truth| DisparityScore::new(map, truth)),
-            cells: cells.as_deref().map(CellTally::from_judgements),
-            surfaces,
+            cells: cells.as_deref().map(CellTallies::new),
+            area: AreaChoice::default(),
             filtered: filtered.unwrap_or_default(),
             support,
         };
         JudgedEstimate {
             hash: estimate.hash(),
-            metrics: MetricValues::from_facts(&facts),
+            metrics: MetricValues::from_facts(&mut facts),
             checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
             cells,
             estimate,

@@ -4,7 +4,7 @@
 //! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
-use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
+use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
 use serde::{Serialize, Serializer};
 use svl_core::did_you_mean;
 use svl_core::stereo::{CellRule, Estimate, Frame};
@@ -18,9 +18,9 @@ pub struct FrameFacts<'a> {
     /// The disparities against the truth; `None` without truth.
     pub pixels: Option<DisparityScore>,
     /// The cells against the truth; `None` without truth.
-    pub cells: Option<CellTally>,
-    /// The cells against the nearest quarters of the truth; `None` without truth.
-    pub surfaces: Option<SurfaceTally>,
+    pub cells: Option<CellTallies>,
+    /// The cells that metrics of an area are of.
+    pub area: AreaChoice,
     /// Counts for the filters.
     pub filtered: FilterTally,
     /// Scores without truth, for frames that have none.
@@ -37,42 +37,33 @@ pub struct CellSupport {
 }
 
 impl FrameFacts<'_> {
-    /// `None` if no cell is scored: not measured, which is not 0.
+    /// A count of the cells of the area; `None` if none of them is scored: not measured, which is
+    /// not 0.
     fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        let scored = self.cells.as_ref().filter(|cells| cells.scored() > 0);
-        scored.map(|cells| count(cells) as f64)
-    }
-
-    /// Same as `cells`, if distances are known: otherwise no obstacle can be missed, and 0 would be
-    /// misleading.
-    fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        self.cells(count).filter(|_| self.has_distances())
+        let cells = self.cells.as_ref()?.get(self.area);
+        (cells.scored() > 0).then(|| count(cells) as f64)
     }
 
     /// Number of scored cells; `None` without truth.
     fn scored(&self) -> Option<usize> {
-        self.cells.as_ref().map(CellTally::scored)
+        Some(self.cells.as_ref()?.get(AreaChoice::All).scored())
     }
 
     fn has_scored_pixels(&self) -> bool {
         self.pixels.is_some_and(|pixels| pixels.invalid().is_some())
     }
 
-    fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
-        let is_scored = self.cells.as_ref().is_some_and(|cells| cells.scored() > 0);
-        let surfaces = self.surfaces.as_ref().filter(|_| is_scored);
-        surfaces.map(|cells| count(cells) as f64)
+    /// A count of all cells by what is near, whatever their area; `None` if no nearest quarter is
+    /// known, or no distance: otherwise no obstacle can be missed, and 0 would be misleading.
+    fn near_obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        let cells = self.cells.as_ref()?.get(AreaChoice::All);
+        (cells.quarters > 0 && self.has_distances()).then(|| count(cells) as f64)
     }
 
-    /// `None` if no nearest quarter is known.
-    fn quarters(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
-        let scored = self.surfaces.as_ref().filter(|cells| cells.quarters > 0);
-        scored.map(|cells| count(cells) as f64)
-    }
-
-    /// Same as `quarters`, if distances are known.
-    fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
-        self.quarters(count).filter(|_| self.has_distances())
+    /// True if the truth tells what is floor.
+    fn knows_floor(&self) -> bool {
+        let truth = self.frame.truth.as_ref();
+        truth.is_some_and(|truth| truth.surface.is_some())
     }
 
     fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
@@ -100,6 +91,8 @@ pub struct Metric {
     pub better: Better,
     /// True if it compares with true distances or disparities.
     pub against_truth: bool,
+    /// True if it has a value for each area: it is of scored cells. Others are of all cells.
+    pub by_area: bool,
     pub origin: MetricOrigin,
     /// Path of its plot per frame in Rerun, below the algorithm.
     pub plot: Option<&'static str>,
@@ -139,7 +132,8 @@ impl RunKind {
         let mut truths = METRICS
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
-        if has("missed") || has("missed_median") {
+        // Only distances tell what is near, or nearer than the range.
+        if has("missed") || has("blind") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities
@@ -208,6 +202,10 @@ pub enum CellNumber {
     AbsRel,
     Noise,
     Flicker,
+    /// Number of cells with a reported and a true distance.
+    ErrorCells,
+    /// Number of cells at rest.
+    RestingCells,
 }
 
 /// A metric of an algorithm's drives.
@@ -217,6 +215,8 @@ pub enum DriveNumber {
     Finished,
     Collisions,
     NearMisses,
+    /// Metres of the route that the robot drove itself.
+    Driven,
 }
 
 /// Aggregation over frames; frames without a value are skipped.
@@ -276,10 +276,17 @@ const DETAIL: Metric = Metric {
     unit: MetricUnit::Share,
     better: Better::Neither,
     against_truth: true,
+    by_area: false,
     origin: MetricOrigin::Time,
     plot: None,
     note: None,
     level: MetricLevel::Detail,
+};
+
+/// A detail of the scored cells of each area.
+const AREA_DETAIL: Metric = Metric {
+    by_area: true,
+    ..DETAIL
 };
 
 /// All metrics, in the order of tables and comparisons.
@@ -301,7 +308,7 @@ pub const METRICS: &[Metric] = &[
             ("cells", words)
         }),
         level: MetricLevel::Headline(&[RunKind::Distances]),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "wrong",
@@ -315,7 +322,7 @@ pub const METRICS: &[Metric] = &[
         }),
         plot: Some("wrong_cells"),
         level: MetricLevel::Headline(&[RunKind::Distances]),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "unknown",
@@ -328,7 +335,7 @@ pub const METRICS: &[Metric] = &[
             facts.cells(|cells| cells.unknown)
         }),
         level: MetricLevel::Headline(&[RunKind::Distances]),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "known",
@@ -338,6 +345,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Neither,
         against_truth: false,
+        by_area: false,
         origin: mean("known_share", |facts| {
             Some(facts.estimate.grid.known_share())
         }),
@@ -350,38 +358,6 @@ pub const METRICS: &[Metric] = &[
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
     },
     Metric {
-        name: "missed_median",
-        words: "missed obstacles, by median",
-        group: "by median",
-        head: "missed",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("missed_median", |facts| {
-            facts.obstacles(|cells| cells.missed_median)
-        }),
-        note: Some(|rule| {
-            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "obstacles by the thesis's rule: cells whose true median is nearer than \
-                 {obstacle_m} m reported beyond {clear_m} m (missed), and the reverse (false)"
-            );
-            ("by median", words)
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "false_median",
-        words: "false obstacles, by median",
-        group: "by median",
-        head: "false",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("false_median", |facts| {
-            facts.obstacles(|cells| cells.false_median)
-        }),
-        ..DETAIL
-    },
-    Metric {
         name: "right_surface",
         words: "right cells, by surface",
         group: "by surface, %",
@@ -389,14 +365,14 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::More,
         origin: part(SCORED_CELLS, "cells_right_surface", |facts| {
-            facts.surfaces(|cells| cells.right)
+            facts.cells(|cells| cells.right_surface)
         }),
         note: Some(|_| {
             let words = "a cell is right, too, if its report is that of a nearer surface that \
                          fills at least a quarter of the cell";
             ("by surface", words.into())
         }),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "wrong_surface",
@@ -406,38 +382,9 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Less,
         origin: part(SCORED_CELLS, "cells_wrong_surface", |facts| {
-            facts.surfaces(|cells| cells.wrong)
+            facts.cells(|cells| cells.wrong_surface)
         }),
-        ..DETAIL
-    },
-    Metric {
-        name: "right_near",
-        words: "right cells, by the nearest quarter",
-        group: "nearest quarter, %",
-        head: "right",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        origin: part(&["scored_quarters"], "cells_right_near", |facts| {
-            facts.quarters(|cells| cells.near_right)
-        }),
-        note: Some(|_| {
-            let words = "scored by the nearest quarter of a cell instead of its median, of the \
-                         cells in which it is known";
-            ("nearest quarter", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "wrong_near",
-        words: "wrong cells, by the nearest quarter",
-        group: "nearest quarter, %",
-        head: "wrong",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: part(&["scored_quarters"], "cells_wrong_near", |facts| {
-            facts.quarters(|cells| cells.near_wrong)
-        }),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "missed",
@@ -450,9 +397,9 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
-                "cells whose nearest quarter is nearer than {obstacle_m} m reported beyond \
-                 {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of which less \
-                 than 5 % is nearer than {clear_m} m (false)"
+                "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
+                 beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
+                 which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
             );
             ("near obstacles", words)
         }),
@@ -483,9 +430,9 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
-                "cells reported at most at {clear_m} m, as near or as too close, of all whose \
-                 nearest quarter is nearer than {obstacle_m} m: an unknown one is neither found \
-                 nor missed"
+                "cells reported at most at {clear_m} m, as near or as too close, of all of which a \
+                 quarter is nearer than {obstacle_m} m and not floor: an unknown one is neither \
+                 found nor missed"
             );
             ("found", words)
         }),
@@ -500,7 +447,8 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: sum("floor_obstacles", |facts| {
-            facts.filtered(|cells| cells.floor)
+            let floor = facts.near_obstacles(|cells| cells.floor);
+            floor.filter(|_| facts.knows_floor())
         }),
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
@@ -524,8 +472,8 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
-                "near obstacles: cells whose nearest quarter is nearer than {obstacle_m} m (all), \
-                 and the fraction of them in which nothing is reported (unknown)"
+                "near obstacles: cells of which a quarter is nearer than {obstacle_m} m and not \
+                 floor (all), and the fraction of them in which nothing is reported (unknown)"
             );
             ("all, unknown", words)
         }),
@@ -550,6 +498,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Neither,
         against_truth: false,
+        by_area: false,
         origin: mean("coverage", |facts| {
             Some(facts.estimate.disparity.coverage())
         }),
@@ -572,6 +521,23 @@ pub const METRICS: &[Metric] = &[
             let words = "pixels without a disparity, of those with truth that both cameras see";
             ("invalid", words.into())
         }),
+        ..DETAIL
+    },
+    Metric {
+        name: "total_bad2",
+        words: "pixels off > 2 px or invalid",
+        group: "pixels, %",
+        head: ">2 or none",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: mean("total_bad2", |facts| facts.pixels?.total_bad2()),
+        note: Some(|_| {
+            let words = "pixels off by more than 2 px or without a disparity, of those with truth \
+                         that both cameras see: a pixel that is left out is no better than a wrong \
+                         one";
+            (">2 or none", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
         ..DETAIL
     },
     Metric {
@@ -645,6 +611,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::More,
         against_truth: false,
+        by_area: false,
         origin: mean("agreed", |facts| facts.support.agreed),
         plot: Some("agreed_cells"),
         note: Some(|_| {
@@ -749,7 +716,7 @@ pub const METRICS: &[Metric] = &[
                          (AbsRel); accuracy.csv has them by range";
             ("distance error", words.into())
         }),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "rmse",
@@ -762,7 +729,7 @@ pub const METRICS: &[Metric] = &[
             column: "rmse_m",
             number: CellNumber::Rmse,
         },
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "median_error",
@@ -775,7 +742,7 @@ pub const METRICS: &[Metric] = &[
             column: "median_error_m",
             number: CellNumber::MedianError,
         },
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "abs_rel",
@@ -788,7 +755,19 @@ pub const METRICS: &[Metric] = &[
             column: "abs_rel",
             number: CellNumber::AbsRel,
         },
-        ..DETAIL
+        ..AREA_DETAIL
+    },
+    Metric {
+        name: "error_cells",
+        words: "cells with an error of distance",
+        group: "distance error",
+        head: "cells",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Cells {
+            column: "error_cells",
+            number: CellNumber::ErrorCells,
+        },
+        ..AREA_DETAIL
     },
     Metric {
         name: "noise",
@@ -807,7 +786,7 @@ pub const METRICS: &[Metric] = &[
                          changes between known and unknown or by more than the tolerance (flicker)";
             ("over time", words.into())
         }),
-        ..DETAIL
+        ..AREA_DETAIL
     },
     Metric {
         name: "flicker",
@@ -820,7 +799,19 @@ pub const METRICS: &[Metric] = &[
             column: "flicker",
             number: CellNumber::Flicker,
         },
-        ..DETAIL
+        ..AREA_DETAIL
+    },
+    Metric {
+        name: "resting_cells",
+        words: "cells at rest",
+        group: "over time",
+        head: "resting",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Cells {
+            column: "resting_cells",
+            number: CellNumber::RestingCells,
+        },
+        ..AREA_DETAIL
     },
     Metric {
         name: "scored_pairs",
@@ -848,22 +839,6 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Count,
         origin: sum("scored_cells", |facts| {
             facts.scored().map(|cells| cells as f64)
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "scored_quarters",
-        words: "cells scored by their nearest quarter",
-        group: "scored",
-        head: "scored quarters",
-        unit: MetricUnit::Count,
-        origin: sum("scored_quarters", |facts| {
-            facts.surfaces.map(|cells| cells.quarters as f64)
-        }),
-        note: Some(|_| {
-            let words = "cells whose nearest quarter is known: as many as scored cells, but for \
-                         sparse truth; near obstacles are of these";
-            ("scored quarters", words.into())
         }),
         ..DETAIL
     },
@@ -932,6 +907,21 @@ pub const METRICS: &[Metric] = &[
             let words =
                 "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
             ("near/100 m", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
+    },
+    Metric {
+        name: "driven",
+        words: "metres driven",
+        head: "driven m",
+        unit: MetricUnit::M,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Driven),
+        note: Some(|_| {
+            let words = "metres of the route that the robot drove itself, per course; what it \
+                         drove twice counts once, and where it was carried not at all";
+            ("driven m", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::Courses]),
         ..DETAIL
@@ -1009,6 +999,11 @@ impl Metric {
         self.better == Better::Zero
     }
 
+    /// True if it has a value for an area; one of no area has it with the headline's.
+    pub fn has_area(&self, area: AreaChoice) -> bool {
+        self.by_area || area == AreaChoice::default()
+    }
+
     /// True if any frame of an algorithm can have it, without checkpoints and drives.
     pub fn is_of_frames(&self) -> bool {
         matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
@@ -1067,62 +1062,158 @@ impl Serialize for Metric {
     }
 }
 
-/// Values of a frame or a run for the metrics of [`METRICS`] that have a column.
+/// Number of metrics that have a value for each area.
+const BY_AREA: usize = {
+    let (mut count, mut i) = (0, 0);
+    while i < METRICS.len() {
+        count += METRICS[i].by_area as usize;
+        i += 1;
+    }
+    count
+};
+
+/// Values of a frame or a run for the metrics of [`METRICS`] that have a column: those of areas for
+/// each area, of which one is selected.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MetricValues([Option<f64>; METRICS.len()]);
+pub struct MetricValues {
+    /// Those of no area, and of obstacles.
+    own: [Option<f64>; METRICS.len()],
+    /// Of floor, of what is beyond and of all, in the order of [`METRICS`].
+    areas: [[Option<f64>; BY_AREA]; 3],
+    selected: AreaChoice,
+}
 
 impl Default for MetricValues {
     fn default() -> Self {
-        Self([None; METRICS.len()])
+        Self {
+            own: [None; METRICS.len()],
+            areas: [[None; BY_AREA]; 3],
+            selected: AreaChoice::default(),
+        }
     }
 }
 
 impl MetricValues {
     /// One frame of one algorithm.
-    pub fn from_facts(facts: &FrameFacts<'_>) -> Self {
-        Self::from_fn(|metric| match metric.origin {
-            MetricOrigin::Frame { value, .. } => value(facts),
-            _ => None,
-        })
+    pub fn from_facts(facts: &mut FrameFacts<'_>) -> Self {
+        let mut values = Self::default();
+        for area in AreaChoice::ALL {
+            facts.area = area;
+            for metric in METRICS.iter().filter(|metric| metric.has_area(area)) {
+                if let MetricOrigin::Frame { value, .. } = metric.origin {
+                    values.set_in(metric.name, area, value(facts));
+                }
+            }
+        }
+        values
     }
 
+    /// Values of the headline.
     pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
-        Self(std::array::from_fn(|i| value(&METRICS[i])))
+        Self {
+            own: std::array::from_fn(|i| value(&METRICS[i])),
+            ..Self::default()
+        }
     }
 
-    /// The value of its column.
+    /// The same values, of which those of an area are read.
+    #[must_use]
+    pub fn in_area(self, selected: AreaChoice) -> Self {
+        Self { selected, ..self }
+    }
+
+    /// The area of the values that are read.
+    pub fn area(&self) -> AreaChoice {
+        self.selected
+    }
+
+    /// The value of its column, in the selected area.
     ///
     /// # Panics
     /// If no metric of [`METRICS`] has that name.
     pub fn get(&self, name: &str) -> Option<f64> {
-        let place = METRICS.iter().position(|metric| metric.name == name);
-        self.0[place.expect("a metric of METRICS")]
+        self.get_in(name, self.selected)
     }
 
+    /// The value of its column in an area; that of a metric of no area in all of them.
+    ///
+    /// # Panics
+    /// As [`Self::get`].
+    pub fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
+        let place = place(name);
+        match area_place(place).zip(area_index(area)) {
+            Some((place, area)) => self.areas[area][place],
+            None => self.own[place],
+        }
+    }
+
+    /// Sets the value of the headline.
     pub fn set(&mut self, name: &str, value: Option<f64>) {
-        let place = METRICS.iter().position(|metric| metric.name == name);
-        self.0[place.expect("a metric of METRICS")] = value;
+        self.set_in(name, AreaChoice::default(), value);
     }
 
-    /// The denominator of a metric that is a fraction of others.
-    pub fn whole(&self, metric: &Metric) -> Option<f64> {
+    pub fn set_in(&mut self, name: &str, area: AreaChoice, value: Option<f64>) {
+        let place = place(name);
+        match area_place(place).zip(area_index(area)) {
+            Some((place, area)) => self.areas[area][place] = value,
+            None => self.own[place] = value,
+        }
+    }
+
+    /// Sets the counts of all cells to the sums of the areas'.
+    pub fn add_up(&mut self) {
+        for metric in METRICS.iter().filter(|metric| metric.by_area) {
+            if metric.column().is_some() {
+                let parts = AreaChoice::PARTS.iter();
+                let parts = parts.filter_map(|area| self.get_in(metric.name, *area));
+                let sum = parts.reduce(|a, b| a + b);
+                self.set_in(metric.name, AreaChoice::All, sum);
+            }
+        }
+    }
+
+    /// The denominator of a metric that is a fraction of others, in an area.
+    pub fn whole_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         match metric.column()?.1 {
-            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
+            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get_in(part, area)).sum(),
             _ => None,
         }
     }
 
     /// The metric: its column, or the fraction it stands for; `None` if the denominator is 0.
     pub fn value(&self, metric: &Metric) -> Option<f64> {
-        let value = self.get(metric.name)?;
-        match metric.column()?.1 {
-            MetricTotal::ShareOf(_) => {
+        self.value_in(metric, self.selected)
+    }
+
+    /// As [`Self::value`], in an area.
+    pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
+        let value = self.get_in(metric.name, area)?;
+        match metric.column() {
+            Some((_, MetricTotal::ShareOf(_))) => {
+                let whole = self.whole_in(metric, area);
                 // A frame with only unknown truths has cells, but none that could be right.
-                Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
+                Some(value / whole.filter(|whole| *whole > 0.0)?)
             }
             _ => Some(value),
         }
     }
+}
+
+/// The place of a metric in [`METRICS`].
+fn place(name: &str) -> usize {
+    let place = METRICS.iter().position(|metric| metric.name == name);
+    place.expect("a metric of METRICS")
+}
+
+/// The place of a metric among those that have a value for each area; `None` for the others.
+fn area_place(place: usize) -> Option<usize> {
+    let before = || METRICS[..place].iter().filter(|metric| metric.by_area);
+    METRICS[place].by_area.then(|| before().count())
+}
+
+/// The place of an area among those of [`MetricValues::areas`].
+fn area_index(area: AreaChoice) -> Option<usize> {
+    (area as usize).checked_sub(1)
 }
 
 impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
@@ -1131,6 +1222,7 @@ impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
         for (name, value) in values {
             metrics.set(name, Some(value));
         }
+        metrics.add_up();
         metrics
     }
 }
@@ -1191,8 +1283,22 @@ mod tests {
         assert!(unfit.unwrap_err().contains("is not measured per pair"));
         // Without the one of that name, the heading is that of two.
         let others = Metric::named("right", |metric| metric.name != "right");
-        let expected = "'right' heads several columns; which of right_surface, right_near?";
-        assert_eq!(others, Err(expected.to_owned()));
+        assert_eq!(others.map(|metric| metric.name), Ok("right_surface"));
+    }
+
+    #[test]
+    fn a_value_of_an_area_is_read_where_the_area_is_selected() {
+        let mut values = MetricValues::from([("right", 3.0), ("missed", 1.0)]);
+        values.set_in("right", AreaChoice::Floor, Some(5.0));
+        values.add_up();
+        let right = |area| values.in_area(area).get("right");
+        let expected = [Some(3.0), Some(5.0), None, Some(8.0)];
+        assert_eq!(AreaChoice::ALL.map(right), expected);
+        // What is near counts whatever its area.
+        let missed = |area| values.in_area(area).get("missed");
+        assert_eq!(AreaChoice::ALL.map(missed), [Some(1.0); 4]);
+        // Nothing is measured where no cell is of the area.
+        assert_eq!(values.get_in("wrong", AreaChoice::All), None);
     }
 
     #[test]

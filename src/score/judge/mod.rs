@@ -1,6 +1,7 @@
 //! Scores: disparities and cells against truth, checkpoints over runs, and the benchmarks' metric
 //! protocols.
 
+mod area;
 mod cells;
 mod checkpoint;
 mod columns;
@@ -12,11 +13,13 @@ mod photometric;
 pub mod protocol;
 mod sparse;
 mod support;
-mod surfaces;
 mod truth;
 
+pub use area::{AreaChoice, CellArea};
 pub use cells::depth_at;
-pub use cells::{CellJudgement, CellTally, NearJudgement, Verdict, is_right, judge_cells};
+pub use cells::{
+    CellJudgement, CellTallies, CellTally, NearJudgement, Verdict, is_right, judge_cells,
+};
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
     ExpectedCell, LabelledPair, RunPart,
@@ -30,5 +33,4 @@ pub use metrics::{
     MetricOrigin, MetricTotal, MetricUnit, MetricValues, RunKind,
 };
 pub use support::agreed_cells;
-pub use surfaces::SurfaceTally;
-pub use truth::TrueCells;
+pub use truth::{CellTruth, NearTruth, TrueCells};

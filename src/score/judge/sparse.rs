@@ -31,13 +31,13 @@ pub(super) struct SparseCell {
 }
 
 impl SparseCell {
-    /// The known pixels of a cell.
+    /// The known pixels of a cell: all but `+∞`, which is unknown.
     pub fn new(truth: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> Self {
         let part_of = |i: usize, side: &Range<usize>| (i - side.start) * PARTS / side.len();
         let known = || {
             rows.clone().flat_map(|y| {
                 let row = truth.row(y);
-                let known = columns.clone().filter(|&x| row[x].is_finite());
+                let known = columns.clone().filter(|&x| row[x] < f32::INFINITY);
                 known.map(move |x| (x, y))
             })
         };
@@ -59,6 +59,11 @@ impl SparseCell {
         }
     }
 
+    /// False for too few points to score the cell.
+    pub fn is_enough(&self) -> bool {
+        self.count >= MIN_POINTS
+    }
+
     /// A percentile of the cell's disparities: the middle of its range, if that is as narrow as the
     /// rule's tolerance. `None` if not, or for too few points.
     pub fn percentile(
@@ -67,7 +72,7 @@ impl SparseCell {
         rule: CellRule,
         rig: Option<&Rig>,
     ) -> Option<CellDepth> {
-        let [far_px, near_px] = self.range(percent).filter(|_| self.count >= MIN_POINTS)?;
+        let [far_px, near_px] = self.range(percent).filter(|_| self.is_enough())?;
         let middle = depth_at((far_px + near_px) / 2.0, rig);
         let is_narrow = match rule.proportional_at(middle.median_px.into()) {
             CellRule::Disparity { tolerance_px } => f64::from(near_px - far_px) <= tolerance_px,
@@ -87,7 +92,7 @@ impl SparseCell {
 
     /// The least and the greatest value of a percentile (by nearest rank) for any content of the
     /// parts without points, pixels; `None` if it may lie in one of these.
-    fn range(&self, percent: usize) -> Option<[f32; 2]> {
+    pub fn range(&self, percent: usize) -> Option<[f32; 2]> {
         let rank = percent as f64 / 100.0 * self.parts as f64;
         let without = (self.parts - self.with_points) as f64;
         let is_among_points = rank >= without && rank <= self.with_points as f64;

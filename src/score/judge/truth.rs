@@ -2,14 +2,17 @@
 //!
 //! Pixels with truth represent the cell if they are at least half of its pixels. Points of a
 //! sensor, and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is
-//! narrow.
+//! narrow. Floor is no obstacle: whether a pixel or point is floor is known before any quantile.
 
-use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, judge_cell};
+use super::CellArea;
+use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, is_within};
+use super::cells::{Verdict, judge_cell};
 use super::sparse::SparseCell;
-use std::ops::Range;
+use std::borrow::Cow;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
-    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, MapDensity, Rig, Truth, TruthOrigin,
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, MapDensity, Plane, Rig, Surface, Truth,
+    TruthOrigin,
 };
 
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
@@ -22,6 +25,15 @@ const NEAR_PERCENT: usize = 75;
 /// Greatest fraction of a cell that is not clear if a reported obstacle is false.
 const CLEAR: f64 = 0.05;
 
+/// Least fraction of a cell's true pixels that are floor if the cell is.
+const MIN_FLOOR: f64 = 0.5;
+
+/// Least fraction of a cell's true pixels that a report of a nearer surface must agree with.
+const MIN_NAMED: f64 = 0.25;
+
+/// Disparity of floor where it is no obstacle: farther than anything.
+const FLOOR_PX: f32 = f32::NEG_INFINITY;
+
 /// The truth of a frame's cells.
 #[derive(Clone, Debug)]
 pub struct TrueCells {
@@ -32,19 +44,42 @@ pub struct TrueCells {
 }
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct TrueCell {
+struct TrueCell {
     /// The points of a sparse truth, or of one that covers less than half of the pixels.
-    pub sparse: Option<SparseCell>,
+    sparse: Option<SparseCell>,
+    /// `None` if the median is unknown.
+    area: Option<CellArea>,
     /// `None` if it is not known.
-    pub quarter: Option<TrueQuarter>,
+    quarter: Option<TrueQuarter>,
 }
 
 /// The nearest quarter of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct TrueQuarter {
-    pub near: CellDepth,
-    /// Fraction of the cell's true pixels nearer than clear space.
-    pub not_clear: f64,
+struct TrueQuarter {
+    /// That of all pixels, floor included; `None` if the points do not determine it.
+    depth: Option<CellDepth>,
+    near: NearTruth,
+}
+
+/// What decides the score of a report in a cell, besides nearer surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellTruth {
+    /// `None` if the median is unknown.
+    pub area: Option<CellArea>,
+    pub median: Option<CellDepth>,
+    /// `None` if the nearest quarter is unknown.
+    pub near: Option<NearTruth>,
+}
+
+/// What is near in a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NearTruth {
+    /// A quarter of the cell is an obstacle: near, and not floor.
+    pub is_obstacle: bool,
+    /// Nearly all of the cell is clear space.
+    pub is_clear: bool,
+    /// Nothing but floor is nearer than clear space; false if floor is unknown.
+    pub is_clear_floor: bool,
 }
 
 impl TrueCells {
@@ -64,19 +99,40 @@ impl TrueCells {
             ..shape.into()
         };
         let mut grid = depth::grid(&truth.disparity, settings, rig);
+        let limits = NearLimits {
+            rule,
+            rig,
+            knows_floor: truth.surface.is_some(),
+        };
+        let above = above_floor(truth);
         let true_cell = |(place, cell): ((usize, usize), &mut Cell)| {
             let (columns, rows) = shape.pixels(place, truth.disparity.size());
             let is_sparse = are_points || cell.depth.is_none() && !is_reference;
-            let sparse = (is_sparse && cell.valid_share > 0.0)
-                .then(|| SparseCell::new(&truth.disparity, &columns, &rows));
-            let quarter = if let Some(points) = &sparse {
+            if is_sparse && cell.valid_share > 0.0 {
+                let [points, above] =
+                    [&truth.disparity, &above].map(|map| SparseCell::new(map, &columns, &rows));
                 cell.depth = points.percentile(50, rule, rig);
-                TrueQuarter::from_points(points, rule, rig)
+                let floor = above.share(|d| d == FLOOR_PX);
+                TrueCell {
+                    area: cell.depth.map(|depth| area(&depth, floor, rule)),
+                    quarter: TrueQuarter::from_points(&points, &above, limits),
+                    sparse: Some(points),
+                }
+            } else if let Some(depth) = cell.depth {
+                let [mut all, above] = [&truth.disparity, above.as_ref()].map(|map| {
+                    let values = rows.clone().flat_map(|y| &map.row(y)[columns.clone()]);
+                    values.copied().filter(is_known).collect::<Vec<_>>()
+                });
+                let floor = share(&above, |d| d == FLOOR_PX);
+                let is_scored = has_truth(&depth, rule);
+                TrueCell {
+                    area: Some(area(&depth, floor, rule)),
+                    quarter: is_scored.then(|| TrueQuarter::new(&mut all, &above, limits)),
+                    sparse: None,
+                }
             } else {
-                let scored = cell.depth.filter(|depth| has_truth(depth, rule));
-                scored.map(|_| TrueQuarter::new(truth, columns, rows, rule, rig))
-            };
-            TrueCell { sparse, quarter }
+                TrueCell::default()
+            }
         };
         let cells = shape.iter().zip(grid.cells_mut()).map(true_cell).collect();
         Some(Self { grid, cells, rule })
@@ -87,15 +143,28 @@ impl TrueCells {
         &self.grid
     }
 
-    /// The nearest quarters of the cells, if they are known.
+    /// The nearest quarters of the cells, floor included, if they are known.
     pub fn near(&self) -> impl Iterator<Item = Option<CellDepth>> {
-        let quarters = self.cells.iter().map(|cell| cell.quarter);
-        quarters.map(|quarter| quarter.map(|quarter| quarter.near))
+        self.cells.iter().map(|cell| cell.quarter?.depth)
     }
 
-    /// The cells in raster order.
-    pub(super) fn cells(&self) -> &[TrueCell] {
-        &self.cells
+    /// True if a quarter of the cell, by its number in raster order, is an obstacle.
+    pub(super) fn has_obstacle(&self, cell: usize) -> bool {
+        let quarter = self.cells[cell].quarter;
+        quarter.is_some_and(|quarter| quarter.near.is_obstacle)
+    }
+
+    /// What decides the scores of a constant, by column and row, in raster order.
+    pub fn truths(&self) -> impl Iterator<Item = ((usize, usize), CellTruth)> {
+        let cells = self.grid.iter().zip(&self.cells);
+        cells.map(|((place, median), cell)| {
+            let truth = CellTruth {
+                area: cell.area,
+                median: median.depth,
+                near: cell.quarter.map(|quarter| quarter.near),
+            };
+            (place, truth)
+        })
     }
 
     /// The rule by which a cell, by its number in raster order, is scored against its median or
@@ -108,56 +177,156 @@ impl TrueCells {
         }
     }
 
-    /// Scores every cell, in raster order.
-    pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
+    /// Scores every cell, in raster order, in the frame that these are the true cells of.
+    pub fn judge(&self, frame: &Frame, reported: &DepthGrid) -> Vec<CellJudgement> {
         debug_assert_eq!(self.grid.shape(), reported.shape());
         let grids = self.grid.iter().zip(reported.iter());
         let cells = grids.zip(&self.cells).enumerate();
-        let judged = cells.map(|(i, (((_, median), (_, report)), cell))| {
+        let judged = cells.map(|(i, (((place, median), (_, report)), cell))| {
             let median = median.depth.as_ref();
             let rule = median.map_or(self.rule, |median| self.rule(i, median));
-            let near = cell.quarter.map(|quarter| quarter.judge(report, self.rule));
+            let near = cell
+                .quarter
+                .map(|quarter| quarter.near.judge(report, self.rule));
+            let by_median = judge_cell(median, claimed(report, median), rule);
+            let is_nearer = || {
+                let depths = report.depth.zip(median);
+                depths.is_some_and(|(report, median)| report.median_px > median.median_px)
+            };
             CellJudgement {
                 points: cell.sparse.as_ref().map(|points| points.count),
                 near: near.unwrap_or_default(),
-                ..judge_cell(median, claimed(report, median), rule)
+                area: cell.area,
+                right_surface: match by_median.verdict {
+                    Verdict::Wrong => is_nearer() && self.names_surface(frame, place, report),
+                    verdict => verdict == Verdict::Right,
+                },
+                ..by_median
             }
         });
         judged.collect()
     }
+
+    /// True if a report agrees with a quarter of its cell.
+    fn names_surface(&self, frame: &Frame, place: (usize, usize), cell: &Cell) -> bool {
+        let (Some(report), Some(truth)) = (cell.depth, &frame.truth) else {
+            return false;
+        };
+        let agrees = |px: f32| {
+            let surface = depth_at(px, frame.rig());
+            cell.too_close && surface.median_px >= report.median_px
+                || is_within(&surface, &report, self.rule.proportional_at(px.into()))
+        };
+        let shape = self.grid.shape();
+        let named = match &self.cells[place.1 * shape.columns + place.0].sparse {
+            Some(points) => points.share(agrees),
+            None => {
+                let (columns, rows) = shape.pixels(place, truth.disparity.size());
+                let values = rows.flat_map(|y| &truth.disparity.row(y)[columns.clone()]);
+                share(
+                    &values.copied().filter(is_known).collect::<Vec<_>>(),
+                    agrees,
+                )
+            }
+        };
+        named >= MIN_NAMED
+    }
+}
+
+/// NearLimits of what is near in a frame.
+#[derive(Clone, Copy)]
+struct NearLimits<'a> {
+    rule: CellRule,
+    rig: Option<&'a Rig>,
+    knows_floor: bool,
+}
+
+impl NearLimits<'_> {
+    /// The disparities above which something is an obstacle, and above which it is not clear.
+    fn obstacle_and_clear_px(&self) -> [f64; 2] {
+        let (obstacle_m, clear_m) = self.rule.obstacle_and_clear_m();
+        [obstacle_m, clear_m].map(|m| self.rig.map_or(f64::INFINITY, |rig| rig.disparity_px(m)))
+    }
 }
 
 impl TrueQuarter {
-    fn new(
-        truth: &Truth,
-        columns: Range<usize>,
-        rows: Range<usize>,
-        rule: CellRule,
-        rig: Option<&Rig>,
-    ) -> Self {
-        let mut values: Vec<f32> = Vec::with_capacity(columns.len() * rows.len());
-        for y in rows {
-            let row = &truth.disparity.row(y)[columns.clone()];
-            values.extend(row.iter().filter(|d| d.is_finite()));
-        }
-        let clear_px = clear_px(rule, rig);
-        let near = values.iter().filter(|&&d| f64::from(d) > clear_px).count();
-        let rank = NEAR_PERCENT * values.len() / 100;
-        let (_, near_px, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
+    /// That of a cell's known disparities, `all` and those `above` the floor.
+    fn new(all: &mut [f32], above: &[f32], limits: NearLimits<'_>) -> Self {
+        let [obstacle_px, clear_px] = limits.obstacle_and_clear_px();
+        let beyond = |px: f64| move |d: f32| f64::from(d) > px;
+        let rank = NEAR_PERCENT * all.len() / 100;
+        let near = above.iter().filter(|&&d| beyond(obstacle_px)(d)).count();
+        let not_clear = share(all, beyond(clear_px));
+        let (_, near_px, _) = all.select_nth_unstable_by(rank, f32::total_cmp);
         Self {
-            near: depth_at(*near_px, rig),
-            not_clear: near as f64 / values.len() as f64,
+            depth: Some(depth_at(*near_px, limits.rig)),
+            near: NearTruth {
+                is_obstacle: near >= above.len() - rank,
+                is_clear: not_clear < CLEAR,
+                is_clear_floor: limits.knows_floor && !above.iter().any(|&d| beyond(clear_px)(d)),
+            },
         }
     }
 
+    /// `None` if the points do not determine it.
+    fn from_points(
+        points: &SparseCell,
+        above: &SparseCell,
+        limits: NearLimits<'_>,
+    ) -> Option<Self> {
+        let NearLimits { rule, rig, .. } = limits;
+        let (obstacle_m, _) = rule.obstacle_and_clear_m();
+        let [_, clear_px] = limits.obstacle_and_clear_px();
+        let range = above.range(NEAR_PERCENT).filter(|_| above.is_enough())?;
+        let is_obstacle = match range {
+            // Whatever the parts without points hold, at most floor is nearer.
+            [FLOOR_PX, near_px] => {
+                let near_m = rig.and_then(|rig| rig.depth_m(near_px.into()));
+                near_m.is_none_or(|z| z >= obstacle_m).then_some(false)?
+            }
+            _ => {
+                let near = above.percentile(NEAR_PERCENT, rule, rig)?;
+                has_truth(&near, rule).then_some(())?;
+                near.distance_m.is_some_and(|z| z < obstacle_m)
+            }
+        };
+        let is_not_clear = |d: f32| f64::from(d) > clear_px;
+        Some(Self {
+            depth: points
+                .percentile(NEAR_PERCENT, rule, rig)
+                .filter(|near| has_truth(near, rule)),
+            near: NearTruth {
+                is_obstacle,
+                is_clear: points.share(is_not_clear) < CLEAR,
+                is_clear_floor: limits.knows_floor && above.share(is_not_clear) == 0.0,
+            },
+        })
+    }
+}
+
+impl CellTruth {
+    /// Scores the report of a cell; a nearer surface is not looked for.
+    pub fn judge(&self, cell: &Cell, rule: CellRule) -> CellJudgement {
+        let median = self.median.as_ref();
+        let near = self.near.map(|near| near.judge(cell, rule));
+        CellJudgement {
+            area: self.area,
+            near: near.unwrap_or_default(),
+            ..judge_cell(median, claimed(cell, median), rule)
+        }
+    }
+}
+
+impl NearTruth {
     /// Scores the report of a cell by its nearest quarter.
-    pub fn judge(&self, cell: &Cell, rule: CellRule) -> NearJudgement {
+    fn judge(self, cell: &Cell, rule: CellRule) -> NearJudgement {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        let is_near = self.near.distance_m.is_some_and(|z| z < obstacle_m);
-        let is_free = self.not_clear < CLEAR;
+        let is_near = self.is_obstacle;
+        let is_free = self.is_clear;
         let Some(report) = &cell.depth else {
             let is_flagged = cell.near.is_some();
             return NearJudgement {
+                is_known: true,
                 is_near,
                 found: is_near && is_flagged,
                 falsely: is_flagged && is_free,
@@ -167,35 +336,56 @@ impl TrueQuarter {
         let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
         let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
         NearJudgement {
+            is_known: true,
             is_near,
             missed: is_near && is_clear && !cell.too_close,
             found: is_near && (!is_clear || cell.too_close),
             falsely: is_obstacle && is_free,
+            is_floor: is_obstacle && self.is_clear_floor,
         }
-    }
-
-    /// `None` if the points do not determine it.
-    fn from_points(points: &SparseCell, rule: CellRule, rig: Option<&Rig>) -> Option<Self> {
-        let near = points.percentile(NEAR_PERCENT, rule, rig)?;
-        let clear_px = clear_px(rule, rig);
-        has_truth(&near, rule).then(|| Self {
-            near,
-            not_clear: points.share(|d| f64::from(d) > clear_px),
-        })
     }
 }
 
-/// The disparity above which nothing is clear.
-fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
-    let (_, clear_m) = rule.obstacle_and_clear_m();
-    rig.map_or(f64::INFINITY, |rig| rig.disparity_px(clear_m))
+/// The area of a cell with this median, of which this fraction is floor.
+fn area(median: &CellDepth, floor: f64, rule: CellRule) -> CellArea {
+    let is_beyond = |beyond_m| median.distance_m.is_none_or(|z| z > beyond_m);
+    match rule {
+        CellRule::Disparity { .. } => CellArea::Pixels,
+        CellRule::Distance { .. } if floor >= MIN_FLOOR => CellArea::Floor,
+        CellRule::Distance { .. } if rule.beyond_m().is_some_and(is_beyond) => CellArea::Beyond,
+        CellRule::Distance { .. } => CellArea::Obstacle,
+    }
+}
+
+/// The true disparities with floor at [`FLOOR_PX`].
+fn above_floor(truth: &Truth) -> Cow<'_, Plane<f32>> {
+    let Some(surfaces) = &truth.surface else {
+        return Cow::Borrowed(&truth.disparity);
+    };
+    let mut above = truth.disparity.clone();
+    for y in 0..above.height() {
+        let pixels = above.row_mut(y).iter_mut().zip(surfaces.row(y));
+        let floor = pixels.filter(|(d, surface)| is_known(d) && **surface == Surface::Floor);
+        floor.for_each(|(d, _)| *d = FLOOR_PX);
+    }
+    Cow::Owned(above)
+}
+
+/// True for a disparity that is known, or floor.
+fn is_known(disparity: &f32) -> bool {
+    *disparity < f32::INFINITY
+}
+
+/// The fraction of the values for which a function is true, 0..=1.
+fn share(values: &[f32], is: impl Fn(f32) -> bool) -> f64 {
+    values.iter().filter(|&&d| is(d)).count() as f64 / values.len() as f64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::judge::{SurfaceTally, Verdict};
-    use svl_core::stereo::{Geometry, Gray, Plane, StereoPair, TruthKind};
+    use crate::judge::{AreaChoice, CellTally};
+    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
@@ -221,15 +411,11 @@ mod tests {
 
     #[test]
     fn a_flag_finds_what_is_near_and_is_false_where_nothing_is() {
-        let judged = |near_m: f64, not_clear: f64| {
-            let quarter = TrueQuarter {
-                near: CellDepth {
-                    median_px: 10.0,
-                    p20_px: 10.0,
-                    p80_px: 10.0,
-                    distance_m: Some(near_m),
-                },
-                not_clear,
+        let judged = |is_obstacle: bool, is_clear: bool| {
+            let quarter = NearTruth {
+                is_obstacle,
+                is_clear,
+                is_clear_floor: false,
             };
             let flagged = Cell {
                 near: Some(0.9),
@@ -242,10 +428,10 @@ mod tests {
                 (judged.found, judged.falsely)
             })
         };
-        assert_eq!(judged(0.4, 0.3), [(true, false), (false, false)]);
-        assert_eq!(judged(2.0, 0.0), [(false, true), (false, false)]);
+        assert_eq!(judged(true, false), [(true, false), (false, false)]);
+        assert_eq!(judged(false, true), [(false, true), (false, false)]);
         // Something is near, but less than a quarter of the cell.
-        assert_eq!(judged(2.0, 0.1), [(false, false), (false, false)]);
+        assert_eq!(judged(false, false), [(false, false), (false, false)]);
     }
 
     #[test]
@@ -305,13 +491,9 @@ mod tests {
         );
     }
 
-    /// The cell of a slanted surface of 40 rows, every fifth of which is known from row `first` on:
-    /// the score of a map, and its counts.
-    fn slant(
-        first: usize,
-        px: impl Fn(usize) -> f32,
-        map_px: f32,
-    ) -> (CellJudgement, SurfaceTally) {
+    /// The score of a map in the cell of a slanted surface of 40 rows, every fifth of which is
+    /// known from row `first` on.
+    fn slant(first: usize, px: impl Fn(usize) -> f32, map_px: f32) -> CellJudgement {
         let known = |_: usize, y: usize| {
             if y >= first && y.is_multiple_of(5) {
                 px(y)
@@ -323,53 +505,196 @@ mod tests {
         let cells = TrueCells::new(&frame, ONE_CELL, RULE).unwrap();
         let map = Plane::filled(16, 40, map_px).unwrap();
         let reported = depth::grid(&map, ONE_CELL.into(), None);
-        let tally = SurfaceTally::new(&frame, &cells, &reported, RULE);
-        (cells.judge(&reported)[0], tally)
+        cells.judge(&frame, &reported)[0]
     }
 
     #[test]
     fn a_report_is_compared_with_the_points() {
         // The points' median is 15, their 75th percentile 25.
         let floor = |map_px| slant(0, |y| y as f32, map_px);
-        let (right, tally) = floor(16.5);
+        let right = floor(16.5);
         assert_eq!((right.verdict, right.points), (Verdict::Right, Some(128)));
-        assert_eq!((tally.right, tally.near_right, tally.quarters), (1, 0, 1));
-        let (off, tally) = floor(17.5);
-        assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
-        let counts = |px| (floor(px).1.right, floor(px).1.near_right);
-        assert_eq!([17.5, 24.0, 27.0].map(counts), [(0, 0), (0, 1), (0, 1)]);
+        assert!(right.right_surface && right.near.is_known);
+        assert_eq!(floor(17.5).verdict, Verdict::Wrong);
+        // A quarter of the points is within 2 px of 20 to 30, in steps of 5.
+        assert!([17.5, 24.0].iter().all(|px| !floor(*px).right_surface));
         // Twice the tolerance at 80 px: 5 % of it.
         let far = |map_px| slant(0, |_| 80.0, map_px);
-        assert_eq!(far(84.0).0.verdict, Verdict::Right);
-        assert_eq!(far(84.1).0.verdict, Verdict::Wrong);
-        assert_eq!((far(84.0).1.near_right, far(84.1).1.near_right), (1, 0));
+        assert_eq!(far(84.0).verdict, Verdict::Right);
+        assert_eq!(far(84.1).verdict, Verdict::Wrong);
     }
 
     #[test]
     fn median_and_nearest_quarter_are_scored_each_where_it_is_known() {
         let scored = |first, px: fn(usize) -> f32| {
             [10.0, 50.0].map(|map_px| {
-                let (judgement, tally) = slant(first, px, map_px);
+                let judgement = slant(first, px, map_px);
                 assert_eq!(judgement.points, Some((40 - first) / 5 * 16));
                 // The same cells for all reports.
                 (
                     judgement.verdict != Verdict::NoTruth,
-                    tally.right + tally.wrong,
-                    tally.quarters,
+                    judgement.near.is_known,
                 )
             })
         };
         // Half of the parts, and three quarters.
-        assert_eq!(scored(20, |_| 10.0), [(true, 1, 0); 2]);
-        assert_eq!(scored(10, |_| 10.0), [(true, 1, 1); 2]);
+        assert_eq!(scored(20, |_| 10.0), [(true, false); 2]);
+        assert_eq!(scored(10, |_| 10.0), [(true, true); 2]);
         // The upper quarter is unknown; of the rest, a half or more than half is of one surface.
         assert_eq!(
             scored(10, |y| if y < 25 { 10.0 } else { 50.0 }),
-            [(false, 0, 1); 2]
+            [(false, true); 2]
         );
         assert_eq!(
             scored(10, |y| if y < 35 { 10.0 } else { 50.0 }),
-            [(true, 1, 0); 2]
+            [(true, false); 2]
+        );
+    }
+
+    /// One metre is 10 px.
+    fn rig() -> Rig {
+        Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap()
+    }
+
+    /// The score of a report in a cell of ten pixels, each with its true distance and surface.
+    /// Points are the same, eight times in every part.
+    fn judged(
+        pixels: [(f64, Surface); 10],
+        density: MapDensity,
+        beyond_m: Option<f64>,
+        reported_m: f64,
+    ) -> CellJudgement {
+        let rule = CellRule::Distance {
+            tolerance_m: 0.1,
+            tolerance_percent: 20.0,
+            obstacle_m: 0.5,
+            clear_m: 0.75,
+            beyond_m,
+        };
+        let disparity = Plane::from_fn(80, 8, |x, _| (10.0 / pixels[x / 8].0) as f32).unwrap();
+        let surface = Plane::from_fn(80, 8, |x, _| pixels[x / 8].1).unwrap();
+        let mut frame = frame(
+            disparity,
+            TruthKind {
+                density,
+                origin: TruthOrigin::Exact,
+            },
+        );
+        frame.geometry = Geometry::Rectified(Some(rig()));
+        frame.truth.as_mut().unwrap().surface = Some(surface);
+        let report = Plane::filled(80, 8, (10.0 / reported_m) as f32).unwrap();
+        let reported = depth::grid(&report, ONE_CELL.into(), frame.rig());
+        let cells = TrueCells::new(&frame, ONE_CELL, rule).unwrap();
+        cells.judge(&frame, &reported)[0]
+    }
+
+    /// `count` pixels of one kind, the others of another.
+    fn cell(count: usize, first: (f64, Surface), others: (f64, Surface)) -> [(f64, Surface); 10] {
+        std::array::from_fn(|i| if i < count { first } else { others })
+    }
+
+    const DENSITIES: [MapDensity; 2] = [MapDensity::Dense, MapDensity::Sparse];
+    const WALL: (f64, Surface) = (0.4, Surface::Wall);
+    const FLOOR: (f64, Surface) = (0.3, Surface::Floor);
+    const FAR: (f64, Surface) = (3.0, Surface::Room);
+
+    #[test]
+    fn the_area_is_floor_from_half_of_the_cell_on_then_beyond() {
+        let area = |pixels, beyond_m| {
+            let areas = DENSITIES.map(|density| judged(pixels, density, beyond_m, 1.0).area);
+            assert_eq!(areas[0], areas[1]);
+            areas[0].unwrap()
+        };
+        assert_eq!(area(cell(5, FLOOR, WALL), Some(2.0)), CellArea::Floor);
+        assert_eq!(area(cell(10, FAR, WALL), Some(2.0)), CellArea::Beyond);
+        assert_eq!(area(cell(10, FAR, WALL), None), CellArea::Obstacle);
+        assert_eq!(area(cell(10, WALL, FAR), Some(2.0)), CellArea::Obstacle);
+        // Floor far away is floor.
+        let far_floor = (3.0, Surface::Floor);
+        assert_eq!(area(cell(6, far_floor, FAR), Some(2.0)), CellArea::Floor);
+    }
+
+    #[test]
+    fn at_infinity_a_cell_is_beyond_if_something_is() {
+        let infinity = depth_at(0.0, Some(&rig()));
+        let area = |beyond_m| {
+            let rule = CellRule::Distance {
+                tolerance_m: 0.1,
+                tolerance_percent: 20.0,
+                obstacle_m: 0.5,
+                clear_m: 0.75,
+                beyond_m,
+            };
+            area(&infinity, 0.0, rule)
+        };
+        assert_eq!(
+            [Some(2.0), None].map(area),
+            [CellArea::Beyond, CellArea::Obstacle]
+        );
+    }
+
+    #[test]
+    fn an_obstacle_is_a_near_quarter_that_is_not_floor() {
+        let near = |pixels, density| {
+            let judgement = judged(pixels, density, None, 3.0);
+            (judgement.near.is_known, judgement.near.is_near)
+        };
+        for density in DENSITIES {
+            assert_eq!(near(cell(10, WALL, FAR), density), (true, true));
+            assert_eq!(near(cell(10, FLOOR, FAR), density), (true, false));
+        }
+        let dense = |pixels| near(pixels, MapDensity::Dense).1;
+        // A quarter of ten pixels is three.
+        assert!(dense(cell(3, WALL, FAR)) && !dense(cell(2, WALL, FAR)));
+        assert!(dense(cell(3, WALL, FLOOR)) && !dense(cell(2, WALL, FLOOR)));
+    }
+
+    #[test]
+    fn stops_for_floor_are_counted_and_are_not_false() {
+        let scores = |pixels, density, reported_m| {
+            let near = judged(pixels, density, None, reported_m).near;
+            (near.is_floor, near.falsely)
+        };
+        for density in DENSITIES {
+            assert_eq!(scores(cell(10, FLOOR, FAR), density, 0.3), (true, false));
+            assert_eq!(scores(cell(10, FLOOR, FAR), density, 0.6), (false, false));
+            assert_eq!(scores(cell(9, FLOOR, WALL), density, 0.3), (false, false));
+            assert_eq!(scores(cell(10, FAR, FAR), density, 0.3), (true, true));
+        }
+    }
+
+    #[test]
+    fn the_nearer_surface_may_be_named_from_a_quarter_on() {
+        let right = |near: usize, reported_m| {
+            let judgement = judged(cell(near, WALL, FAR), MapDensity::Dense, None, reported_m);
+            let tally = CellTally::from_judgements([&judgement]);
+            assert_eq!(tally.right_surface + tally.wrong_surface, 1);
+            judgement.right_surface
+        };
+        assert!(right(3, 0.4) && !right(2, 0.4));
+        // The farther one is the median.
+        assert!(right(3, 3.0) && !right(7, 3.0));
+    }
+
+    #[test]
+    fn areas_are_disjoint_and_add_up() {
+        let cells = [
+            cell(10, WALL, FAR),
+            cell(10, FLOOR, FAR),
+            cell(10, FAR, FAR),
+            cell(6, FAR, FLOOR),
+        ];
+        let cells = cells.map(|pixels| judged(pixels, MapDensity::Dense, Some(2.0), 0.4));
+        let tally = |choice: AreaChoice| {
+            CellTally::from_judgements(cells.iter().filter(|cell| choice.has(cell.area)))
+        };
+        assert_eq!(
+            AreaChoice::ALL.map(|choice| tally(choice).scored()),
+            [1, 1, 2, 4]
+        );
+        assert_eq!(
+            AreaChoice::ALL.map(|choice| tally(choice).right),
+            [1, 1, 0, 2]
         );
     }
 }

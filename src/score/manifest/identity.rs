@@ -89,6 +89,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.max_skew_ms", OF_PAIRS),
     ("description.source.truth", OF_PAIRS),
     ("description.source.truth_skew_ms", OF_PAIRS),
+    // The truth as used is in the input hashes of rows.
+    ("description.source.camera_height_m", OF_PAIRS),
     ("description.source.alpha", OF_PAIRS),
     ("description.source.crop", OF_PAIRS),
     ("description.source.scale", OF_PAIRS),
@@ -295,7 +297,7 @@ mod tests {
             _ => {
                 "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nside_by_side = true\n\
                  fps = 1.0\nbits = 8\nmax_skew_ms = 1.0\ntruth = \"t\"\n\
-                 truth_skew_ms = 1.0\ncalib = \"c\"\n\
+                 truth_skew_ms = 1.0\ncamera_height_m = 1.0\ncalib = \"c\"\n\
                  alpha = 0.5\ncrop = [0, 0, 9, 9]\nscale = 0.5"
             }
         };

@@ -1,7 +1,9 @@
 //! A scenario's `[drive]` table: the robot that an algorithm steers, the courses, and the steering
 //! rule.
 
+use super::DriveLatency;
 use serde::{Deserialize, Serialize};
+use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellState, GridShape};
 use svl_core::{Error, Result};
 
@@ -21,6 +23,10 @@ pub struct DriveConfig {
     pub near_miss_m: f64,
     /// A robot that advances less than 0.1 m in this time is put back on the route.
     pub stuck_s: f64,
+    /// Time from a pair's stamp until the command that is decided on it takes effect; without it
+    /// the time from pair to pair.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latency_ms: Option<DriveLatency>,
     pub steering: SteeringRule,
 }
 
@@ -89,6 +95,7 @@ impl Default for DriveConfig {
             gap_m: 0.45,
             near_miss_m: 0.02,
             stuck_s: 6.0,
+            latency_ms: None,
             steering: SteeringRule::default(),
         }
     }
@@ -135,8 +142,14 @@ impl DriveConfig {
 
     /// # Errors
     /// [`Error::Invalid`] with the first key whose number is out of range, or that contradicts
-    /// another.
-    pub fn validate(&self, grid: GridShape, frames: u64, rate_hz: f64) -> Result<()> {
+    /// another, or with a latency of none of `algorithms` and of no other.
+    pub fn validate(
+        &self,
+        grid: GridShape,
+        frames: u64,
+        rate_hz: f64,
+        algorithms: &[Algorithm],
+    ) -> Result<()> {
         let SteeringRule {
             rows,
             assumed_m,
@@ -166,6 +179,8 @@ impl DriveConfig {
         within("gap_m", self.gap_m, 0.05, 0.6)?;
         within("near_miss_m", self.near_miss_m, 0.0, 0.5)?;
         within("stuck_s", self.stuck_s, 0.5, 60.0)?;
+        let latency = self.latency_ms.as_ref();
+        latency.map_or(Ok(()), |latency| latency.validate(algorithms))?;
         within("steering.assumed_m", *assumed_m, 0.01, 5.0)?;
         within("steering.near_m", *near_m, 0.01, 5.0)?;
         within("steering.lookahead_m", *lookahead_m, 0.1, 5.0)?;

@@ -121,7 +121,8 @@ impl File {
         distinct_kinds(&stress)?;
         let options = self.source.rooted(folder);
         options.validate()?;
-        let source = source(&options, self.arena, self.drive, self.grid.shape(), folder)?;
+        let grid = self.grid.shape();
+        let source = source(&options, self.arena, self.drive, grid, &algorithms, folder)?;
         if matches!(source, ScenarioSource::Drive { .. }) && !self.checkpoint.is_empty() {
             let belongs = "is for pairs that do not depend on the algorithm, not for drives";
             return invalid(format!("[[checkpoint]] {belongs}"));
@@ -191,6 +192,7 @@ fn source(
     arena: Option<ArenaConfig>,
     drive: Option<DriveConfig>,
     grid: GridShape,
+    algorithms: &[Algorithm],
     folder: &Path,
 ) -> Result<ScenarioSource> {
     use ScenarioKind::{Arena, Dataset, Drive, Recording};
@@ -214,7 +216,7 @@ fn source(
             if config.random.is_some() {
                 return invalid("arena.random belongs to kind = \"arena\"".into());
             }
-            drive.validate(grid, config.frames, config.rate_hz)?;
+            drive.validate(grid, config.frames, config.rate_hz, algorithms)?;
             ScenarioSource::Drive {
                 config: Box::new(config),
                 drive: Box::new(drive),

@@ -1,6 +1,6 @@
 //! A limit of a run's metrics: an entry of `[[gate]]`.
 
-use crate::judge::{Metric, MetricOrigin, MetricUnit};
+use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
 use svl_core::{Error, Result};
 
@@ -17,7 +17,9 @@ pub struct Limit {
     pub metric: &'static Metric,
     /// Number of a checkpoint; `passed` without it covers all.
     pub checkpoint: Option<u32>,
-    /// The algorithm whose median time is the unit.
+    /// The cells that a metric of scored cells is of, in place of the headline's.
+    pub area: Option<AreaChoice>,
+    /// The algorithm whose median time is the unit; or [`PRIOR`], whose value is taken off.
     pub relative_to: Option<String>,
     /// Lower limit; fractions are 0..=1.
     pub min: Option<f64>,
@@ -27,6 +29,9 @@ pub struct Limit {
     #[serde(skip)]
     pub line: usize,
 }
+
+/// The name of what looks at nothing, in limits, tables and comparisons.
+pub const PRIOR: &str = "prior";
 
 /// Parses the name of a metric.
 fn metric<'de, D: Deserializer<'de>>(
@@ -46,6 +51,11 @@ impl Limit {
         }
     }
 
+    /// True if its numbers may be negative: a bias, or the difference to the prior.
+    fn is_signed(&self) -> bool {
+        self.metric.is_signed() || self.relative_to.as_deref() == Some(PRIOR)
+    }
+
     /// # Errors
     /// [`Error::Invalid`] for contradictions, with the line.
     pub fn validate(&self) -> Result<()> {
@@ -61,7 +71,7 @@ impl Limit {
             _ if bounds
                 .iter()
                 .flatten()
-                .any(|bound| !bound.is_finite() || *bound < 0.0 && !self.metric.is_signed()) =>
+                .any(|bound| !bound.is_finite() || *bound < 0.0 && !self.is_signed()) =>
             {
                 wrong("min and max are numbers, 0 or more")
             }
@@ -91,10 +101,27 @@ impl Limit {
             }
             Self {
                 metric,
-                relative_to: Some(_),
+                relative_to: Some(other),
                 ..
-            } if metric.unit != MetricUnit::Ms => {
-                wrong("relative_to belongs to metric = \"time\"; quality has absolute limits")
+            } if metric.unit != MetricUnit::Ms && other != PRIOR => wrong(
+                "relative_to belongs to metric = \"time\"; quality has absolute limits, or is \
+                 relative to \"prior\"",
+            ),
+            Self {
+                metric,
+                relative_to: Some(other),
+                ..
+            } if other == PRIOR && !metric.against_truth => {
+                wrong("the prior has only metrics against truth")
+            }
+            Self {
+                metric,
+                area: Some(_),
+                ..
+            } if !metric.by_area => {
+                let own = METRICS.iter().filter(|metric| metric.by_area);
+                let own: Vec<_> = own.map(|metric| metric.name).collect();
+                wrong(&format!("area belongs to {}", own.join(", ")))
             }
             Self {
                 metric,

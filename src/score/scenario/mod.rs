@@ -3,6 +3,7 @@
 mod drive;
 mod file;
 mod filter;
+mod latency;
 mod limit;
 mod pairs;
 mod recordings;
@@ -16,7 +17,8 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use limit::Limit;
+pub use latency::DriveLatency;
+pub use limit::{Limit, PRIOR};
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{RecordingRun, RecordingRuns};
 pub use seeds::SeedList;

@@ -10,6 +10,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_core::matcher::{Algorithm, with_paths};
+use svl_core::stereo::FloorPlane;
 use svl_core::{Error, Result, joined};
 
 const FPS: RangeInclusive<f64> = 0.001..=100_000.0;
@@ -82,6 +83,10 @@ pub struct SourceOptions {
     /// Largest difference of the stamps of a pair and its measurement [default: 20].
     #[arg(skip)]
     pub truth_skew_ms: Option<f64>,
+    /// Height of the level left camera above the floor, metres: truth near that plane is floor, and
+    /// no obstacle [default: by base_footprint in /tf_static, else unknown]
+    #[arg(long = "camera-height", value_name = "M", value_parser = within(FloorPlane::HEIGHTS_M))]
+    pub camera_height_m: Option<f64>,
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
     /// or a recording that keeps it; or take them as rectified [default: by the camera_info of a
     /// bag of raw images, else none]
@@ -159,7 +164,7 @@ impl ScenarioKind {
         match self {
             Self::Arena => of_pairs!["seeds"],
             Self::Drive => &["seeds", "allow_loss"],
-            Self::Dataset => of_pairs!["data", "scenes"],
+            Self::Dataset => of_pairs!["data", "scenes", "camera_height_m"],
             Self::Recording => of_pairs![
                 "files",
                 "left",
@@ -170,6 +175,7 @@ impl ScenarioKind {
                 "max_skew_ms",
                 "truth",
                 "truth_skew_ms",
+                "camera_height_m",
                 "calib",
                 "alpha",
                 "crop",
@@ -358,6 +364,10 @@ impl SourceOptions {
             ("bits", outside(self.bits.map(f64::from), bits)),
             ("max_skew_ms", outside(self.max_skew_ms, SKEW_MS)),
             ("truth_skew_ms", outside(self.truth_skew_ms, SKEW_MS)),
+            (
+                "camera_height_m",
+                outside(self.camera_height_m, FloorPlane::HEIGHTS_M),
+            ),
             ("alpha", outside(self.alpha, 0.0..=1.0)),
         ] {
             if let Some(range) = outside {
@@ -423,6 +433,7 @@ pub fn flag(key: &str) -> String {
     match key {
         "from_s" => "--from".to_owned(),
         "to_s" => "--to".to_owned(),
+        "camera_height_m" => "--camera-height".to_owned(),
         key => format!("--{}", key.replace('_', "-")),
     }
 }

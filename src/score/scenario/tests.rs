@@ -1,6 +1,7 @@
 //! Scenarios that are read, and the errors of wrong ones.
 
 use super::*;
+use crate::judge::AreaChoice;
 
 fn parse(text: &str) -> Result<Scenario> {
     Scenario::parse(text, Path::new("s.toml"))
@@ -159,7 +160,7 @@ fn cells_take_tolerances_and_distances() {
     let cells =
         |keys: &str| parse(&MINIMAL.replacen("\"distance\"", &format!("\"distance\"\n{keys}"), 1));
     assert_eq!(cells("").unwrap().cells, CellRule::default());
-    let set = cells("tolerance_m = 0.05\nobstacle_m = 0.4\nclear_m = 0.9")
+    let set = cells("tolerance_m = 0.05\nobstacle_m = 0.4\nclear_m = 0.9\nbeyond_m = 2")
         .unwrap()
         .cells;
     let expected = CellRule::Distance {
@@ -167,6 +168,7 @@ fn cells_take_tolerances_and_distances() {
         tolerance_percent: 20.0,
         obstacle_m: 0.4,
         clear_m: 0.9,
+        beyond_m: Some(2.0),
     };
     assert_eq!(set, expected);
     assert!(set.right_words().starts_with("within 0.05 m or 20 %"));
@@ -185,6 +187,11 @@ fn cells_take_tolerances_and_distances() {
             "clear_m = 0.5",
             "cells.obstacle_m = 0.5: must be below cells.clear_m = 0.5",
         ),
+        (
+            "beyond_m = 0.4",
+            "cells.beyond_m = 0.4: must be above cells.obstacle_m = 0.5",
+        ),
+        ("beyond_m = nan", "cells.beyond_m = NaN: must be"),
         ("tolerance_px = 2", "tolerance_px"),
         ("obstacle_m = \"near\"", "expected a number"),
     ] {
@@ -204,6 +211,8 @@ fn limits_are_checked_and_know_their_lines() {
         (scenario.gate[0].line, scenario.gate[0].max),
         (8, Some(2.0))
     );
+    let floor = gate("metric = \"right\"\nmin = 0.5\narea = \"floor\"").unwrap();
+    assert_eq!(floor.gate[0].area, Some(AreaChoice::Floor));
     // A bias has a sign.
     assert!(gate("metric = \"bias\"\nmin = -0.1\nmax = 0.1").is_ok());
     for (limit, word) in [
@@ -231,6 +240,14 @@ fn limits_are_checked_and_know_their_lines() {
         (
             "metric = \"time\"\nmax = 1\nrelative_to = \"v3\"",
             "names the algorithm itself",
+        ),
+        (
+            "metric = \"missed\"\nmax = 5\narea = \"floor\"",
+            "gate in line 8: area belongs to right, wrong",
+        ),
+        (
+            "metric = \"right\"\nmin = 0.5\narea = \"flor\"",
+            "unknown variant `flor`",
         ),
         ("metric = \"wrnog\"\nmax = 1", "line 10"),
     ] {

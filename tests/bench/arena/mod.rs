@@ -1,6 +1,7 @@
 //! The simulated arena: its truth against closed forms, its images against its truth, its
 //! checkpoints against both.
 
+mod areas;
 mod config;
 mod lenses;
 mod perturbed;

@@ -137,7 +137,7 @@ fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
                 // Revision 3 has no flags.
                 grid.cells_mut().for_each(|cell| cell.near = None);
             }
-            truth.judge(&grid)
+            truth.judge(&frame, &grid)
         });
         let cells = near.iter().enumerate().map(|(cell, near)| {
             let distance_m = near.as_ref().map(|near| near.distance_m);

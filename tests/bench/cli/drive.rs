@@ -1,6 +1,7 @@
 //! `svl score` of drives.
 
 use super::fixture::{Fixture, assert_says};
+use svl::report::{DriveRow, TrackRow, read_rows};
 
 /// Two courses with small images.
 pub(super) fn courses(more: &str) -> String {
@@ -182,6 +183,49 @@ fn drives_are_compared_course_by_course() {
     );
     let words = ["name=\"truth → blind: courses\"><system-out>2 courses, 0 with equal results"];
     assert_says(&fixture.text("drives.xml"), &words);
+}
+
+#[test]
+fn time_counts_in_drives() {
+    let fixture = Fixture::new();
+    let algorithms = "[\"truth\", \"period=truth\", \"fast=v5:max_disparity=24\", \
+                      \"slow=v5:max_disparity=24\"]";
+    let scenario = courses("")
+        .replace("[\"truth\", \"blind\"]", algorithms)
+        .replace("[1, 7]", "[4, 6]")
+        .replace("frames = 280\nrate_hz = 4.0", "frames = 400\nrate_hz = 8.0");
+    let latencies = "[drive.latency_ms]\nfast = 5\nperiod = 125\nslow = 250\n";
+    fixture.write("timed.toml", format!("{scenario}{latencies}"));
+    fixture.run("score timed.toml -q --drives none -o r");
+    let drives: Vec<DriveRow> = read_rows(&fixture.path("r/drives.csv")).unwrap();
+    let own = |label: &'static str| drives.iter().filter(move |row| row.algorithm == label);
+    let hits = |label| own(label).map(|row| row.collisions).sum::<u64>();
+    let skipped = |label| own(label).map(|row| row.skipped).sum::<u64>();
+    let hashes = |label| own(label).map(|row| &row.track_hash).collect::<Vec<_>>();
+    assert_eq!(
+        hashes("period"),
+        hashes("truth"),
+        "one period is what a drive has without"
+    );
+    assert!(hits("slow") > hits("fast"), "{drives:?}");
+    assert_eq!(
+        (skipped("truth"), skipped("fast"), skipped("period")),
+        (0, 0, 0)
+    );
+    // Every second pair; the tracks and the rows agree.
+    for row in own("slow") {
+        assert_eq!(row.skipped, row.frames / 2);
+    }
+    let tracks: Vec<TrackRow> = read_rows(&fixture.path("r/tracks.csv")).unwrap();
+    assert_eq!(
+        tracks.iter().filter(|row| row.skipped).count() as u64,
+        skipped("slow")
+    );
+    let rows = fixture.text("r/rows.csv");
+    let matched = rows.lines().filter(|line| line.contains(",slow,")).count() as u64;
+    let frames: u64 = own("slow").map(|row| row.frames).sum();
+    assert_eq!(matched + skipped("slow"), frames);
+    assert!(fixture.text("r/index.html").contains("latency, ms"));
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn says_whether_pairs_are_raw_and_misaligned() {
         { "algorithm": "v4", "pairs": 3, "median_px": 0, "min_px": 0, "max_px": 0 }
     ]);
     assert_eq!(json["misalignment"], v4);
-    let measured = json["first_pairs"]["misalignment"]["median_abs_px"].as_f64();
+    let measured = json["first_pairs"]["vertical_misalignment"]["median_abs_px"].as_f64();
     assert!((measured.unwrap() - 0.25).abs() < 0.05, "{measured:?}");
 }
 

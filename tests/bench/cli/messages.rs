@@ -245,6 +245,8 @@ const COMMANDS: &str = "
     score low.toml
     score rows.toml
     score stop.toml
+    score late.toml
+    score who.toml
     score long.toml
     score small.toml --rerun spawn
     score small.toml --every 2
@@ -377,6 +379,8 @@ fn inputs() -> Fixture {
         ("low.toml", "max_speed_m_per_s = 0.02"),
         ("rows.toml", "steering = { rows = [3] }"),
         ("stop.toml", "steering = { stop_m = 0.9 }"),
+        ("late.toml", "latency_ms = -1"),
+        ("who.toml", "latency_ms = { smg = 5 }"),
     ];
     for (name, keys) in drives {
         fixture.write(name, format!("{courses}[drive]\n{keys}\n"));

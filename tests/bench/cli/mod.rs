@@ -32,6 +32,7 @@ mod matching;
 mod merge;
 mod messages;
 mod own_data;
+mod prior;
 mod record;
 mod rectify;
 mod reference;

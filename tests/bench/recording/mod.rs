@@ -9,6 +9,7 @@ mod disk;
 mod drivers;
 mod encodings;
 mod extended;
+mod floor;
 mod foreign_bags;
 mod foreign_readers;
 mod formats;

@@ -98,7 +98,7 @@ fn judged(frames: &[Frame], matched: &[DepthGrid]) -> Vec<CellJudgement> {
     let pairs = frames.iter().zip(matched);
     let judged = pairs.map(|(frame, grid)| {
         let truth = TrueCells::new(frame, grid.shape(), CellRule::default()).unwrap();
-        truth.judge(grid)
+        truth.judge(frame, grid)
     });
     judged.flatten().collect()
 }
@@ -111,7 +111,7 @@ fn shares(judged: &[CellJudgement]) -> (usize, [f64; 3], usize) {
     (
         all,
         counts.map(|n| 100.0 * n as f64 / all as f64),
-        tally.missed_median,
+        tally.missed,
     )
 }
 

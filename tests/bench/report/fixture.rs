@@ -4,7 +4,7 @@ use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;
 use svl::report::{CellRow, CheckpointRow, Row, Summary};
-use svl::score::{MetricValues, Verdict};
+use svl::score::{CellArea, MetricValues, Verdict};
 use svl::stereo::CellState;
 
 /// A pair with truth that took `total_us`.
@@ -74,8 +74,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         true_median_px: Some(36.0),
         true_distance_m: Some(0.4),
         verdict,
-        missed_median: verdict == Verdict::Wrong,
-        false_median: false,
+        area: Some(CellArea::Obstacle),
         missed: verdict == Verdict::Wrong,
         r#false: false,
         run: Some("own.mcap".into()),

@@ -1,5 +1,6 @@
 //! Tables, summaries and pages, from hand-made rows.
 
+mod degenerate;
 mod fixture;
 mod page;
 mod summary;

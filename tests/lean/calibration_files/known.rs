@@ -184,17 +184,6 @@ fn euroc_agrees_with_opencv_s_reading_of_it() {
 }
 
 #[test]
-fn the_bumblebee_is_in_millimetres() {
-    let Some(path) = dataset("bumblebee2-raw/stereo.yaml") else {
-        return;
-    };
-    let c = files::read_with(&path, &unit("mm")).unwrap().calibration;
-    assert!((c.baseline() - 0.12005).abs() < 1e-5);
-    assert!(c.right_from_left().translation.vector.x < 0.0);
-    assert_says(&files::read(&path).unwrap_err().to_string(), &["--unit"]);
-}
-
-#[test]
 fn kitti_s_raw_data_has_both_cameras_and_their_rectification() {
     let folder = Folder::new();
     folder.write_sample("kitti-raw");

@@ -20,7 +20,7 @@ pub struct Inventory {
 
 impl Inventory {
     /// Looks for `dataset` below `root`, the folder of the data sets.
-    pub fn of(dataset: &Dataset, root: &Path) -> Self {
+    pub fn read(dataset: &Dataset, root: &Path) -> Self {
         let mut found = Self::default();
         let mut folders = vec![root.join(dataset.name)];
         folders.retain(|own| own.is_dir());

@@ -1,7 +1,7 @@
 //! Scenes of stereo data sets, as users have them on disk.
 //!
-//! [`DATASETS`] describes each data set completely: its page, its terms, and the names of its files.
-//! A new data set is a new entry there.
+//! [`DATASETS`] describes each data set completely: its page, its terms, and the names of its
+//! files. A new data set is a new entry there.
 
 mod entry;
 mod eth3d;

@@ -13,7 +13,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         focal_px,
         rig,
         is_constant,
-        misalignment,
+        vertical_misalignment,
         nearest,
         truths,
         ..
@@ -43,7 +43,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
             "baseline   not known, so no distances; svl replay and score accept --calib".to_owned()
         }
     });
-    lines.push(match misalignment {
+    lines.push(match vertical_misalignment {
         Some(found) => format!(
             "misaligned {:.2} px vertically (median of {} in {}; `svl calibrate check` shows more)",
             found.median_abs_px,

@@ -88,10 +88,6 @@ pub(crate) struct Args {
     /// Publish a point and its grey value per pixel with a distance, in place of cells
     #[arg(long, requires = "publish")]
     dense: bool,
-    /// Height of the camera above the floor, metres: the published scan then has obstacles below
-    /// the camera, too
-    #[arg(long, value_name = "M", requires = "publish", value_parser = usage::within(0.01..=100.0))]
-    camera_height: Option<f64>,
     /// Distance in the published scan of cells of state near, metres
     ///
     /// They have none of their own, and are unknown in the scan without this.

@@ -151,7 +151,7 @@ impl<'a> Plan<'a> {
         let publish = args.publish.as_deref().map(|address| PublishRequest {
             address,
             options: ResultOptions {
-                camera_height_m: args.camera_height,
+                camera_height_m: self.opened.header.camera_height_m,
                 near_m: args.near,
                 dense: args.dense,
                 ..ResultOptions::new(frame_id.unwrap_or(LEFT_FRAME))

@@ -18,7 +18,7 @@ use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORIT
 use svl::outputs::{Outputs, write};
 use svl::report::{BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{ColumnChoice, Metric};
+use svl::score::{AreaChoice, ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
@@ -119,6 +119,9 @@ pub(crate) struct Args {
     /// Folder, new or empty, for each plot of the page as an SVG file
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
+    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
+    #[arg(long, value_name = "AREA", default_value_t)]
+    area: AreaChoice,
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
@@ -192,6 +195,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             (false, false) => Again::Missing,
         },
         prune: args.prune,
+        area: args.area,
         sort: args.sort,
         gate: args.gate,
         figures: args.figures.as_deref(),

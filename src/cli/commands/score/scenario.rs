@@ -11,7 +11,7 @@ use svl::filter::without_filters;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
 use svl::runs;
-use svl::scenario::{Limit, Scenario, distinct_kinds};
+use svl::scenario::{Limit, PRIOR, Scenario, distinct_kinds};
 use svl::train::{scenario_filters, with_filters};
 
 /// The description of the run: the scenario that is named, or one of the recordings that are named,
@@ -61,7 +61,8 @@ fn unknown_in<'a>(limit: &'a Limit, known: &[Algorithm]) -> Option<&'a String> {
         let mut known = known.iter();
         known.any(|algorithm| algorithm.label() == name || algorithm.spec().name == name)
     };
-    let mut names = std::iter::once(&limit.algorithm).chain(&limit.relative_to);
+    let relative_to = limit.relative_to.iter().filter(|name| *name != PRIOR);
+    let mut names = std::iter::once(&limit.algorithm).chain(relative_to);
     names.find(|name| !is_known(name))
 }
 

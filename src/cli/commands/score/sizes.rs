@@ -19,6 +19,14 @@ pub(super) struct SizeArgs {
         value_parser = usage::within(0.01..=1000.0)
     )]
     near: Option<f64>,
+    /// Distance from which a cell is beyond, metres [default: the scenario's, else none]
+    ///
+    /// Such cells are no obstacles: their right and wrong ones are counted apart.
+    #[arg(
+        id = "beyond_m", long = "beyond", value_name = "M",
+        value_parser = usage::within(0.01..=1000.0)
+    )]
+    beyond: Option<f64>,
     /// Cells of the obstacle grid [default: the scenario's, else 5x3]
     #[arg(id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape)]
     cells: Option<GridShape>,
@@ -85,12 +93,13 @@ impl SizeArgs {
             tolerance_percent,
             obstacle_m,
             clear_m,
+            beyond_m,
         } = &mut scenario.cells
         else {
-            return match (self.near, self.tolerance) {
-                (None, None) => Ok(()),
+            return match (self.near, self.beyond, self.tolerance) {
+                (None, None, None) => Ok(()),
                 _ => Err(usage::wrong(format!(
-                    "--near and --tolerance: '{}' scores disparities, in pixels",
+                    "--near, --beyond and --tolerance: '{}' scores disparities, in pixels",
                     scenario.name
                 ))),
             };
@@ -98,6 +107,16 @@ impl SizeArgs {
         if let Some(near_m) = self.near {
             *clear_m *= near_m / *obstacle_m;
             *obstacle_m = near_m;
+        }
+        if self.beyond.is_some() {
+            *beyond_m = self.beyond;
+        }
+        let (obstacle_m, beyond_m) = (*obstacle_m, *beyond_m);
+        if let Some(beyond_m) = beyond_m.filter(|beyond_m| *beyond_m <= obstacle_m) {
+            return Err(usage::wrong(format!(
+                "beyond is {beyond_m} m and near {obstacle_m} m: name a greater --beyond or a \
+                 smaller --near"
+            )));
         }
         if let Some(CellTolerance { metres, percent }) = self.tolerance {
             *tolerance_m = metres.unwrap_or(MIN_TOLERANCE_M);

@@ -16,6 +16,19 @@ pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, St
     depths(&ros::read(channel, data, ros::image)?.1)
 }
 
+/// The samples of an image of 8 bits.
+pub(super) fn codes(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let (_, image) = ros::read(channel, data, ros::image)?;
+    let (width, step) = (image.width as usize, image.step as usize);
+    if image.encoding != "mono8" || step < width || width == 0 {
+        return Err(format!("its images are {}, not mono8", image.encoding));
+    }
+    let rows = image.data.chunks_exact(step).take(image.height as usize);
+    let samples = rows.flat_map(|row| row[..width].iter().copied().map(f32::from));
+    let plane = Plane::from_vec(width, image.height as usize, samples.collect());
+    plane.map_err(|e| e.to_string())
+}
+
 pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let image: RawImage = decode_protobuf(data)?;
     depths(&RawPixels {

@@ -2,7 +2,7 @@
 
 use super::{Channel, Plane, depth_image, points, truth};
 use crate::foreign::{image, json};
-use crate::{decode_protobuf, ros};
+use crate::{TopicKind, decode_protobuf, ros};
 use foxglove::messages;
 use nalgebra::Point3;
 use svl_core::joined;
@@ -87,6 +87,19 @@ const OWN_RESULT: MeasuredKind = MeasuredKind {
     encoding: "cdr",
     decode: Decode::Disparity(depth_image::floats),
 };
+
+/// The surfaces in the truth of a bag that svl wrote: their codes, as disparities.
+const SURFACES: MeasuredKind = MeasuredKind {
+    schema: "sensor_msgs/msg/Image",
+    encoding: "cdr",
+    decode: Decode::Disparity(depth_image::codes),
+};
+
+/// The kind of a channel's messages, if they are the surfaces of a truth.
+pub(super) fn surfaces(channel: &Channel) -> Option<&'static MeasuredKind> {
+    let is_own = channel.topic == TopicKind::Surface.topic();
+    (is_own && channel.schema == SURFACES.schema).then_some(&SURFACES)
+}
 
 const fn depth(
     schema: &'static str,

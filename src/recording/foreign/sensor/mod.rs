@@ -11,12 +11,14 @@ use super::motion::PoseStep;
 use super::poses::{PoseMotion, PoseReader};
 use super::{PairStamps, topics, transforms};
 use crate::messages::{Channel, EventReader, FileEvent};
-use crate::{Recording, truth};
+use crate::{Recording, TopicKind, truth};
+use kind::Measured;
 pub(crate) use kind::head;
 use measurements::Measurements;
 pub use measurements::TopicLatency;
+use nalgebra::UnitQuaternion;
 use std::collections::BTreeSet;
-use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
+use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Rig, Surface};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
 use view::{PairCamera, SensorSetup, View};
@@ -62,7 +64,11 @@ pub struct SensorTopic {
     recording: Recording,
     selection: SensorSelection,
     measurements: Measurements,
+    /// The surfaces of the truth that a bag of svl's has besides.
+    surfaces: Option<Measurements>,
     setup: SensorSetup,
+    /// The floor in the frame of the left camera, before rectification.
+    floor: Option<FloorPlane>,
     /// Projection of measurements into the left camera of the last pair.
     view: Option<(PairCamera, View)>,
     poses: Option<PoseReader>,
@@ -143,6 +149,9 @@ impl SensorTopic {
             }));
         };
         let kind = kind::find(channel).map_err(wrong)?;
+        let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
+        let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
+        let surface_pairs = surfaces.map(|_| pairs.clone());
         let setup = SensorSetup::find(recording, &channels, topics[0], topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
@@ -167,6 +176,32 @@ impl SensorTopic {
             );
         }
         let measurements = measurements.map_err(wrong)?;
+        let surfaces = surfaces.zip(surface_pairs).map(|(kind, pairs)| {
+            let selection = SensorSelection {
+                topic: TopicKind::Surface.topic().to_owned(),
+                max_skew_ns: 0,
+                role: SensorRole::Truth,
+            };
+            let (left, any) = (topics[0], ("", None));
+            Measurements::find(
+                recording,
+                &selection,
+                left,
+                any,
+                kind,
+                pairs,
+                &mut |_, _, _| (),
+            )
+        });
+        // Surfaces whose pairs are unknown tell nothing.
+        let surfaces = surfaces.transpose()?.and_then(std::result::Result::ok);
+        let floor = setup.floor();
+        if let Err(why) = &floor {
+            tracing::warn!(
+                "{}: {why}; floor is not told apart",
+                recording.path().display()
+            );
+        }
         if let Some(early_ns) = measurements.latency().early_ns() {
             let path = recording.path().display();
             tracing::warn!(
@@ -180,6 +215,8 @@ impl SensorTopic {
             recording: recording.clone(),
             selection: selection.clone(),
             measurements,
+            surfaces,
+            floor: floor.unwrap_or_default(),
             setup,
             view: None,
             poses: PoseReader::open(recording, &channels)?,
@@ -244,6 +281,33 @@ impl SensorTopic {
         let found = view.disparities(&measured, motion.as_ref(), &rig, camera.size, role);
         self.view = Some((camera, view));
         found.map(Some).map_err(|reason| self.wrong(&reason))
+    }
+
+    /// The surfaces of a truth that was measured for the frame: those that the recording has of the
+    /// same pixels, else the floor by its static transforms; `None` if neither tells it.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn surfaces(
+        &mut self,
+        frame: &Frame,
+        disparity: &Plane<f32>,
+    ) -> Result<Option<Plane<Surface>>> {
+        let Some(rig) = frame.rig().copied() else {
+            return Ok(None);
+        };
+        let camera = self.setup.pair_camera(frame, rig, frame.stamp_ns);
+        let rotation = self.setup.rotation(&camera);
+        if let Some(surfaces) = &mut self.surfaces
+            && rotation == UnitQuaternion::identity()
+            && let Some((_, codes)) = surfaces.for_pair(frame)?
+            && let Measured::Disparity(codes) = &*codes
+            && codes.size() == disparity.size()
+        {
+            return Ok(Some(codes.map(|code| Surface::from_code(code as u8))));
+        }
+        let floor = self.floor.map(|floor| floor.rotated(&rotation));
+        Ok(floor.map(|floor| floor.surfaces(disparity, &rig)))
     }
 
     /// The motion of points of a static world, from the rectified left camera at the measurement's

@@ -7,11 +7,12 @@ use super::{topics, truth};
 use crate::foreign::camera::Calibration;
 use crate::foreign::camera_track::CameraTrack;
 use crate::foreign::realsense;
+use crate::ros::FLOOR_FRAME;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::depth::{MIN_VALID, project, render};
-use svl_core::stereo::{Frame, Geometry, Intrinsics};
+use svl_core::stereo::{FloorPlane, Frame, Geometry, Intrinsics};
 
 /// A depth image's camera is the left one if their focal lengths and principal points differ by
 /// less.
@@ -63,6 +64,8 @@ pub(super) struct SensorSetup {
     /// Topics of both.
     infos: [Option<String>; 2],
     transforms: Transforms,
+    /// The transforms up to the one that leads to the floor.
+    with_floor: Transforms,
     /// Metres per step of the depth images, if the recording says so.
     unit_m: Option<f32>,
     /// Names of the left camera's frame and of the sensor's.
@@ -149,6 +152,7 @@ impl SensorSetup {
             own: found.own,
             infos: wanted.infos,
             transforms: found.transforms,
+            with_floor: Transforms::default(),
             unit_m: found.unit_m,
             frames: [
                 found.left_frame,
@@ -168,8 +172,17 @@ impl SensorSetup {
         &self.frames[0]
     }
 
-    /// Stores a calibration of the left camera or of depth images.
+    /// Stores a calibration of the left camera or of depth images, and the place of the floor.
     pub(super) fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) {
+        if Transforms::reads(channel)
+            && self
+                .with_floor
+                .between(FLOOR_FRAME, &self.frames[0])
+                .is_none()
+        {
+            // An unreadable one is reported if it is needed for the sensor.
+            drop(self.with_floor.add(channel, data));
+        }
         for (topic, track) in self.infos.iter().zip([&mut self.left, &mut self.own]) {
             if topic.as_ref() == Some(&channel.topic) {
                 track.read(channel, log_time, data);
@@ -200,6 +213,23 @@ impl SensorSetup {
             Some(raw) => raw.rotation,
             None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
         }
+    }
+
+    /// The floor in the frame of the left camera, before rectification, if a transform leads to it.
+    ///
+    /// # Errors
+    /// The reason why it is not below the camera.
+    pub(super) fn floor(&self) -> std::result::Result<Option<FloorPlane>, String> {
+        let Some(camera) = self.with_floor.between(FLOOR_FRAME, &self.frames[0]) else {
+            return Ok(None);
+        };
+        FloorPlane::from_pose(&camera).map(Some).ok_or_else(|| {
+            format!(
+                "by /tf_static the left camera is {:.2} m above '{FLOOR_FRAME}', which is the \
+                 floor below a robot: --camera-height M says how high it is",
+                camera.translation.z
+            )
+        })
     }
 
     /// Metres per step of the depth images, if the recording says so.

@@ -1,0 +1,137 @@
+//! The prior, who looks at nothing: a row below the table, by which the best is tested.
+
+use super::fixture::{Fixture, assert_says};
+use std::collections::BTreeMap;
+use svl::arena::Arena;
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::score::{AreaChoice, CellTallies, CellTally, TrueCells};
+use svl::stereo::{Cell, CellDepth, DepthGrid, Frame};
+
+/// Pairs of each of the two runs of a short arena.
+const FRAMES: u64 = 12;
+
+/// Right, wrong and unknown cells by area, and near, found and missed ones.
+type Counts = [[usize; 3]; 4];
+
+/// The frames of both runs.
+fn frames(scenario: &Scenario) -> [Vec<Frame>; 2] {
+    let ScenarioSource::Arena { config, .. } = &scenario.source else {
+        panic!("the arena");
+    };
+    [1, 2].map(|seed| {
+        let arena = Arena::new(config, seed).unwrap();
+        (0..FRAMES).map(|i| arena.frame(i).unwrap()).collect()
+    })
+}
+
+/// The counts of the prior by its definition, scored as any algorithm on all pixels.
+fn counted(scenario: &Scenario) -> Counts {
+    let (shape, rule) = (scenario.grid.shape(), scenario.cells);
+    let runs = frames(scenario);
+    let truth = |frame: &Frame| TrueCells::new(frame, shape, rule).unwrap();
+    let mut cells = Vec::new();
+    for (run, other) in [(0, 1), (1, 0)] {
+        let mut values: BTreeMap<usize, Vec<f32>> = BTreeMap::new();
+        for frame in &runs[other] {
+            for (i, (_, cell)) in truth(frame).grid().iter().enumerate() {
+                let own = values.entry(i).or_default();
+                own.extend(cell.depth.map(|depth| depth.median_px));
+            }
+        }
+        let median = |values: &Vec<f32>| {
+            let mut values = values.clone();
+            values.sort_by(f32::total_cmp);
+            values[(values.len() - 1) / 2]
+        };
+        let medians: Vec<_> = values.values().map(median).collect();
+        for frame in &runs[run] {
+            let known = |px: &f32| Cell {
+                valid_share: 1.0,
+                depth: Some(CellDepth {
+                    median_px: *px,
+                    p20_px: *px,
+                    p80_px: *px,
+                    distance_m: frame.rig().unwrap().depth_m((*px).into()),
+                }),
+                ..Cell::UNKNOWN
+            };
+            let reported = DepthGrid::new(shape, medians.iter().map(known).collect()).unwrap();
+            cells.extend(truth(frame).judge(frame, &reported));
+        }
+    }
+    let tallies = CellTallies::new(&cells);
+    let of_area = |area| {
+        let own: &CellTally = tallies.get(area);
+        [own.right, own.wrong, own.unknown]
+    };
+    let all = tallies.get(AreaChoice::All);
+    let [obstacle, floor, beyond] = AreaChoice::PARTS.map(of_area);
+    [obstacle, floor, beyond, [all.near, all.found, all.missed]]
+}
+
+/// The counts of a row of a summary.
+fn stored(row: &serde_json::Value) -> Counts {
+    let counts = |row: &serde_json::Value, names: [&str; 3]| {
+        names.map(|name| row[name].as_u64().unwrap_or_default() as usize)
+    };
+    let cells = ["cells_right", "cells_wrong", "cells_unknown"];
+    [
+        counts(row, cells),
+        counts(&row["areas"]["floor"], cells),
+        counts(&row["areas"]["beyond"], cells),
+        counts(row, ["near", "found", "missed"]),
+    ]
+}
+
+#[test]
+fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
+    let fixture = Fixture::new();
+    let path = fixture.write_recorded_arena("short.toml", FRAMES);
+    let scenario = Scenario::read(&path).unwrap();
+    let line = "score short.toml --algo v3 --algo v5 --rerun none";
+    let screen = fixture.run(&format!("{line} -o whole"));
+    assert_says(&screen, &["prior", "obstacle cells, %"]);
+    let summary: serde_json::Value =
+        serde_json::from_str(&fixture.text("whole/summary.json")).unwrap();
+    assert_eq!(stored(&summary["prior"]), counted(&scenario));
+    assert_eq!(
+        fixture.text("whole/prior.csv").lines().count() as u64,
+        2 * FRAMES + 1
+    );
+    for i in [1, 2] {
+        fixture.run(&format!("{line} -q --shard {i}/2 -o part-{i}"));
+    }
+    fixture.run("merge part-2 part-1 -o merged -q");
+    let merged: serde_json::Value =
+        serde_json::from_str(&fixture.text("merged/summary.json")).unwrap();
+    assert_eq!(merged["prior"], summary["prior"]);
+    // It can be compared with, and limits can be relative to it.
+    let compared = fixture.run("compare whole#prior whole#v3");
+    assert_says(&compared, &["right cells", "prior → v3"]);
+    let text = fixture.text("short.toml");
+    let gate =
+        "\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"right\"\nrelative_to = \"prior\"\nmin = ";
+    for (min, code) in [("-0.5", 0), ("0.99", 3)] {
+        let own = text.split("[[gate]]").next().unwrap();
+        fixture.write("gate.toml", format!("{own}{gate}{min}\n"));
+        let ran = fixture.svl("score gate.toml --algo v3 --rerun none --gate -o whole-gate");
+        let words = &["v3: right cells beyond the prior's"];
+        match code {
+            0 => assert_says(&ran.done(), words),
+            code => drop(ran.failed(code, words)),
+        }
+    }
+}
+
+#[test]
+fn one_pair_has_no_others() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", FRAMES);
+    let line = "score short.toml --seeds 1 --every 400 --algo v3 --rerun none -o one -q";
+    fixture.run(line);
+    let summary: serde_json::Value =
+        serde_json::from_str(&fixture.text("one/summary.json")).unwrap();
+    let [right, wrong, unknown] = stored(&summary["prior"])[0];
+    assert_eq!((right, wrong), (0, 0));
+    assert!(unknown > 0);
+}
