@@ -23,7 +23,7 @@ const PACKAGES: [Package; 15] = [
         root: "core/lib.rs",
         layers: &[
             &["error", "interrupt", "timing", "words", "statistics"],
-            &["bounded", "stereo"],
+            &["bounded", "inputs", "stereo"],
             &["kernel"],
             &["depth", "filter"],
             &["matcher", "rectify"],

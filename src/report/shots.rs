@@ -3,8 +3,8 @@
 use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use super::rows::Row;
 use super::units::{
-    BLOCK, BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage, Unit,
-    Units,
+    BLOCK, BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage,
+    StoredUnit, Units,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -85,7 +85,7 @@ pub fn for_drives(
 #[derive(Default)]
 pub(super) struct LeftImages {
     /// Per seed, recording and number of a pair a unit with pictures that show it.
-    units: BTreeMap<(Option<u64>, Option<String>, u64), Unit>,
+    units: BTreeMap<(Option<u64>, Option<String>, u64), StoredUnit>,
 }
 
 impl LeftImages {
@@ -124,7 +124,7 @@ impl LeftImages {
     pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
         let key = (row.seed, run.map(str::to_owned), row.sequence);
         let unit = self.units.get(&key);
-        let pictures = unit.map(Unit::pictures).transpose()?.flatten();
+        let pictures = unit.map(StoredUnit::pictures).transpose()?.flatten();
         pictures.map_or(Ok(None), |pictures| pictures.left(row))
     }
 }
@@ -152,7 +152,7 @@ impl ChosenPictures {
     }
 
     /// Adds the pictures of a unit of a run, with the place of the run.
-    fn add(&mut self, (run, own): (usize, &RunUnits), unit: &Unit, pictures: BlockPictures) {
+    fn add(&mut self, (run, own): (usize, &RunUnits), unit: &StoredUnit, pictures: BlockPictures) {
         let first = unit.block * BLOCK;
         let pairs = || {
             own.facts

@@ -6,7 +6,7 @@ use super::{drives, scored_runs};
 use crate::console::Console;
 use svl_core::{Result, counted, joined};
 use svl_files::outputs::{Outputs, remove_links};
-use svl_report::units::Units;
+use svl_report::units::{RunUnits, Units};
 use svl_report::{BuildOptions, BuiltReport, REPORT, build};
 use svl_score::scenario::ScenarioSource;
 
@@ -43,7 +43,10 @@ impl EvaluationPlan<'_> {
         let _lock = self.shard.and_then(|_| units.lock());
         session.finish()?;
         if self.prune {
-            units.prune(&session.runs)?;
+            units.prune(
+                &session.list.runs,
+                session.runs.iter().flat_map(RunUnits::all),
+            )?;
         }
         self.note_others(&session, console)?;
         let report = match self.shard {

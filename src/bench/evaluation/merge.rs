@@ -57,7 +57,7 @@ impl Parts {
                 units.write_facts(run, &facts)?;
             }
             for (part, run) in self.0.iter().zip(own) {
-                units.copy_from(&part.units, run)?;
+                units.copy_from(&part.units, &run.run, run.all())?;
             }
         }
         for part in &self.0 {

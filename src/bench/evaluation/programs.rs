@@ -9,7 +9,7 @@ use svl_core::{Error, Result, interrupt};
 use svl_report::{Row, hash_words};
 
 /// What came of matching pairs again.
-enum Answer {
+enum ProgramAnswer {
     Same,
     /// That of the pair with this number is another.
     Other(u64),
@@ -48,8 +48,8 @@ impl RunWork<'_> {
             let opened = opener.open(self.runs[i])?;
             drop(opener);
             match answers(algorithm, opened, &rows)? {
-                Answer::Same => {}
-                Answer::Other(sequence) => {
+                ProgramAnswer::Same => {}
+                ProgramAnswer::Other(sequence) => {
                     tracing::warn!(
                         "{label}: its result of pair {sequence} is another than before: all its \
                          pairs are matched again"
@@ -57,7 +57,7 @@ impl RunWork<'_> {
                     self.session.forget_algorithm(label);
                     return Ok(());
                 }
-                Answer::OtherPairs => {
+                ProgramAnswer::OtherPairs => {
                     let changed: Vec<_> = (0..self.runs.len()).map(|j| j == i).collect();
                     self.compare(&changed)?;
                 }
@@ -68,7 +68,7 @@ impl RunWork<'_> {
 }
 
 /// Matches the pairs of these rows again.
-fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Answer> {
+fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<ProgramAnswer> {
     let OpenedRun {
         source: mut run,
         judge,
@@ -79,7 +79,7 @@ fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Ans
     let mut rows = rows.iter().peekable();
     while let Some(row) = rows.peek() {
         let Some(frame) = source.next()? else {
-            return Ok(Answer::OtherPairs);
+            return Ok(ProgramAnswer::OtherPairs);
         };
         if interrupt::requested() {
             return Err(Error::Interrupted);
@@ -88,7 +88,7 @@ fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Ans
             continue;
         }
         if hash_words(frame.input_hash(frame.pair.hash())) != row.input_hash {
-            return Ok(Answer::OtherPairs);
+            return Ok(ProgramAnswer::OtherPairs);
         }
         let context = MatchContext::for_frame(&frame, judge.grid, judge.cells);
         output.begin();
@@ -96,9 +96,9 @@ fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Ans
         let hash = output.disparity.hash();
         let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
         if matched.is_err() || hash_words(hash) != row.result_hash {
-            return Ok(Answer::Other(row.sequence));
+            return Ok(ProgramAnswer::Other(row.sequence));
         }
         rows.next();
     }
-    Ok(Answer::Same)
+    Ok(ProgramAnswer::Same)
 }

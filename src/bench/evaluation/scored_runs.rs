@@ -323,8 +323,8 @@ impl RunWork<'_> {
         manifest: &Manifest,
         sinks: &mut Sinks,
         wanted: &WantedResults<'_>,
-    ) -> Pass {
-        let mut pass = Pass {
+    ) -> RunPass {
+        let mut pass = RunPass {
             facts: RunFacts {
                 after: self.after(i),
                 ..RunFacts::default()
@@ -351,7 +351,7 @@ impl RunWork<'_> {
         manifest: &Manifest,
         sinks: &mut Sinks,
         wanted: &WantedResults<'_>,
-        pass: &mut Pass,
+        pass: &mut RunPass,
     ) {
         let OpenedRun {
             source: mut run,
@@ -429,7 +429,7 @@ impl RunWork<'_> {
 }
 
 /// What came of reading a run.
-struct Pass {
+struct RunPass {
     facts: RunFacts,
     interrupted: bool,
     ran: Result<()>,

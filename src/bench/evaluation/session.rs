@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_report::units::{
-    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file,
+    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file, unit_format,
 };
 use svl_score::manifest::{Manifest, Purpose};
 
@@ -47,7 +47,7 @@ impl EvaluationSession {
         // That of the session.
         let shard = manifest.shard.take();
         manifest.warnings = console.warnings();
-        let mut list = ReportPlan::new(manifest, runs)?;
+        let mut list = ReportPlan::new(unit_format(), manifest, runs)?;
         list.limit_lines = plan.scenario.gate.iter().map(|limit| limit.line).collect();
         list.lost.clone_from(&plan.lost);
         let (known, sessions) = (units.known_plan(), units.sessions()?);
@@ -200,7 +200,7 @@ impl EvaluationSession {
     fn load(&mut self, i: usize, facts: RunFacts) -> Result<()> {
         let run = self.list.runs[i].clone();
         let (units, list) = (&self.units, &self.list);
-        let found = RunUnits::of_facts(units, list, &run, &self.sessions, facts, |_| ())?;
+        let found = RunUnits::with_facts(units, list, &run, &self.sessions, facts, |_| ())?;
         self.runs[i] = self.kept(found);
         Ok(())
     }

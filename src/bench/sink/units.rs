@@ -102,7 +102,7 @@ impl UnitSink {
                 block: number,
                 pairs: pairs[(number * BLOCK) as usize..].to_vec(),
                 has_pictures: pictured.contains(&label),
-                scale: scales.of(label),
+                scale: scales.for_label(label),
                 ..UnitHeader::default()
             };
             writer.write(&path, pictures.remove(label).as_ref())?;

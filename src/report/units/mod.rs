@@ -11,6 +11,8 @@
 //! The digest of a run covers its options, the one of a unit also the algorithm and the content of
 //! its pairs. Every file is written whole, with a checksum, and renamed into place.
 
+mod facts;
+mod io;
 mod pictures;
 mod plan;
 mod run;
@@ -18,12 +20,14 @@ mod store;
 mod tables;
 mod unit;
 
+pub use facts::{PairFacts, RunFacts, RunWarning};
+pub use io::remove_file;
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
 pub use plan::{PlannedAlgorithm, ReportPlan, ReportRun};
-pub use run::{PairFacts, RunFacts, RunUnits, RunWarning};
-pub use store::{REPORT_LIST, StoredSession, UNITS, Units, remove_file};
+pub use run::RunUnits;
+pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
 pub use tables::{ReportTables, collect_tables, made_of, read_tables, write_tables};
-pub use unit::{DriveFacts, Unit, UnitHeader, UnitRows, UnitWriter};
+pub use unit::{DriveFacts, StoredUnit, UnitHeader, UnitRows, UnitWriter, unit_format};
 
 /// Number of selected pairs of a run in a block.
 pub const BLOCK: u64 = 64;

@@ -1,6 +1,5 @@
 //! The list of a report: what it is of, as digests.
 
-use super::unit::unit_format;
 use serde::{Deserialize, Serialize};
 use svl_core::Result;
 use svl_score::losses::Missing;
@@ -12,7 +11,7 @@ const MAX_PICTURED: usize = 8;
 /// What a report is of, as the last `svl score` on its folder asked for it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportPlan {
-    /// [`unit_format`] of the program that wrote it.
+    /// Form of its units, by the program that wrote it.
     format: String,
     pub manifest: Manifest,
     /// All runs, in their order.
@@ -37,13 +36,13 @@ pub struct PlannedAlgorithm<'a> {
 }
 
 impl ReportPlan {
-    /// The report of these runs under the options of a manifest. `runs`: their keys; they get their
-    /// digests here.
+    /// The report of these runs under the options of a manifest, with units of that form. `runs`:
+    /// their keys; they get their digests here.
     ///
     /// # Errors
     /// Those of [`Manifest::identity_hash`].
-    pub fn new(manifest: Manifest, mut runs: Vec<ReportRun>) -> Result<Self> {
-        let (format, options) = (unit_format(), manifest.identity_hash(Purpose::Keep)?);
+    pub fn new(format: String, manifest: Manifest, mut runs: Vec<ReportRun>) -> Result<Self> {
+        let options = manifest.identity_hash(Purpose::Keep)?;
         for run in &mut runs {
             let key = (&run.run, run.seed, &run.stress);
             run.digest = hash(&format!("{format} {options} {key:?}"));

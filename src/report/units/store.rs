@@ -1,18 +1,18 @@
 //! The folder of the units: its files, each whole and with a checksum.
 
 use super::BLOCK;
+use super::facts::{PairFacts, RunFacts};
+use super::io::{
+    copy, entries, files, make_real_folder, read_checked, read_or_warn, remove_file, write_checked,
+};
 use super::plan::{ReportPlan, ReportRun};
-use super::run::{PairFacts, RunFacts, RunUnits};
-use super::unit::{Unit, unit_format};
-use serde::de::DeserializeOwned;
+use super::unit::{StoredUnit, unit_format};
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Write};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_score::manifest::{Manifest, hash};
+use svl_score::manifest::Manifest;
 
 /// The folder of the units in a report's.
 pub const UNITS: &str = "units";
@@ -199,7 +199,7 @@ impl Units {
     pub fn pairs_of_units(&self, run: &ReportRun) -> Result<Vec<PairFacts>> {
         let mut blocks = BTreeMap::new();
         for path in files(&self.folder.join(run.folder()), UNIT)? {
-            if let Ok(Some(unit)) = Unit::read(&path, &run.digest) {
+            if let Ok(Some(unit)) = StoredUnit::read(&path, &run.digest) {
                 blocks
                     .entry(unit.block)
                     .or_insert_with(|| unit.pairs.clone());
@@ -215,16 +215,20 @@ impl Units {
         Ok(pairs)
     }
 
-    /// Removes all that belongs to none of these runs, which are those of the report.
+    /// Removes all but these runs and units.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
-    pub fn prune(&self, runs: &[RunUnits]) -> Result<()> {
-        let mut kept: BTreeSet<PathBuf> = runs
+    pub fn prune<'a>(
+        &self,
+        runs: &[ReportRun],
+        units: impl Iterator<Item = &'a StoredUnit>,
+    ) -> Result<()> {
+        let facts = runs
             .iter()
-            .map(|run| self.folder.join(run.run.folder()).join(RUN))
-            .collect();
-        for unit in runs.iter().flat_map(RunUnits::all) {
+            .map(|run| self.folder.join(run.folder()).join(RUN));
+        let mut kept: BTreeSet<PathBuf> = facts.collect();
+        for unit in units {
             kept.insert(unit.path().to_owned());
             let session = format!("{}.json", unit.session);
             kept.insert(self.sessions_folder().join(session));
@@ -278,15 +282,20 @@ impl Units {
         Ok(paths.len())
     }
 
-    /// Copies the units of a run, and the sessions that matched them, from another report.
+    /// Copies units of a run, and the sessions that matched them, from another report.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn copy_from(&self, other: &Self, run: &RunUnits) -> Result<()> {
-        let folder = self.run_folder(&run.run)?;
+    pub fn copy_from<'a>(
+        &self,
+        other: &Self,
+        run: &ReportRun,
+        units: impl Iterator<Item = &'a StoredUnit>,
+    ) -> Result<()> {
+        let folder = self.run_folder(run)?;
         make_real_folder(&self.sessions_folder())?;
         let mut sessions = BTreeSet::new();
-        for unit in run.all() {
+        for unit in units {
             let path = unit.path();
             copy(path, &folder.join(path.file_name().unwrap_or_default()))?;
             sessions.insert(format!("{}.json", unit.session));
@@ -297,109 +306,4 @@ impl Units {
         }
         Ok(())
     }
-}
-
-/// Removes a file, or a link, if it is there.
-///
-/// # Errors
-/// [`Error::Io`].
-pub fn remove_file(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::io(path, error)),
-        _ => Ok(()),
-    }
-}
-
-/// Makes a folder; a link in its place is removed, not followed.
-fn make_real_folder(folder: &Path) -> Result<()> {
-    if folder.is_symlink() {
-        remove_file(folder)?;
-    }
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
-}
-
-fn copy(from: &Path, to: &Path) -> Result<()> {
-    let bytes = std::fs::read(from).map_err(|e| Error::io(from, e))?;
-    write_whole(to, &[&bytes])
-}
-
-/// Writes a file under another name, and renames it once it is on the disk.
-///
-/// # Errors
-/// [`Error::Io`] with the file.
-pub(super) fn write_whole(path: &Path, parts: &[&[u8]]) -> Result<()> {
-    // Another process may write the same file.
-    let begun = path.with_extension(format!("{}.part", std::process::id()));
-    let write = || {
-        let _ = std::fs::remove_file(&begun);
-        let mut file = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&begun)?;
-        parts.iter().try_for_each(|part| file.write_all(part))?;
-        file.sync_all()?;
-        std::fs::rename(&begun, path)
-    };
-    write().map_err(|e| {
-        let _ = std::fs::remove_file(&begun);
-        Error::io(path, e)
-    })
-}
-
-/// The JSON of a value.
-pub(super) fn json(value: &impl Serialize) -> Result<Vec<u8>> {
-    serde_json::to_vec(value).map_err(|e| Error::Invalid(format!("units: {e}")))
-}
-
-/// A value with the checksum of its JSON.
-#[derive(Deserialize)]
-struct Checked<'a> {
-    checksum: String,
-    #[serde(borrow)]
-    content: &'a RawValue,
-}
-
-fn write_checked(path: &Path, value: &impl Serialize) -> Result<()> {
-    let content = serde_json::to_string(value);
-    let content = content.map_err(|e| Error::Invalid(format!("units: {e}")))?;
-    let head = format!("{{\"checksum\":\"{}\",\"content\":", hash(&content));
-    write_whole(path, &[head.as_bytes(), content.as_bytes(), b"}\n"])
-}
-
-fn read_checked<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let checked = serde_json::from_slice::<Checked<'_>>(&bytes).ok();
-    let content = checked.filter(|own| hash(own.content.get()) == own.checksum);
-    let value = content.and_then(|own| serde_json::from_str(own.content.get()).ok());
-    value.ok_or_else(|| {
-        Error::format(
-            path,
-            "is damaged: `svl score` with the same options makes it again",
-        )
-    })
-}
-
-/// What a file has; none with a warning if it is damaged: what it is of is missing then.
-fn read_or_warn<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    let read = read_checked(path);
-    read.inspect_err(|error| tracing::warn!("{error}")).ok()
-}
-
-/// The paths in a folder, in the order of their names; none if there is no folder.
-fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    if !folder.is_dir() {
-        return Ok(Vec::new());
-    }
-    let read = std::fs::read_dir(folder);
-    let paths: std::io::Result<Vec<_>> =
-        read.and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
-    let mut paths = paths.map_err(|e| Error::io(folder, e))?;
-    paths.sort_unstable();
-    Ok(paths)
-}
-
-fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
-    let mut paths = entries(folder)?;
-    paths.retain(|path| path.extension().is_some_and(|own| own == extension));
-    Ok(paths)
 }

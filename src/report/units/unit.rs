@@ -3,9 +3,9 @@
 //! The first line is the checksum of all that follows, the second the header, as JSON; then come
 //! the tables, as CSV, and the pictures.
 
+use super::facts::PairFacts;
+use super::io::{json, write_whole};
 use super::pictures::BlockPictures;
-use super::run::PairFacts;
-use super::store::{json, write_whole};
 use crate::csv_rows::{RowReader, csv_error};
 use crate::drives::{CoursePlan, DriveRow, TrackRow};
 use crate::prior::TruthRow;
@@ -120,7 +120,7 @@ macro_rules! unit_tables {
 
         /// Identifies the columns of all tables of units, and their form: other versions of svl
         /// have others.
-        pub(super) fn unit_format() -> String {
+        pub fn unit_format() -> String {
             let columns = [$($row::columns()),*];
             let names = columns.iter().flatten().map(|column| column.name);
             hash(&names.chain([FORM]).collect::<Vec<_>>().join("\n"))
@@ -159,7 +159,7 @@ macro_rules! unit_tables {
             /// # Errors
             /// [`Error::Io`], [`Error::Format`].
             pub(super) fn open(
-                unit: &Unit,
+                unit: &StoredUnit,
                 scenario: &'a str,
                 is_read: impl Fn(&str) -> bool,
             ) -> Result<Self> {
@@ -202,7 +202,7 @@ struct TableReader<R> {
 }
 
 impl<R: UnitRow> TableReader<R> {
-    fn open(unit: &Unit, text: Option<Vec<u8>>) -> Result<Self> {
+    fn open(unit: &StoredUnit, text: Option<Vec<u8>>) -> Result<Self> {
         let reader = text.map(|text| RowReader::new(&unit.path, Box::new(Cursor::new(text))));
         let mut reader = reader.transpose()?;
         let next = reader.as_mut().and_then(Iterator::next).transpose()?;
@@ -261,13 +261,13 @@ impl UnitWriter {
 
 /// A unit of a report's folder.
 #[derive(Clone, Debug)]
-pub struct Unit {
+pub struct StoredUnit {
     path: PathBuf,
     pub checksum: String,
     header: UnitHeader,
 }
 
-impl std::ops::Deref for Unit {
+impl std::ops::Deref for StoredUnit {
     type Target = UnitHeader;
 
     fn deref(&self) -> &UnitHeader {
@@ -275,7 +275,7 @@ impl std::ops::Deref for Unit {
     }
 }
 
-impl Unit {
+impl StoredUnit {
     /// Reads the header of a unit, and checks all of it; none if it is not there.
     ///
     /// # Errors

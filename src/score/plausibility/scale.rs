@@ -94,7 +94,7 @@ pub struct AlgorithmScale {
 
 impl MeasuredScales {
     /// Those of one algorithm, if there are some.
-    pub fn of(&self, label: &str) -> Option<Self> {
+    pub fn for_label(&self, label: &str) -> Option<Self> {
         let scale = self.algorithms.get(label)?;
         Some(Self {
             origin: self.origin.clone(),

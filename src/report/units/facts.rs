@@ -1,0 +1,202 @@
+//! What is known of a run besides the results of algorithms: files, pairs, losses, warnings.
+
+use super::BLOCK;
+use super::plan::PlannedAlgorithm;
+use crate::summary::TopicDelay;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use svl_core::inputs::FileStamp;
+use svl_core::stereo::Losses;
+use svl_score::manifest::{RunRecord, hash};
+
+/// What is known of a run besides the results of algorithms.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunFacts {
+    pub record: Option<RunRecord>,
+    /// The files that were opened, as they were: they only decide if the pairs are decoded again.
+    pub files: Vec<FileStamp>,
+    /// Digest of the runs whose pairs were registered before, which it has no copies of.
+    pub after: String,
+    /// The pairs, in their order.
+    pub pairs: Vec<PairFacts>,
+    /// All that is in no pair; none unless the run was read to its end.
+    pub losses: Option<Losses>,
+    /// The error that ended it early.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Its warnings, and those of algorithms, by their digests.
+    pub warnings: Vec<RunWarning>,
+    /// Delays of the topics that it reads maps from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub latency: Vec<TopicDelay>,
+}
+
+/// A pair of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PairFacts {
+    pub sequence: u64,
+    /// Digest of all that rows depend on: pixels, stamp, calibration, truth, pose and name.
+    pub hash: String,
+    /// True if it has a calibration.
+    pub has_rig: bool,
+    /// Hashes of the maps that others computed, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub maps: BTreeMap<String, String>,
+}
+
+impl RunFacts {
+    /// Digest of the content of all pairs, in their order.
+    pub fn inputs(&self) -> String {
+        let hashes: Vec<_> = self.pairs.iter().map(|pair| pair.hash.as_str()).collect();
+        hash(&hashes.join("\n"))
+    }
+
+    /// Adds the warnings that are known of the same pairs.
+    pub fn join(&mut self, other: &Self) {
+        for warning in &other.warnings {
+            warning.clone().add_to(&mut self.warnings);
+        }
+    }
+}
+
+impl PlannedAlgorithm<'_> {
+    /// The name of the unit of a block, of the pairs of the run so far.
+    pub fn unit_name(&self, block: u64, pairs: &[PairFacts]) -> String {
+        let end = pairs.len().min(((block + 1) * BLOCK) as usize);
+        let begin = match self.has_run_memory {
+            true => 0,
+            false => (block * BLOCK) as usize,
+        };
+        let mut text = self.digest.clone();
+        for pair in &pairs[begin.min(end)..end] {
+            text += &pair.hash;
+            let map = self.maps.as_ref().and_then(|name| pair.maps.get(name));
+            text += map.map_or("", String::as_str);
+        }
+        format!("{block:05}-{}", &hash(&text)[..16])
+    }
+}
+
+/// A warning of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunWarning {
+    /// Without the names of its algorithms.
+    pub text: String,
+    /// The algorithms that it is of; empty for one of the run itself.
+    pub algorithms: Vec<String>,
+}
+
+impl RunWarning {
+    /// A warning, which names its algorithms before a colon; none for that of a failure on a pair,
+    /// which a table has. Of algorithms it has the digests.
+    pub fn new(warning: String, algorithms: &[PlannedAlgorithm<'_>]) -> Option<Self> {
+        let digest = |label: &str| {
+            let mut own = algorithms.iter();
+            own.find(|own| own.label == label)
+                .map(|own| own.digest.clone())
+        };
+        let for_run = |text| Self {
+            text,
+            algorithms: Vec::new(),
+        };
+        let Some((head, text)) = warning.split_once(": ") else {
+            return Some(for_run(warning));
+        };
+        let failed = head.split_once(" on pair ");
+        if failed.is_some_and(|(label, _)| digest(label).is_some()) {
+            return None;
+        }
+        Some(match head.split(", ").map(digest).collect::<Option<_>>() {
+            Some(algorithms) => Self {
+                text: text.to_owned(),
+                algorithms,
+            },
+            None => for_run(warning),
+        })
+    }
+
+    /// Adds a warning to others: of one text the algorithms together.
+    pub fn add_to(self, warnings: &mut Vec<Self>) {
+        let is_same = |own: &&mut Self| {
+            own.text == self.text && own.algorithms.is_empty() == self.algorithms.is_empty()
+        };
+        match warnings.iter_mut().find(is_same) {
+            Some(own) => {
+                for label in self.algorithms {
+                    if !own.algorithms.contains(&label) {
+                        own.algorithms.push(label);
+                    }
+                }
+            }
+            None => warnings.push(self),
+        }
+    }
+
+    /// Its words, with its algorithms in the order of these.
+    pub fn words(&self, labels: &[&str]) -> String {
+        let named = labels.iter().copied();
+        let named = named.filter(|label| self.algorithms.iter().any(|own| own == label));
+        let named: Vec<_> = named.collect();
+        match named.is_empty() {
+            true => self.text.clone(),
+            false => format!("{}: {}", named.join(", "), self.text),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_named_by_what_its_rows_depend_on() {
+        let pair = |number: u64| PairFacts {
+            sequence: number,
+            hash: number.to_string(),
+            ..PairFacts::default()
+        };
+        let pairs: Vec<_> = (0..100).map(pair).collect();
+        let mut other = pairs.clone();
+        other[3].hash = "other".to_owned();
+        let mut mapped = pairs.clone();
+        mapped[70].maps = BTreeMap::from([("files:a".to_owned(), "map".to_owned())]);
+        // What the algorithm is, the pairs that differ, and the blocks whose names differ then.
+        for (has_run_memory, maps, changed, blocks) in [
+            (false, None, &other, vec![0]),
+            (true, None, &other, vec![0, 1]),
+            (false, None, &mapped, vec![]),
+            (false, Some("files:a"), &mapped, vec![1]),
+        ] {
+            let algorithm = PlannedAlgorithm {
+                label: "a",
+                digest: "digest".to_owned(),
+                has_run_memory,
+                maps: maps.map(str::to_owned),
+            };
+            let name = |pairs, block| algorithm.unit_name(block, pairs);
+            let differ = (0..2).filter(|block| name(&pairs, *block) != name(changed, *block));
+            assert_eq!(differ.collect::<Vec<_>>(), blocks);
+        }
+    }
+
+    #[test]
+    fn warnings_of_one_text_are_those_of_their_algorithms() {
+        let algorithm = |label| PlannedAlgorithm {
+            label,
+            digest: format!("digest of {label}"),
+            has_run_memory: false,
+            maps: None,
+        };
+        let algorithms = ["bm", "v3"].map(algorithm);
+        let warning = |text: &str| RunWarning::new(text.to_owned(), &algorithms);
+        assert_eq!(warning("bm on pair 3: too dark"), None);
+        assert_eq!(warning("run: dark").unwrap().text, "run: dark");
+        let mut all = Vec::new();
+        for text in ["bm: short", "v3: short", "bm, v3: short"] {
+            warning(text).unwrap().add_to(&mut all);
+        }
+        assert_eq!(all.len(), 1);
+        assert_eq!(all[0].algorithms, ["digest of bm", "digest of v3"]);
+        assert_eq!(all[0].words(&["digest of v3"]), "digest of v3: short");
+    }
+}
