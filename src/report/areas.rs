@@ -78,7 +78,8 @@ impl Summary {
             AreaChoice::Beyond => self.beyond_words().trim_start().to_owned(),
             AreaChoice::All => return None,
         };
-        (own < all && self.drives.is_empty()).then(|| format!("{own} of {all} scored cells are {words}"))
+        (own < all && self.drives.is_empty())
+            .then(|| format!("{own} of {all} scored cells are {words}"))
     }
 
     /// Caution where no cell is of the area.
