@@ -178,7 +178,7 @@ impl PriorTally {
             }
         }
         let median =
-            |(place, values): (_, Vec<f64>)| Some((place, lower_median(values.into_iter())?));
+            |(place, values): (_, Vec<f64>)| Some((place, lower_median(values)?));
         values.into_iter().filter_map(median).collect()
     }
 }
