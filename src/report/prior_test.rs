@@ -115,7 +115,7 @@ mod tests {
             assert_eq!(behind.behind_prior, ["own"]);
             assert!(!behind.is_usable(&behind.algorithms[0]));
         }
-        // Of few pairs, and of a scene that hardly changes, nothing is told.
+        // Few pairs, and a scene that hardly changes, tell nothing.
         let few = tested(20, half, |_| true);
         assert_eq!(
             (few.prior_test, few.behind_prior.len()),

@@ -80,7 +80,7 @@ pub struct BlockWriter {
     pub frames: UnitTable<FrameRow>,
     pub drives: UnitTable<DriveRow>,
     pub tracks: UnitTable<TrackRow>,
-    /// Of the cells of each pair, once for all algorithms.
+    /// The truth of each pair's cells, once for all algorithms.
     pub truths: UnitTable<TruthRow>,
 }
 
