@@ -177,8 +177,7 @@ impl PriorTally {
                 values.entry((cell.column, cell.row)).or_default().push(px);
             }
         }
-        let median =
-            |(place, values): (_, Vec<f64>)| Some((place, lower_median(values.into_iter())?));
+        let median = |(place, values): (_, Vec<f64>)| Some((place, lower_median(values)?));
         values.into_iter().filter_map(median).collect()
     }
 }

@@ -105,17 +105,17 @@ mod tests {
 
     #[test]
     fn an_algorithm_that_does_not_beat_the_prior_is_behind_it() {
-        let half = |i: u64| i % 2 == 0;
-        let all_but_few = |i: u64| i % 20 != 0;
+        let half = |i: u64| i.is_multiple_of(2);
+        let all_but_few = |i: u64| !i.is_multiple_of(20);
         let better = tested(200, half, all_but_few);
         assert_eq!(better.prior_test, PriorTest::Tested);
         assert!(better.behind_prior.is_empty() && better.is_usable(&better.algorithms[0]));
-        for own in [half, |i: u64| i % 3 == 0] {
+        for own in [half, |i: u64| i.is_multiple_of(3)] {
             let behind = tested(200, half, own);
             assert_eq!(behind.behind_prior, ["own"]);
             assert!(!behind.is_usable(&behind.algorithms[0]));
         }
-        // Of few pairs, and of a scene that hardly changes, nothing is told.
+        // Few pairs, and a scene that hardly changes, tell nothing.
         let few = tested(20, half, |_| true);
         assert_eq!(
             (few.prior_test, few.behind_prior.len()),

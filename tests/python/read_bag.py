@@ -28,9 +28,8 @@ def value(schema, message):
         assert message.distortion_model == "plumb_bob" and len(message.d) == 5 and message.roi.width == 0
         return float(sum(message.d) + sum(message.k) + sum(message.p) + sum(message.r))
     if schema == "tf2_msgs/msg/TFMessage":
-        (transform,) = message.transforms
-        t, q = transform.transform.translation, transform.transform.rotation
-        return t.x + t.y + t.z + q.x + q.y + q.z + q.w
+        parts = [(each.transform.translation, each.transform.rotation) for each in message.transforms]
+        return sum(t.x + t.y + t.z + q.x + q.y + q.z + q.w for t, q in parts)
     if schema == "sensor_msgs/msg/PointCloud2":
         assert [field.name for field in message.fields] == ["x", "y", "z", "probability"] and message.point_step == 16
         return float(np.frombuffer(bytes(message.data), "<f4").reshape(-1, 4)[:, 2].sum())

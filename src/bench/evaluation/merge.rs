@@ -24,9 +24,16 @@ impl Parts {
     /// Reads the folders that `svl score --shard` wrote.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for parts that are damaged, of another run, or not all; [`Error::Io`],
-    /// [`Error::Format`].
+    /// [`Error::Usage`] for a part that is named twice; [`Error::Invalid`] for parts that are
+    /// damaged, of another run, or not all; [`Error::Io`], [`Error::Format`].
     pub fn read(folders: &[PathBuf]) -> Result<Self> {
+        let mut known = BTreeSet::new();
+        for folder in folders {
+            if !known.insert(folder.canonicalize().map_err(|e| Error::io(folder, e))?) {
+                let shown = folder.display();
+                return Err(Error::Usage(format!("{shown}: this part is named twice")));
+            }
+        }
         let parts = folders.iter().map(|folder| FoundPart::read(folder));
         let parts = Self(parts.collect::<Result<_>>()?);
         parts.check_run()?;
@@ -35,11 +42,13 @@ impl Parts {
         Ok(parts)
     }
 
-    /// The folder of the part that is at that path.
-    pub fn folder_at(&self, path: &Path) -> Option<&Path> {
-        let path = path.canonicalize().ok()?;
+    /// The folder of the part that a path is in, or is.
+    pub fn folder_around(&self, path: &Path) -> Option<&Path> {
+        let path = std::path::absolute(path).ok()?;
+        // A path that is not there yet is in the nearest folder that is.
+        let path = path.ancestors().find_map(|own| own.canonicalize().ok())?;
         let mut folders = self.0.iter().map(|part| part.folder.as_path());
-        folders.find(|folder| folder.canonicalize().is_ok_and(|folder| folder == path))
+        folders.find(|folder| folder.canonicalize().is_ok_and(|own| path.starts_with(own)))
     }
 
     /// Copies their units, and the recordings of drives, into the folder of a report.

@@ -12,7 +12,6 @@ mod limited;
 mod live;
 mod live_topics;
 mod measured;
-#[cfg(feature = "ros2")]
 mod open;
 mod opened;
 mod plausible;

@@ -107,10 +107,14 @@ fn claim(folder: &Path, figures: Option<&Path>) -> svl::Result<Outputs> {
 /// Copies the parts of a run into the folder of their report.
 fn joined(parts: &[PathBuf], output: &Path, figures: Option<&Path>) -> anyhow::Result<Outputs> {
     let parts = Parts::read(parts)?;
-    if let Some(folder) = parts.folder_at(output) {
-        let shown = folder.display();
+    for (option, path) in [("-o", Some(output)), ("--figures", figures)] {
+        let Some((path, part)) = path.and_then(|path| Some((path, parts.folder_around(path)?)))
+        else {
+            continue;
+        };
+        let (path, part) = (path.display(), part.display());
         return Err(usage::wrong(format!(
-            "{shown}: is a part; name another folder with -o"
+            "{option} {path}: is in the part {part}; name a folder outside of the parts"
         )));
     }
     let outputs = claim(output, figures)?;

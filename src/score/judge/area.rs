@@ -94,7 +94,7 @@ impl FromStr for AreaChoice {
     fn from_str(text: &str) -> Result<Self, String> {
         Self::from_name(text).ok_or_else(|| {
             let names = Self::ALL.map(Self::name);
-            let hint = did_you_mean(text, names.into_iter());
+            let hint = did_you_mean(text, names);
             format!("there is no area '{text}'{hint}: {}", names.join(", "))
         })
     }

@@ -130,7 +130,10 @@ mod tests {
             Disparities,
             &["coverage", "total_bad2", "bad2", "passed", "time"],
         );
-        expect(Courses, &["finished", "collisions", "near_misses"]);
+        expect(
+            Courses,
+            &["finished", "collisions", "near_misses", "driven"],
+        );
         expect(
             NoTruth,
             &["known", "unrivalled", "agreed", "passed", "time"],

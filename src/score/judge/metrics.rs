@@ -1078,7 +1078,7 @@ const BY_AREA: usize = {
 pub struct MetricValues {
     /// Those of no area, and of obstacles.
     own: [Option<f64>; METRICS.len()],
-    /// Of floor, of what is beyond and of all, in the order of [`METRICS`].
+    /// Values over floor, over what is beyond and over all, in the order of [`METRICS`].
     areas: [[Option<f64>; BY_AREA]; 3],
     selected: AreaChoice,
 }
@@ -1294,7 +1294,7 @@ mod tests {
         let right = |area| values.in_area(area).get("right");
         let expected = [Some(3.0), Some(5.0), None, Some(8.0)];
         assert_eq!(AreaChoice::ALL.map(right), expected);
-        // What is near counts whatever its area.
+        // Near cells count in any area.
         let missed = |area| values.in_area(area).get("missed");
         assert_eq!(AreaChoice::ALL.map(missed), [Some(1.0); 4]);
         // Nothing is measured where no cell is of the area.

@@ -61,7 +61,7 @@ struct TrueQuarter {
     near: NearTruth,
 }
 
-/// What decides the score of a report in a cell, besides nearer surfaces.
+/// The truth that decides the score of a report in a cell, besides nearer surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellTruth {
     /// `None` if the median is unknown.
@@ -71,7 +71,7 @@ pub struct CellTruth {
     pub near: Option<NearTruth>,
 }
 
-/// What is near in a cell.
+/// The obstacles and the clear space in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NearTruth {
     /// A quarter of the cell is an obstacle: near, and not floor.
@@ -154,7 +154,7 @@ impl TrueCells {
         quarter.is_some_and(|quarter| quarter.near.is_obstacle)
     }
 
-    /// What decides the scores of a constant, by column and row, in raster order.
+    /// The truths that decide the scores of a constant, by column and row, in raster order.
     pub fn truths(&self) -> impl Iterator<Item = ((usize, usize), CellTruth)> {
         let cells = self.grid.iter().zip(&self.cells);
         cells.map(|((place, median), cell)| {
@@ -233,7 +233,7 @@ impl TrueCells {
     }
 }
 
-/// NearLimits of what is near in a frame.
+/// Limits of what is near in a frame.
 #[derive(Clone, Copy)]
 struct NearLimits<'a> {
     rule: CellRule,
@@ -279,7 +279,7 @@ impl TrueQuarter {
         let [_, clear_px] = limits.obstacle_and_clear_px();
         let range = above.range(NEAR_PERCENT).filter(|_| above.is_enough())?;
         let is_obstacle = match range {
-            // Whatever the parts without points hold, at most floor is nearer.
+            // The parts without points hold nothing nearer, or only floor.
             [FLOOR_PX, near_px] => {
                 let near_m = rig.and_then(|rig| rig.depth_m(near_px.into()));
                 near_m.is_none_or(|z| z >= obstacle_m).then_some(false)?
@@ -556,6 +556,16 @@ mod tests {
         Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap()
     }
 
+    fn rule_beyond(beyond_m: Option<f64>) -> CellRule {
+        CellRule::Distance {
+            tolerance_m: 0.1,
+            tolerance_percent: 20.0,
+            obstacle_m: 0.5,
+            clear_m: 0.75,
+            beyond_m,
+        }
+    }
+
     /// The score of a report in a cell of ten pixels, each with its true distance and surface.
     /// Points are the same, eight times in every part.
     fn judged(
@@ -564,13 +574,7 @@ mod tests {
         beyond_m: Option<f64>,
         reported_m: f64,
     ) -> CellJudgement {
-        let rule = CellRule::Distance {
-            tolerance_m: 0.1,
-            tolerance_percent: 20.0,
-            obstacle_m: 0.5,
-            clear_m: 0.75,
-            beyond_m,
-        };
+        let rule = rule_beyond(beyond_m);
         let disparity = Plane::from_fn(80, 8, |x, _| (10.0 / pixels[x / 8].0) as f32).unwrap();
         let surface = Plane::from_fn(80, 8, |x, _| pixels[x / 8].1).unwrap();
         let mut frame = frame(
@@ -617,16 +621,7 @@ mod tests {
     #[test]
     fn at_infinity_a_cell_is_beyond_if_something_is() {
         let infinity = depth_at(0.0, Some(&rig()));
-        let area = |beyond_m| {
-            let rule = CellRule::Distance {
-                tolerance_m: 0.1,
-                tolerance_percent: 20.0,
-                obstacle_m: 0.5,
-                clear_m: 0.75,
-                beyond_m,
-            };
-            area(&infinity, 0.0, rule)
-        };
+        let area = |beyond_m| area(&infinity, 0.0, rule_beyond(beyond_m));
         assert_eq!(
             [Some(2.0), None].map(area),
             [CellArea::Beyond, CellArea::Obstacle]

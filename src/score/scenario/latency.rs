@@ -12,7 +12,7 @@ use svl_core::{Error, Result};
     expecting = "expected milliseconds, or a table of them by algorithm"
 )]
 pub enum DriveLatency {
-    /// Of every algorithm but the ends of the scale, `truth` and `blind`.
+    /// One latency of all algorithms but the ends of the scale, `truth` and `blind`.
     All(f64),
     /// By an algorithm's label or name; the others have none.
     Each(BTreeMap<String, f64>),

@@ -189,5 +189,7 @@ fn each_cell_has_the_parts_of_its_score() {
     let json = fixture.json("match l.pgm r.pgm --algo v3 -o e.pfm --json");
     let cells = json["cells"].as_array().unwrap();
     assert!(cells.iter().all(|cell| cell.get("score").is_none()));
-    assert!(cells.iter().any(|cell| cell["reason"].is_string()));
+    fixture.write("flat.pgm", pgm(160, 96, &[7; 160 * 96]));
+    let json = fixture.json("match flat.pgm flat.pgm --algo v3 -o f.pfm --json");
+    assert_eq!(json["cells"][7]["reason"], "untextured");
 }

@@ -101,7 +101,7 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     for i in [1, 2] {
         fixture.run(&format!("{line} -q --shard {i}/2 -o part-{i}"));
     }
-    fixture.run("merge part-2 part-1 -o merged -q");
+    fixture.run("report part-2 part-1 -o merged -q");
     let merged: serde_json::Value =
         serde_json::from_str(&fixture.text("merged/summary.json")).unwrap();
     assert_eq!(merged["prior"], summary["prior"]);

@@ -212,7 +212,10 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     std::fs::create_dir(fixture.path("empty")).unwrap();
     fixture.fails(
         "
-        report p1 p2 -o p1 => 2: p1: is a part | -o
+        report p1 p2 -o p1 => 2: -o p1: is in the part p1
+        report p1 p2 -o p1/all/new => 2: -o p1/all/new: is in the part p1
+        report p1 p2 -o ok --figures p2/fig => 2: --figures p2/fig: is in the part p2
+        report p1 p2 ./p1 -o ok => 2: ./p1: this part is named twice
         report p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
         report p1 other -o all => 1: other: is not of the same run as p1 | algorithms
         report p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1

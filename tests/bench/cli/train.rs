@@ -46,7 +46,8 @@ fn cells_are_learned_and_the_table_decides() {
         let manifest = fixture.text(&format!("{out}/manifest.json"));
         let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
         let hash = manifest["algorithms"][0]["parameters_hash"].clone();
-        (json["algorithms"][0]["cells_right"].as_u64().unwrap(), hash)
+        let all = &json["algorithms"][0]["areas"]["all"];
+        (all["cells_right"].as_u64().unwrap(), hash)
     };
     // A path with slashes is not a list of values.
     std::fs::create_dir(fixture.path("of")).unwrap();

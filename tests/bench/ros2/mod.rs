@@ -97,7 +97,8 @@ fn live_results_are_published_and_proved_by_a_recording() {
     std::thread::scope(|scope| {
         scope.spawn(|| fixture.run(&format!("record {source} --duration 5 -o run.mcap")));
         let replayed = scope.spawn(|| fixture.run(&line));
-        let (topics, messages) = heard(&publish, "/svl/points", |_| true);
+        let names = ["/svl/points", "/svl/scan", "/svl/disparity", "/svl/depth"];
+        let (topics, messages) = heard(&publish, &names, |_| true);
         assert!(replayed.join().unwrap().contains("received "));
         let schema = |name: &str| {
             let found = topics.iter().find(|topic| topic.topic.name == name);
@@ -109,9 +110,10 @@ fn live_results_are_published_and_proved_by_a_recording() {
             "stereo_msgs/msg/DisparityImage",
             "sensor_msgs/msg/Image",
         ];
-        let topics = ["points", "scan", "disparity", "depth"];
-        let topics = topics.map(|topic| schema(&format!("/svl/{topic}")));
-        assert_eq!(topics, expected.map(|schema| Some(schema.to_owned())));
+        assert_eq!(
+            names.map(schema),
+            expected.map(|schema| Some(schema.to_owned()))
+        );
         // The stamp of the images.
         let [sec, nanosec] =
             [4, 8].map(|at| u32::from_le_bytes(*messages[at..].first_chunk().unwrap()));
@@ -135,10 +137,10 @@ fn live_results_are_published_and_proved_by_a_recording() {
     );
 }
 
-/// The published topics, and the first message of one of them that is wanted.
+/// All of the published topics, once `names` are among them, and the first wanted message of the first name.
 fn heard(
     address: &str,
-    name: &str,
+    names: &[&str],
     is_wanted: impl Fn(&[u8]) -> bool,
 ) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
     let end = Instant::now() + Duration::from_secs(40);
@@ -146,14 +148,15 @@ fn heard(
     let topics = loop {
         assert!(Instant::now() < end, "nothing is published");
         let topics = domain.topics();
-        if topics.iter().any(|found| found.topic.name == name) {
+        let is_found = |name: &&str| topics.iter().any(|found| found.topic.name == *name);
+        if names.iter().all(is_found) {
             break topics;
         }
         std::thread::sleep(Duration::from_millis(20));
     };
     let wanted: Vec<_> = topics
         .iter()
-        .filter(|found| found.topic.name == name)
+        .filter(|found| found.topic.name == names[0])
         .cloned()
         .collect();
     let mut inbox = TopicInbox::new(domain, &wanted).unwrap();
@@ -285,7 +288,7 @@ fn silence_is_published_and_has_a_reason() {
                 let mut places = message.windows(words.len() + 1);
                 places.any(|place| place.starts_with(words) && place[words.len()] >= b'4')
             };
-            let (_, message) = heard(&publish, "/diagnostics", is_stale);
+            let (_, message) = heard(&publish, &["/diagnostics"], is_stale);
             // The level follows header and count.
             assert_eq!(message[4 + 8 + 8 + 4], 3, "{message:?}");
             stale.store(true, Ordering::Relaxed);
