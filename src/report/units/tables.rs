@@ -1,8 +1,9 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
 use super::BLOCK;
+use super::facts::PairFacts;
 use super::plan::ReportPlan;
-use super::run::{PairFacts, RunUnits};
+use super::run::RunUnits;
 use super::unit::{UnitReader, UnitRows};
 use crate::accuracy::{AccuracyRow, AccuracyTally};
 use crate::agreed::ScoreRule;
