@@ -2,9 +2,11 @@
 //! what the system saw.
 #![cfg(target_os = "linux")]
 
-use super::fixture::Fixture;
-use super::losses::write_bag;
+use super::fixture::{Fixture, has};
+use super::losses::{messages, write_bag};
 use super::results::{json, unit_files};
+use super::videos::ffmpeg;
+use crate::recording::{bag, ros1};
 use rustix::fs::inotify::{CreateFlags, ReadFlags, Reader, WatchFlags, add_watch, init};
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::MaybeUninit;
@@ -77,7 +79,9 @@ fn every_file_that_is_opened_is_an_input() {
     fixture.write_euroc("60.0");
     std::fs::rename(fixture.path("mav0"), fixture.path("data/mav0")).unwrap();
     write_bag(&fixture, "data/bag.mcap", 0..9, 0..9, 0);
-    std::fs::create_dir(fixture.path("data/ros")).unwrap();
+    for folder in ["ros", "ros1", "ros2"] {
+        std::fs::create_dir(fixture.path(&format!("data/{folder}"))).unwrap();
+    }
     std::fs::copy(
         fixture.path("data/bag.mcap"),
         fixture.path("data/ros/bag_0.mcap"),
@@ -89,6 +93,14 @@ fn every_file_that_is_opened_is_an_input() {
          relative_file_paths:\n    - bag_0.mcap\n",
     );
     fixture.run("record data/pairs -o data/own.mcap");
+    let images = messages(0..9, 0..9, 0);
+    bag::write_sqlite(&fixture.path("data/ros2"), &images);
+    ros1::write_bag(&fixture.path("data/ros1"), &images, "lz4");
+    let has_ffmpeg = has("ffmpeg", &["-version"]);
+    if has_ffmpeg {
+        let film = "-f lavfi -i testsrc=size=128x48:rate=25 -frames:v 9 -c:v mjpeg data/both.mkv";
+        ffmpeg(&fixture, &film.split(' ').collect::<Vec<_>>());
+    }
     let scenes = "name = \"s\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"disparity\"\n\
                   tolerance_px = 2\n[source]\nkind = \"dataset\"\nscenes = [\"cones\"]\n";
     fixture.write("scenes.toml", scenes);
@@ -101,6 +113,9 @@ fn every_file_that_is_opened_is_an_input() {
         ("data/bag.mcap", 1),
         ("data/ros", 2),
         ("data/own.mcap", 1),
+        ("data/ros1/a.bag", 1),
+        ("data/ros2", 1),
+        ("data/both.mkv --side-by-side", usize::from(has_ffmpeg)),
     ]
     .into_iter()
     .enumerate()

@@ -3,19 +3,17 @@
 
 use super::fixture::{Fixture, assert_says, pgm};
 use super::shard::snakemake;
-use crate::recording::bag::{self, ros_image};
+use crate::recording::bag::{self, Message, ros_image};
 use serde_json::Value;
 
 const SIZE: (usize, usize) = (24, 16);
 
-/// A bag with images of both cameras at these numbers, thirty a second; `seed` changes the pixels.
-pub(super) fn write_bag(
-    fixture: &Fixture,
-    name: &str,
+/// Images of both cameras at these numbers, thirty a second; `seed` changes the pixels.
+pub(super) fn messages(
     lefts: impl Iterator<Item = u64>,
     rights: impl Iterator<Item = u64>,
     seed: usize,
-) {
+) -> Vec<Message> {
     let pixel = |i: usize| (i * i + seed) % 251;
     let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(|i| pixel(i) as u8).collect();
     let image = |topic, i: u64| {
@@ -32,8 +30,19 @@ pub(super) fn write_bag(
         .chain(rights.map(|i| image("/cam1/image_rect", i)))
         .collect();
     messages.sort_by_key(|message| message.log_time);
+    messages
+}
+
+/// Writes these images into a bag.
+pub(super) fn write_bag(
+    fixture: &Fixture,
+    name: &str,
+    lefts: impl Iterator<Item = u64>,
+    rights: impl Iterator<Item = u64>,
+    seed: usize,
+) {
     let folder = tempfile::tempdir().unwrap();
-    let written = bag::write(folder.path(), &messages);
+    let written = bag::write(folder.path(), &messages(lefts, rights, seed));
     std::fs::copy(written, fixture.path(name)).unwrap();
 }
 

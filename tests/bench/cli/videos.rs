@@ -7,7 +7,8 @@ use std::process::Command;
 
 const RECORD: &str = "record films --left left.mp4 --right right.mp4 -o out.mcap --force";
 
-fn ffmpeg(fixture: &Fixture, args: &[&str]) {
+/// Runs ffmpeg in the folder of a fixture.
+pub(super) fn ffmpeg(fixture: &Fixture, args: &[&str]) {
     let ran = Command::new("ffmpeg")
         .args(["-v", "error", "-y"])
         .args(args)

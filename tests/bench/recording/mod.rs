@@ -21,7 +21,7 @@ mod poses;
 mod realsense;
 mod recorded_depth;
 mod recovery;
-mod ros1;
+pub(crate) mod ros1;
 mod round_trip;
 mod seek;
 mod sensor;

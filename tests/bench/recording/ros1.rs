@@ -181,7 +181,7 @@ fn write(folder: &Path, bytes: &[u8]) -> PathBuf {
 }
 
 /// Writes the messages into a bag with that compression.
-pub(super) fn write_bag(folder: &Path, messages: &[Message], compression: &str) -> PathBuf {
+pub(crate) fn write_bag(folder: &Path, messages: &[Message], compression: &str) -> PathBuf {
     let pack: fn(&[u8]) -> Vec<u8> = match compression {
         "lz4" => lz4,
         "bz2" => bz2,
