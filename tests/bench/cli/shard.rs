@@ -1,102 +1,10 @@
-//! `svl score --shard` and `svl report -o`: parts make the report of one machine.
+//! `svl score --shard` and `svl report -o`: workflows, and parts that do not make a whole.
 
 use super::fixture::{Fixture, assert_says};
 use super::results::{assert_same_report, unit_files};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// The lines of a table without times, run and recording, which vary.
-fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
-    let text = fixture.text(table);
-    let mut lines = csv::Reader::from_reader(text.as_bytes());
-    let heads = lines.headers().unwrap().clone();
-    let but = [
-        "_us",
-        "_ms",
-        "_s",
-        "outliers",
-        "memory_mb",
-        "session",
-        "recording",
-    ];
-    let differs = |head: &str| head != "stood_s" && but.iter().any(|ending| head.ends_with(ending));
-    let kept = |line: csv::StringRecord| {
-        let cells = line.iter().zip(&heads).filter(|(_, head)| !differs(head));
-        cells.map(|(cell, _)| cell.to_owned()).collect()
-    };
-    lines.records().map(|line| kept(line.unwrap())).collect()
-}
-
-/// Runs all shards and merges them, the last first.
-fn merged(fixture: &Fixture, line: &str, shards: usize) {
-    let part = |i: usize| format!("part-{shards}-{i}");
-    for i in 1..=shards {
-        fixture.run(&format!("{line} --shard {i}/{shards} -o {}", part(i)));
-    }
-    let parts: Vec<_> = (1..=shards).rev().map(part).collect();
-    fixture.run(&format!("report {} -o all-{shards} -q", parts.join(" ")));
-}
-
-#[test]
-fn parts_make_the_tables_and_hashes_of_one_machine() {
-    let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 4);
-    let line = "score short.toml --algo v3 --algo bm --algo v1 --stress noise=8 -q --rerun none";
-    fixture.run(&format!("{line} -o whole"));
-    let hashes = |report: &str| {
-        let text = fixture.text(&format!("{report}/manifest.json"));
-        let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
-        let algorithms = manifest["algorithms"].as_array().unwrap();
-        let results: Vec<_> = algorithms
-            .iter()
-            .map(|a| a["results_hash"].clone())
-            .collect();
-        (manifest["pairs_hash"].clone(), results)
-    };
-    // Sixteen shards exceed the number of units.
-    let numbers: &[usize] = if crate::common::is_nightly() {
-        &[1, 3, 16]
-    } else {
-        &[3]
-    };
-    for &shards in numbers {
-        merged(&fixture, line, shards);
-        let all = format!("all-{shards}");
-        for table in ["rows", "cells", "checkpoints", "summary", "verdicts"] {
-            let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-            assert_eq!(
-                table_lines(&all),
-                table_lines("whole"),
-                "{table} of {shards}"
-            );
-        }
-        assert_eq!(hashes(&all), hashes("whole"));
-    }
-    // A part has no report: its blocks are those of some pairs.
-    assert!(!fixture.path("part-3-1/summary.json").exists());
-    let page = fixture.text("all-3/index.html");
-    // The page escapes the slash.
-    assert_says(&page, &["threads, shard 2"]);
-}
-
-#[test]
-fn shards_into_one_folder_make_the_report_with_the_last_one() {
-    let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 4);
-    let line = "score short.toml --algo v3 --algo bm -q --rerun none";
-    let first = fixture.run(&format!("{line} --shard 1/2 -o r"));
-    assert_says(&first, &["r: this shard is whole"]);
-    assert!(!fixture.path("r/summary.json").exists());
-    let report = fixture.svl("report r");
-    report.failed(4, &["1 of 2 runs not whole, from seed 2 on"]);
-    fixture.run(&format!("{line} --shard 2/2 -o r"));
-    fixture.run(&format!("{line} -o whole"));
-    for table in ["rows", "cells", "checkpoints", "summary"] {
-        let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-        assert_eq!(table_lines("r"), table_lines("whole"), "{table}");
-    }
-}
 
 /// The command that runs the workflow with these values of `--config`; `None` without Snakemake.
 fn workflow(fixture: &Fixture, config: &[&str]) -> Option<Command> {
@@ -185,20 +93,6 @@ fn a_workflow_is_that_of_its_scenario_and_its_options_also_after_a_kill() {
 }
 
 #[test]
-fn drives_are_shared_out_too() {
-    let fixture = super::drive::driven();
-    merged(&fixture, "score small.toml -q --drives none", 2);
-    for table in ["rows", "cells", "drives", "tracks", "summary"] {
-        let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-        assert_eq!(table_lines("all-2"), table_lines("r"), "{table}");
-    }
-    assert_eq!(
-        fixture.text("all-2/courses.json"),
-        fixture.text("r/courses.json")
-    );
-}
-
-#[test]
 fn parts_that_do_not_make_a_whole_are_refused() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
@@ -241,13 +135,7 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     assert_eq!(ran.code, Some(0));
     assert_says(&ran.stderr, &[".unit: was cut or edited"]);
     fixture.run("report p1 p2 -o all -q");
-    let missing = |report: &str| {
-        let text = fixture.text(&format!("{report}/summary.json"));
-        serde_json::from_str::<serde_json::Value>(&text).unwrap()["missing"].take()
-    };
-    assert_eq!(missing("all"), missing("whole"));
-    for table in ["rows", "cells", "checkpoints", "summary"] {
-        let table_lines = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
-        assert_eq!(table_lines("all"), table_lines("whole"), "{table}");
-    }
+    assert_same_report(&fixture, ["all", "whole"], "damaged and matched again");
+    // The page escapes the slash.
+    assert_says(&fixture.text("all/index.html"), &["threads, shard 2"]);
 }
