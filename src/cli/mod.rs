@@ -28,23 +28,32 @@ pub(crate) struct Cli {
     command: Command,
 
     /// Threads to compute with [default: one per core; bench: 1]
-    #[arg(long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16))]
+    #[arg(
+        long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16),
+        help_heading = "Run"
+    )]
     threads: Option<u16>,
 
     /// More messages: -v progress, -vv details
     ///
     /// With --version, the digest of svl's sources, which results depend on.
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Run")]
     verbose: u8,
 
     /// Print only results and errors
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        help_heading = "Run"
+    )]
     quiet: bool,
 
     /// Print help: -h the options used most, --help all
     #[arg(
-        short, long, global = true, action = clap::ArgAction::Help,
-        display_order = 900
+        short, long, global = true, action = clap::ArgAction::Help, display_order = 900,
+        help_heading = "Run"
     )]
     help: Option<bool>,
 }

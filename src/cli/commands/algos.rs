@@ -17,12 +17,17 @@ pub(crate) struct Args {
     name: Option<&'static MatcherSpec>,
 
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 
     /// Print a file for programs behind exec: the Python module, the C++ header, or a program that
     /// runs networks in ONNX or PyTorch, or OpenCV's matchers
-    #[arg(long, value_name = "KIND", conflicts_with = "json")]
+    #[arg(
+        long,
+        value_name = "KIND",
+        conflicts_with = "json",
+        help_heading = "Output"
+    )]
     example: Option<Example>,
 }
 

@@ -29,12 +29,15 @@ Examples:
   SVL_ISA=avx2 svl bench      as a CPU without AVX-512 would; or portable")]
 pub(crate) struct Args {
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: all of svl's own]
-    #[arg(long, value_name = "ALGO", value_parser = algorithm)]
+    #[arg(long, value_name = "ALGO", value_parser = algorithm, help_heading = "Input")]
     algo: Vec<(Algorithm, bool)>,
     #[command(flatten)]
     filters: FilterArgs,
     /// Size of the images
-    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
+    #[arg(
+        long, value_name = "WxH", default_value = "320x240", value_parser = size,
+        help_heading = "Input"
+    )]
     size: (usize, usize),
     /// Disparities 0..=N, for algorithms that do not set their own
     #[arg(
@@ -43,7 +46,7 @@ pub(crate) struct Args {
     )]
     max_disparity: u16,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

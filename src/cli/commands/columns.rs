@@ -17,10 +17,10 @@ pub(in crate::cli) struct Args {
     #[arg(value_name = "TABLE", value_parser = table)]
     table: Option<&'static TableDescription>,
     /// Print JSON
-    #[arg(long, conflicts_with = "markdown")]
+    #[arg(long, conflicts_with = "markdown", help_heading = "Output")]
     json: bool,
     /// Print the page docs/tables.md
-    #[arg(long, conflicts_with = "table")]
+    #[arg(long, conflicts_with = "table", help_heading = "Output")]
     markdown: bool,
 }
 

@@ -46,34 +46,49 @@ pub(crate) struct Args {
     reports: Vec<String>,
     /// Compare the algorithm BASE of the first report with OTHER of the others; those of equal
     /// names are compared, too
-    #[arg(long, value_name = "BASE=OTHER")]
+    #[arg(long, value_name = "BASE=OTHER", help_heading = "Input")]
     map: Vec<String>,
     /// Write the page of two reports: changes, and the frames or courses that changed most
-    #[arg(short, long, value_name = "FILE.html")]
+    #[arg(short, long, value_name = "FILE.html", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
     /// not in the first report, always count as worse
-    #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
+    #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on, help_heading = "Scoring")]
     fail_on: Vec<FailOn>,
     /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(long, value_name = "AREA", default_value_t)]
+    #[arg(
+        long,
+        value_name = "AREA",
+        default_value_t,
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     area: AreaChoice,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
     ///
     /// `svl columns metrics` lists them.
-    #[arg(long, value_name = "NAMES", conflicts_with_all = ["markdown", "json"])]
+    #[arg(
+        long, value_name = "NAMES", conflicts_with_all = ["markdown", "json"],
+        help_heading = "Output"
+    )]
     columns: Option<ColumnChoice>,
     /// Write the metrics of --fail-on as JUnit's XML
-    #[arg(long, value_name = "FILE.xml", requires = "fail_on")]
+    #[arg(
+        long,
+        value_name = "FILE.xml",
+        requires = "fail_on",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     junit: Option<PathBuf>,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// Print at most ten lines of Markdown per comparison, for a pull request
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long, conflicts_with = "json", help_heading = "Output")]
     markdown: bool,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

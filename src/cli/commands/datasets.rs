@@ -20,10 +20,10 @@ Examples:
   svl datasets --json")]
 pub(crate) struct Args {
     /// Folder of the data sets [default: SVL_DATASETS]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Input")]
     data: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

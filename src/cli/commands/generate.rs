@@ -29,7 +29,7 @@ enum Generated {
     #[command(after_help = "Examples:\n  svl generate man > svl.1\n  svl generate man -o man1")]
     Man {
         /// Folder for a page per command; existing pages are replaced
-        #[arg(short, long, value_name = "DIR")]
+        #[arg(short, long, value_name = "DIR", help_heading = "Output")]
         output: Option<PathBuf>,
     },
 }

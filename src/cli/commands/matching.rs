@@ -45,35 +45,40 @@ pub(crate) struct Args {
     right: PathBuf,
     /// Algorithm, as NAME[:key=value,…]; `svl algos` lists them
     #[arg(
-        long, value_name = "ALGO", default_value = "v5",
-        value_parser = usage::algorithm
+        long, value_name = "ALGO", default_value = "v5", value_parser = usage::algorithm,
+        help_heading = "Input"
     )]
     algo: Algorithm,
     /// File of the disparities, or of the point cloud
     #[arg(
         short, long, value_name = "OUT.pfm|OUT.png|CLOUD.ply",
-        value_parser = usage::ending(&["pfm", "png", "ply"])
+        value_parser = usage::ending(&["pfm", "png", "ply"]), help_heading = "Output"
     )]
     output: PathBuf,
     /// File of the reason of each invalid pixel
-    #[arg(long, value_name = "WHY.png", value_parser = usage::ending(&["png"]))]
+    #[arg(
+        long, value_name = "WHY.png", value_parser = usage::ending(&["png"]),
+        help_heading = "Output"
+    )]
     why: Option<PathBuf>,
     /// Picture of the disparities
-    #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
+    #[arg(
+        long, value_name = "P.png", value_parser = usage::ending(&["png"]), help_heading = "Output"
+    )]
     preview: Option<PathBuf>,
     /// Calibration, for distances; of raw cameras, the images are rectified first
     ///
     /// Any format that `svl calibrate convert` reads. Write two files as left.yaml,right.yaml.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     calib: Option<PathBuf>,
     /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
-    #[arg(long, value_name = "N", value_parser = usage::within(8..=16u8))]
+    #[arg(long, value_name = "N", value_parser = usage::within(8..=16u8), help_heading = "Input")]
     bits: Option<u8>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
 }
 

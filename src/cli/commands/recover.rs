@@ -21,13 +21,16 @@ pub(crate) struct Args {
     /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
     file: PathBuf,
     /// File to write
-    #[arg(short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]))]
+    #[arg(
+        short, long, value_name = "OUT.mcap", value_parser = usage::ending(&["mcap"]),
+        help_heading = "Output"
+    )]
     output: PathBuf,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
 }
 

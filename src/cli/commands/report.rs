@@ -36,34 +36,50 @@ pub(in crate::cli) struct Args {
     #[arg(value_name = "FOLDER", required = true)]
     folders: Vec<PathBuf>,
     /// Folder for the report of the parts; an existing report of svl's is replaced
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Metrics that the table shows: all or NAME,…
     ///
     /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
-    #[arg(long, value_name = "NAMES")]
+    #[arg(long, value_name = "NAMES", help_heading = "Output")]
     columns: Option<ColumnChoice>,
     /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(long, value_name = "AREA", default_value_t)]
+    #[arg(
+        long,
+        value_name = "AREA",
+        default_value_t,
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     area: AreaChoice,
     /// Sort the algorithms by a metric, the best first
-    #[arg(long, value_name = "METRIC", value_parser = metric)]
+    #[arg(long, value_name = "METRIC", value_parser = metric, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Fail if a limit of the scenario's [[gate]] fails or is not measured
-    #[arg(long)]
+    #[arg(long, help_heading = "Scoring")]
     gate: bool,
     /// Folder, new or empty, for each plot of the page as an SVG file
-    #[arg(long, value_name = "DIR")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     figures: Option<PathBuf>,
     /// Loss with which the exit status is still 0: N pairs, or P per cent [default: the scenario's;
     /// of parts, the strictest of theirs]
-    #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "N|P%",
+        allow_negative_numbers = true,
+        help_heading = "Scoring"
+    )]
     allow_loss: Option<LossLimit>,
     /// Explain the columns
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     explain: bool,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -34,13 +34,19 @@ pub(crate) struct Args {
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,
     /// Folder for the report; an existing report of svl's is replaced
-    #[arg(short, long, value_name = "DIR", default_value = "reports/reproduce")]
+    #[arg(
+        short,
+        long,
+        value_name = "DIR",
+        default_value = "reports/reproduce",
+        help_heading = "Output"
+    )]
     output: PathBuf,
     /// Folder of the data sets, for experiments on real scenes [default: SVL_DATASETS, else none]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Input")]
     data: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct Args {
     /// A recording (.mcap), a run (.rrd), or the folder of a report
     file: PathBuf,
     /// Serve the viewer to a browser, until Ctrl-C
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     web: bool,
 }
 

@@ -13,7 +13,8 @@ pub(crate) struct FilterArgs {
     ///
     /// A file that `svl train filter` wrote. May be given once for floor and once for too-close.
     #[arg(
-        long, value_name = "FILE", value_parser = usage::ending(&["safetensors"])
+        long, value_name = "FILE", value_parser = usage::ending(&["safetensors"]),
+        help_heading = "Input"
     )]
     filter: Vec<PathBuf>,
 }

@@ -1,5 +1,4 @@
-//! Help: the groups of the front page, the headings of options, and the options that only `--help`
-//! shows.
+//! Help: the groups of the front page, and the order of the headings that options declare.
 
 use super::source::{CameraArgs, sources_help};
 use super::terminal::{LAST_COLUMN, wrapped};
@@ -26,36 +25,12 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Thesis", &["reproduce"]),
 ];
 
-/// Headings in their order, and the options of those that declare none, by their names.
-const HEADINGS: &[(&str, &str)] = &[
-    (
-        "Input",
-        "algo sample filter kind data seed frames duration bits calib size from unit scenario \
-         model target squares square_m object_map mask right_truth disparity_scale map list test \
-         grid from_truth pairs",
-    ),
-    (
-        "Scoring",
-        "near_m beyond_m shape tolerance stress repeat check gate fail_on allow_loss protocol \
-         max_disparity verify",
-    ),
-    ("Training", "tables_only fit_seed epochs hidden"),
-    (
-        "Output",
-        "output force rows cells why preview error_map figure figures table \
-         compress ros2 publish dense near rerun drives area \
-         sort columns explain junit print_scenario to rectify example web markdown json",
-    ),
-    (
-        "Run",
-        "times prune shard script speed yes threads verbose quiet help version",
-    ),
-];
+/// Headings in their order. clap shows them in the order of their first arguments; one of a command
+/// alone comes behind the first.
+const HEADINGS: [&str; 5] = ["Input", "Scoring", "Training", "Output", "Run"];
 
-/// Options that only `--help` shows, not `-h`.
-const LONG_OPTIONS: &str = "\
-    sample beyond_m shape tolerance area figures publish dense near drives times \
-    prune junit print_scenario script epochs pairs";
+/// The headings of options that commands share, which one page explains.
+const SHARED: [&str; 2] = ["Source", "Cameras"];
 
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
@@ -130,54 +105,35 @@ fn with_default_in_help(arg: Arg) -> Arg {
     }
 }
 
-/// True for an id that is one of these words.
-fn is_named(ids: &str, id: &clap::Id) -> bool {
-    ids.split(' ').any(|own| id == own)
+/// True for an option that commands share.
+fn is_shared(arg: &Arg) -> bool {
+    arg.get_help_heading()
+        .is_some_and(|own| SHARED.contains(&own))
 }
 
-/// The names of an argument group's options.
-fn ids<A: Args>() -> Vec<clap::Id> {
-    let command = A::augment_args(Command::new(""));
-    command
-        .get_arguments()
-        .map(|arg| arg.get_id().clone())
-        .collect()
-}
-
-/// The command with a heading for each option, and with what `-h` shows of it.
+/// The command with its options in the order of their headings, and with what `-h` shows of them.
 fn with_headings(command: Command, path: &str) -> Command {
-    let shared = [
-        ("Source", ids::<SourceOptions>()),
-        ("Cameras", ids::<CameraArgs>()),
-    ];
-    // A name of one group may be another option of a command without that group.
-    let has = |ids: &[clap::Id]| {
-        ids.iter()
-            .all(|id| command.get_arguments().any(|arg| arg.get_id() == id))
-    };
-    let shared: Vec<_> = shared.into_iter().filter(|(_, ids)| has(ids)).collect();
-    let has_sources = !shared.is_empty();
     let command = command.mut_args(|arg| {
         let arg = with_default_in_help(accepting_negative_numbers(arg));
-        let id = arg.get_id();
-        if let Some((heading, _)) = shared.iter().find(|(_, ids)| ids.contains(id)) {
-            let arg = arg.help_heading(*heading).hide_short_help(true);
-            return arg.hide_long_help(path != SOURCES_PAGE);
+        if arg.is_positional() {
+            // Not that of options flattened before it.
+            return arg.help_heading(None);
         }
-        let is_long = is_named(LONG_OPTIONS, id);
-        let heading = HEADINGS.iter().find(|(_, ids)| is_named(ids, id));
-        let heading = heading.filter(|_| !arg.is_positional() && arg.get_help_heading().is_none());
-        let arg = match heading {
-            Some((heading, _)) => arg.help_heading(*heading),
-            None => arg,
-        };
-        arg.hide_short_help(is_long)
+        match is_shared(&arg) {
+            true => arg
+                .hide_short_help(true)
+                .hide_long_help(path != SOURCES_PAGE),
+            false => arg,
+        }
     });
-    // clap shows headings in the order of their first arguments; a command's own are in the middle.
     let place = |arg: &Arg| {
         let own = arg.get_help_heading()?;
-        let place = HEADINGS.iter().position(|(heading, _)| own == *heading);
-        Some(place.unwrap_or(1))
+        Some(
+            HEADINGS
+                .iter()
+                .position(|heading| own == *heading)
+                .unwrap_or(1),
+        )
     };
     let mut sorted: Vec<_> = command.get_arguments().cloned().collect();
     sorted.sort_by_key(place);
@@ -186,12 +142,13 @@ fn with_headings(command: Command, path: &str) -> Command {
     let below = command.get_after_help().map(StyledStr::to_string);
     let mut below = below.unwrap_or_default();
     let mut short = String::new();
-    if has_sources && path != SOURCES_PAGE {
+    let shared = command
+        .get_arguments()
+        .filter(|arg| is_shared(arg) && !arg.is_hide_set());
+    let names = shared.filter_map(|arg| Some(format!("--{}", arg.get_long()?)));
+    let names = names.collect::<Vec<_>>().join(" ");
+    if !names.is_empty() && path != SOURCES_PAGE {
         short += "Source options: svl help sources\n";
-        let shown = command.get_arguments().filter(|arg| !arg.is_hide_set());
-        let own = shown.filter(|arg| shared.iter().any(|(_, ids)| ids.contains(arg.get_id())));
-        let names = own.filter_map(|arg| Some(format!("--{}", arg.get_long()?)));
-        let names = names.collect::<Vec<_>>().join(" ");
         let names = wrapped("", 2, &names, LAST_COLUMN);
         below = format!("Source, as svl help sources explains:\n{names}\n{below}");
     }

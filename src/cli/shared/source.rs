@@ -22,6 +22,7 @@ pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
 
 /// Options that only cameras accept.
 #[derive(clap::Args)]
+#[command(next_help_heading = "Cameras")]
 pub(crate) struct CameraArgs {
     /// Trigger source: svl when both cameras are armed, the trigger controller at DEVICE when both
     /// are armed, svl at a fixed rate, or none: free-running cameras [default: software where the

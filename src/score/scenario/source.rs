@@ -23,6 +23,7 @@ const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 /// Each is a key of `[source]` and, except a few, an option of the command line, which overrides
 /// the key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, clap::Args)]
+#[command(next_help_heading = "Source")]
 #[serde(deny_unknown_fields)]
 pub struct SourceOptions {
     #[arg(skip)]

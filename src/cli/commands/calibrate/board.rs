@@ -51,40 +51,43 @@ pub(super) struct Args {
     source: String,
     /// Inner corners of the board along its sides, where four squares meet: one less than its
     /// squares
-    #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares)]
+    #[arg(
+        long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = squares,
+        help_heading = "Input"
+    )]
     squares: (usize, usize),
     /// Side of a square, metres, as measured [default: unknown, and lengths are in squares]
     #[arg(
         long, value_name = "S", allow_negative_numbers = true,
-        value_parser = usage::within(1e-4..=100.0)
+        value_parser = usage::within(1e-4..=100.0), help_heading = "Input"
     )]
     square_m: Option<f64>,
     /// Distortion model of both cameras: plumb_bob; rational_polynomial, for wide lenses;
     /// equidistant, for fisheyes
-    #[arg(long, value_name = "MODEL", default_value_t)]
+    #[arg(long, value_name = "MODEL", default_value_t, help_heading = "Input")]
     model: DistortionModel,
     /// Accept every pair that helps, without asking
-    #[arg(short, long)]
+    #[arg(short, long, help_heading = "Run")]
     yes: bool,
     /// Calibration to write; the report and the accepted pairs go into a folder beside it,
     /// OUT-report
     #[arg(
         short, long, value_name = "OUT.xml|.yaml",
-        value_parser = usage::ending(&["xml", "yaml", "yml"])
+        value_parser = usage::ending(&["xml", "yaml", "yml"]), help_heading = "Output"
     )]
     output: PathBuf,
     /// Rerun: spawn, URL, FILE.rrd, or none [default: spawn, with --yes none]
     ///
     /// A new viewer, a running one, a file, or none.
-    #[arg(long, value_name = "WHERE")]
+    #[arg(long, value_name = "WHERE", help_heading = "Output")]
     rerun: Option<RerunChoice>,
     #[command(flatten)]
     options: SourceOptions,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     #[command(flatten)]
     cameras: CameraArgs,

@@ -36,11 +36,12 @@ pub(super) struct Args {
     /// Measure this many pairs, spread over all
     #[arg(
         long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
-        value_parser = usage::within(1..=1_000_000u32)
+        value_parser = usage::within(1..=1_000_000u32), help_heading = "Input",
+        hide_short_help = true
     )]
     pairs: u32,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -24,27 +24,27 @@ pub(super) struct Args {
     #[arg(value_name = "B")]
     output: PathBuf,
     /// Format of A [default: detected from its content]
-    #[arg(long, value_name = "FORMAT", value_parser = files::format)]
+    #[arg(long, value_name = "FORMAT", value_parser = files::format, help_heading = "Input")]
     from: Option<&'static CalibrationFormat>,
     /// Format of B [default: by its file extension; .yaml and .yml are opencv]
-    #[arg(long, value_name = "FORMAT", value_parser = written)]
+    #[arg(long, value_name = "FORMAT", value_parser = written, help_heading = "Output")]
     to: Option<&'static CalibrationFormat>,
     /// Unit of length of A, where A does not state it: m, cm, mm, squares, squares=SIDE_IN_METRES
-    #[arg(long)]
+    #[arg(long, help_heading = "Input")]
     unit: Option<FileUnit>,
     /// Width and height of A's images in pixels, where A does not state them
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = size, help_heading = "Input")]
     size: Option<(usize, usize)>,
     /// Distortion model of A, where A does not state it: plumb_bob, rational_polynomial, or
     /// equidistant for a file of cv2.fisheye
-    #[arg(long)]
+    #[arg(long, help_heading = "Input")]
     model: Option<DistortionModel>,
     /// Compute the rectification (Bouguet's method), for formats that need one and an A without or
     /// with another
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     rectify: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
 }
 

@@ -47,33 +47,47 @@ pub(crate) struct Args {
     /// True disparities: .pfm, .npz, .png, .pgm; or a folder of them
     ground_truth: PathBuf,
     /// Protocol: middeval3, middlebury-v2, eth3d, kitti12 or kitti15
-    #[arg(long)]
+    #[arg(long, help_heading = "Scoring")]
     protocol: Protocol,
     /// Score only pixels where this image is 255; may be given more than once, for a column each
-    #[arg(long, value_name = "M.png")]
+    #[arg(long, value_name = "M.png", help_heading = "Input")]
     mask: Vec<PathBuf>,
     /// Score only pixels that both cameras see, by the truth of the right image (cross-check at 1
     /// px)
-    #[arg(long, value_name = "FILE", conflicts_with = "mask")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "mask",
+        help_heading = "Input"
+    )]
     right_truth: Option<PathBuf>,
     /// KITTI 2015's objects, 0 being the background: without it there is only d1_all
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Input")]
     object_map: Option<PathBuf>,
     /// Clip to this disparity, as middeval3 does to `ndisp` of calib.txt (pixels of DISPARITY)
-    #[arg(long, value_name = "N", value_parser = usage::within(0.001..=65536.0))]
+    #[arg(
+        long, value_name = "N", value_parser = usage::within(0.001..=65536.0),
+        help_heading = "Scoring"
+    )]
     max_disparity: Option<f64>,
     /// Factor by which images of truth multiply disparities; required for 8-bit images (an 8-bit
     /// DISPARITY has the same factor) [default: 256 for 16 bits]
-    #[arg(long, value_name = "S", value_parser = usage::within(0.001..=65536.0))]
+    #[arg(
+        long, value_name = "S", value_parser = usage::within(0.001..=65536.0),
+        help_heading = "Input"
+    )]
     disparity_scale: Option<f64>,
     /// Picture of the errors in KITTI's colours
-    #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
+    #[arg(
+        long, value_name = "OUT.png", value_parser = usage::ending(&["png"]),
+        help_heading = "Output"
+    )]
     error_map: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
 }
 

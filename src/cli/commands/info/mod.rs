@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// of images, or live topics: ros2:[LEFT,RIGHT]
     file: PathBuf,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

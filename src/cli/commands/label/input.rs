@@ -14,7 +14,7 @@ pub(super) struct LabelInput {
     #[arg(value_parser = SourceParser, hide_possible_values = true)]
     pub(super) source: String,
     /// Seed of a simulated source [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Input")]
     pub(super) seed: Option<u64>,
     #[command(flatten)]
     pub(super) options: SourceOptions,

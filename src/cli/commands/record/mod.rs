@@ -27,35 +27,42 @@ pub(crate) struct Args {
     /// File to write [default: recordings/SOURCE-N.mcap]
     ///
     /// -: the rectified pairs to standard output, in the form of docs/exec-protocol.md.
-    #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending_or_stdout(&["mcap"]))]
+    #[arg(
+        short, long, value_name = "FILE.mcap", value_parser = usage::ending_or_stdout(&["mcap"]),
+        help_heading = "Output"
+    )]
     output: Option<PathBuf>,
     /// Largest number of pairs
     #[arg(
         long, value_name = "N", conflicts_with = "duration",
-        value_parser = usage::within(1..=1_000_000_000_000u64)
+        value_parser = usage::within(1..=1_000_000_000_000u64), help_heading = "Input"
     )]
     frames: Option<u64>,
     /// Largest duration, seconds of the source's stamps
-    #[arg(long, value_name = "S", value_parser = usage::within(0.001..=1e9))]
+    #[arg(
+        long, value_name = "S", value_parser = usage::within(0.001..=1e9), help_heading = "Input"
+    )]
     duration: Option<f64>,
     /// Seed of the textures, path and noise of a simulated source [default: 1, or a scenario's
     /// first]
-    #[arg(long, value_name = "N", value_parser = usage::within(0..=u64::MAX))]
+    #[arg(
+        long, value_name = "N", value_parser = usage::within(0..=u64::MAX), help_heading = "Input"
+    )]
     seed: Option<u64>,
     #[command(flatten)]
     options: SourceOptions,
     /// Store the images as PNG: smaller, slower
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     compress: bool,
     /// Write a ROS 2 bag: sensor_msgs and tf2_msgs in CDR, and as JSON in strings what ROS has no
     /// message for
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     ros2: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// List the cameras and serial ports of this machine
-    #[arg(long, exclusive = true)]
+    #[arg(long, exclusive = true, help_heading = "Input")]
     list: bool,
     #[command(flatten)]
     cameras: CameraArgs,

@@ -46,7 +46,7 @@ pub(crate) struct Args {
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
     ///
     /// `svl algos` lists them. With --verify the default is those of the earlier run.
-    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm, help_heading = "Input")]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     filters: FilterArgs,
@@ -55,59 +55,71 @@ pub(crate) struct Args {
     /// asap, or X times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
-        value_parser = pace
+        value_parser = pace, help_heading = "Run"
     )]
     speed: Pace,
     /// Write pairs, disparities and cells to a recording
-    #[arg(short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]))]
+    #[arg(
+        short, long, value_name = "RESULT.mcap", value_parser = usage::ending(&["mcap"]),
+        help_heading = "Output"
+    )]
     output: Option<PathBuf>,
     /// Write one row per pair and algorithm
     #[arg(
-        long, value_name = "FILE.csv|.parquet",
-        value_parser = usage::ending(&["csv", "parquet"])
+        long, value_name = "FILE.csv|.parquet", value_parser = usage::ending(&["csv", "parquet"]),
+        help_heading = "Output"
     )]
     rows: Option<PathBuf>,
     /// Write one row per pair, algorithm and cell
     #[arg(
-        long, value_name = "FILE.csv|.parquet",
-        value_parser = usage::ending(&["csv", "parquet"])
+        long, value_name = "FILE.csv|.parquet", value_parser = usage::ending(&["csv", "parquet"]),
+        help_heading = "Output"
     )]
     cells: Option<PathBuf>,
     /// Rerun: spawn, URL, FILE.rrd, or none [default: none]
     ///
     /// A new viewer, a running one, a file, or none.
-    #[arg(long, value_name = "WHERE")]
+    #[arg(long, value_name = "WHERE", help_heading = "Output")]
     rerun: Option<RerunChoice>,
     /// Publish the results to ROS 2 topics below a prefix
     ///
     /// PREFIX/points, sensor_msgs/msg/PointCloud2 with a point and its probability per known cell;
     /// PREFIX/scan, sensor_msgs/msg/LaserScan; PREFIX/disparity, stereo_msgs/msg/DisparityImage;
     /// PREFIX/depth, sensor_msgs/msg/Image in metres; and /diagnostics once a second.
-    #[arg(long, value_name = "ros2:/PREFIX", value_parser = publish_address)]
+    #[arg(
+        long, value_name = "ros2:/PREFIX", value_parser = publish_address, help_heading = "Output",
+        hide_short_help = true
+    )]
     publish: Option<String>,
     /// Publish a point and its grey value per pixel with a distance, in place of cells
-    #[arg(long, requires = "publish")]
+    #[arg(
+        long,
+        requires = "publish",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     dense: bool,
     /// Distance in the published scan of cells of state near, metres
     ///
     /// They have none of their own, and are unknown in the scan without this.
     #[arg(
-        long = "scan-near", value_name = "M", requires = "publish",
-        value_parser = usage::within(0.01..=100.0)
+        long, value_name = "M", requires = "publish", value_parser = usage::within(0.01..=100.0),
+        help_heading = "Output", hide_short_help = true
     )]
-    near: Option<f64>,
+    scan_near: Option<f64>,
     /// Compare the results with those of an earlier run
     ///
     /// By default with those in the recording itself.
     #[arg(
-        long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true
+        long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true,
+        help_heading = "Scoring"
     )]
     verify: Option<Option<PathBuf>>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
 }
 

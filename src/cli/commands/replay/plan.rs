@@ -152,7 +152,7 @@ impl<'a> Plan<'a> {
             address,
             options: ResultOptions {
                 camera_height_m: self.opened.header.camera_height_m,
-                near_m: args.near,
+                near_m: args.scan_near,
                 dense: args.dense,
                 ..ResultOptions::new(frame_id.unwrap_or(LEFT_FRAME))
             },

@@ -67,12 +67,12 @@ pub(crate) struct Args {
     /// Algorithm, as NAME[:key=value,…], or a sweep; repeatable
     ///
     /// `svl algos` lists them [default: the scenario's; of recordings v5].
-    #[arg(long, value_name = "ALGO")]
+    #[arg(long, value_name = "ALGO", help_heading = "Input")]
     algo: Vec<Algorithms>,
     /// At most N algorithms of each sweep, spread evenly over its grid, always the same ones
     #[arg(
-        long, value_name = "N", requires = "algo",
-        value_parser = usage::within(1..=MAX_ALGORITHMS)
+        long, value_name = "N", requires = "algo", value_parser = usage::within(1..=MAX_ALGORITHMS),
+        help_heading = "Input", hide_short_help = true
     )]
     sample: Option<usize>,
     #[command(flatten)]
@@ -81,7 +81,7 @@ pub(crate) struct Args {
     ///
     /// As row_offset, or at levels of your own as row_offset=0.5/1; may be given more than once
     /// [default: the scenario's].
-    #[arg(long, value_name = "KIND")]
+    #[arg(long, value_name = "KIND", help_heading = "Scoring")]
     stress: Vec<StressLevels>,
     #[command(flatten)]
     sizes: SizeArgs,
@@ -90,77 +90,111 @@ pub(crate) struct Args {
     /// Match each pair N times; its time is the median
     ///
     /// In turns; all results must be equal.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = usage::within(1..=1000usize))]
+    #[arg(
+        long, value_name = "N", default_value_t = 1, value_parser = usage::within(1..=1000usize),
+        help_heading = "Scoring"
+    )]
     repeat: usize,
     /// Score the truth itself
     ///
     /// Fails when a checkpoint fails that a perfect matcher would pass. The report's folder is
     /// reports/SCENARIO-check.
-    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
+    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"], help_heading = "Scoring")]
     check: bool,
     /// Fail if a limit of the scenario's [[gate]] fails or is not measured
-    #[arg(long)]
+    #[arg(long, help_heading = "Scoring")]
     gate: bool,
     /// Folder for the report [default: reports/SCENARIO]
     ///
     /// Of a report that is there, only what is missing or changed is matched.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Match all again, also what the report's folder has
-    #[arg(long, conflicts_with = "times")]
+    #[arg(long, conflicts_with = "times", help_heading = "Output")]
     force: bool,
     /// Match again where the times of algorithms are of several sessions, so that they are
     /// comparable
-    #[arg(long)]
+    #[arg(long, help_heading = "Run", hide_short_help = true)]
     times: bool,
     /// Remove what the folder has of algorithms and options that are not asked for any more
-    #[arg(long, conflicts_with = "shard")]
+    #[arg(
+        long,
+        conflicts_with = "shard",
+        help_heading = "Run",
+        hide_short_help = true
+    )]
     prune: bool,
     /// Folder, new or empty, for each plot of the page as an SVG file
-    #[arg(long, value_name = "DIR")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     figures: Option<PathBuf>,
     /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(long, value_name = "AREA", default_value_t)]
+    #[arg(
+        long,
+        value_name = "AREA",
+        default_value_t,
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     area: AreaChoice,
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
-    #[arg(long, value_name = "METRIC", value_parser = metric)]
+    #[arg(long, value_name = "METRIC", value_parser = metric, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Metrics that the table shows: all or NAME,…
     ///
     /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
-    #[arg(long, value_name = "NAMES")]
+    #[arg(long, value_name = "NAMES", help_heading = "Output")]
     columns: Option<ColumnChoice>,
     /// Explain the columns
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     explain: bool,
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, a file for
     /// each session, with the maps of every 30th pair and of every 10th that shows a checkpoint].
-    #[arg(long, value_name = "WHERE")]
+    #[arg(long, value_name = "WHERE", help_heading = "Output")]
     rerun: Option<RerunChoice>,
     /// Score only the I-th of N parts of the run
     ///
     /// All into one folder, or each into its own, for `svl report`.
-    #[arg(long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"])]
+    #[arg(
+        long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"],
+        help_heading = "Run"
+    )]
     shard: Option<Shard>,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
     /// [default: all]
-    #[arg(long, value_name = "all|none", hide_possible_values = true)]
+    #[arg(
+        long,
+        value_name = "all|none",
+        hide_possible_values = true,
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     drives: Option<KeptDrives>,
     /// Write the limits of --gate as JUnit's XML; replaces the file
-    #[arg(long, value_name = "FILE.xml", requires = "gate")]
+    #[arg(
+        long,
+        value_name = "FILE.xml",
+        requires = "gate",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
     junit: Option<PathBuf>,
     /// Print the scenario that repeats this run, or write it to FILE, and score nothing
     #[arg(
         long, value_name = "FILE.toml", num_args = 0..=1, require_equals = true,
-        value_parser = usage::ending(&["toml"])
+        value_parser = usage::ending(&["toml"]), help_heading = "Output", hide_short_help = true
     )]
     print_scenario: Option<Option<PathBuf>>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -15,26 +15,32 @@ pub(super) struct SizeArgs {
     /// Near obstacles are missed, found and false by it; beyond one and a half times as far nothing
     /// has to be avoided yet.
     #[arg(
-        id = "near_m", long = "near", value_name = "M",
-        value_parser = usage::within(0.01..=1000.0)
+        long, value_name = "M", value_parser = usage::within(0.01..=1000.0),
+        help_heading = "Scoring"
     )]
     near: Option<f64>,
     /// Distance from which a cell is beyond, metres [default: the scenario's, else none]
     ///
     /// Such cells are no obstacles: their right and wrong ones are counted apart.
     #[arg(
-        id = "beyond_m", long = "beyond", value_name = "M",
-        value_parser = usage::within(0.01..=1000.0)
+        long, value_name = "M", value_parser = usage::within(0.01..=1000.0),
+        help_heading = "Scoring", hide_short_help = true
     )]
     beyond: Option<f64>,
     /// Cells of the obstacle grid [default: the scenario's, else 5x3]
-    #[arg(id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape)]
+    #[arg(
+        id = "shape", long = "cells", value_name = "COLUMNSxROWS", value_parser = shape,
+        help_heading = "Scoring", hide_short_help = true
+    )]
     cells: Option<GridShape>,
     /// Tolerance of a right cell: 5%, 0.1m, or both
     ///
     /// Per cent of the distance, metres, or both as 0.1m,5%, of which the larger counts [default:
     /// the scenario's, else 0.1m,20%].
-    #[arg(long, value_name = "M|P%", value_parser = tolerance)]
+    #[arg(
+        long, value_name = "M|P%", value_parser = tolerance, help_heading = "Scoring",
+        hide_short_help = true
+    )]
     tolerance: Option<CellTolerance>,
 }
 

@@ -36,28 +36,29 @@ pub(crate) struct Args {
     #[arg(value_name = "LABELLED", required = true)]
     labelled: Vec<PathBuf>,
     /// Class to detect: floor or too-close
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
     kind: FilterKind,
     /// Filter to write; a page of the same name, .html, is written beside it
     #[arg(
         short, long, value_name = "FILE.safetensors",
-        value_parser = usage::ending(&["safetensors"])
+        value_parser = usage::ending(&["safetensors"]), help_heading = "Output"
     )]
     output: PathBuf,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// Hidden neurons, as 55 or 25,50,100..1000/100: of several sizes, each with three seeds, the
     /// one with the least validation error is kept [default: floor 55, too-close 100]
-    #[arg(long, value_name = "LIST", value_parser = sizes)]
+    #[arg(long, value_name = "LIST", value_parser = sizes, help_heading = "Training")]
     hidden: Option<Sizes>,
     /// Seed of the initial weights and of the order of the windows
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Training")]
     fit_seed: u64,
     /// Largest number of passes over the training set
     #[arg(
         long, value_name = "N", default_value_t = TrainSettings::EPOCHS,
-        value_parser = usage::within(1..=10_000_usize)
+        value_parser = usage::within(1..=10_000_usize), help_heading = "Training",
+        hide_short_help = true
     )]
     epochs: usize,
     /// Range of disparities of too-close, pixels
@@ -69,7 +70,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     source: SourceOptions,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

@@ -40,40 +40,42 @@ pub(crate) struct Args {
     scenarios: Vec<PathBuf>,
     /// Scenario that is no part of the fit, only of the figures; --seeds does not change it
     #[arg(
-        long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"])
+        long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"]),
+        help_heading = "Input"
     )]
     test: Vec<PathBuf>,
     /// Model to write; a page of the same name, .html, is written beside it
     #[arg(
         short, long, value_name = "FILE.safetensors",
-        value_parser = usage::ending(&["safetensors"])
+        value_parser = usage::ending(&["safetensors"]), help_heading = "Output"
     )]
     output: PathBuf,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// v5 with the parameters that its cells are learned with
     #[arg(
-        long, value_name = "ALGO", default_value = "v5",
-        value_parser = usage::algorithm
+        long, value_name = "ALGO", default_value = "v5", value_parser = usage::algorithm,
+        help_heading = "Input"
     )]
     algo: Algorithm,
     /// Keep the network of --algo and fit its tables to all runs: for a few recordings of your own
-    #[arg(long, conflicts_with_all = ["fit_seed", "epochs"])]
+    #[arg(long, conflicts_with_all = ["fit_seed", "epochs"], help_heading = "Training")]
     tables_only: bool,
     /// Seed of the network's initial weights and of the order of the pixels
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Training")]
     fit_seed: u64,
     /// Number of passes of the network over its training set
     #[arg(
         long, value_name = "N", default_value_t = 25,
-        value_parser = usage::within(1..=10_000_usize)
+        value_parser = usage::within(1..=10_000_usize), help_heading = "Training",
+        hide_short_help = true
     )]
     epochs: usize,
     #[command(flatten)]
     source: SourceOptions,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

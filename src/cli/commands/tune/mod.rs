@@ -46,24 +46,32 @@ pub(crate) struct Args {
     #[arg(value_name = "SOURCE", value_parser = SourceParser, hide_possible_values = true)]
     what: String,
     /// Algorithm with its first setting, as NAME[:key=value,…]; repeatable [default: v5]
-    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm, help_heading = "Input")]
     algo: Vec<Algorithm>,
     /// Take grid, cell rule and checkpoints from it
-    #[arg(long, value_name = "S.toml")]
+    #[arg(long, value_name = "S.toml", help_heading = "Input")]
     scenario: Option<PathBuf>,
     #[command(flatten)]
     filters: FilterArgs,
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none [default: spawn, but none with --script].
-    #[arg(long, value_name = "WHERE")]
+    #[arg(long, value_name = "WHERE", help_heading = "Output")]
     rerun: Option<RerunChoice>,
     /// Take the keys from a file instead of a terminal, one token per key: characters, "text",
     /// enter, up, shift-left, tab, ctrl-r, wait (until all is done), screen (prints it), ...
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Run",
+        hide_short_help = true
+    )]
     script: Option<PathBuf>,
     /// Scenario that the key w proposes to write; a .md beside it lists what was tried
-    #[arg(short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]))]
+    #[arg(
+        short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]),
+        help_heading = "Output"
+    )]
     output: Option<PathBuf>,
     #[command(flatten)]
     source: SourceOptions,

@@ -41,25 +41,33 @@ pub(super) struct Args {
     measurements: Vec<String>,
     /// Algorithm that matches the recordings, as `svl algos` lists them
     #[arg(
-        long, value_name = "ALGO", default_value = "v3",
-        value_parser = usage::algorithm
+        long, value_name = "ALGO", default_value = "v3", value_parser = usage::algorithm,
+        help_heading = "Input"
     )]
     algo: Algorithm,
     /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one,
     /// joined to it]
-    #[arg(long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell)]
+    #[arg(
+        long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell, help_heading = "Input"
+    )]
     target: Vec<(usize, usize)>,
     /// Draw both curves with the measurements (figure 5.1)
-    #[arg(long, value_name = "FIGURE.svg", value_parser = usage::ending(&["svg"]))]
+    #[arg(
+        long, value_name = "FIGURE.svg", value_parser = usage::ending(&["svg"]),
+        help_heading = "Output"
+    )]
     figure: Option<PathBuf>,
     /// Write the distance of every disparity
-    #[arg(long, value_name = "TABLE.csv", value_parser = usage::ending(&["csv"]))]
+    #[arg(
+        long, value_name = "TABLE.csv", value_parser = usage::ending(&["csv"]),
+        help_heading = "Output"
+    )]
     table: Option<PathBuf>,
     /// Replace files that exist
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     force: bool,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     json: bool,
 }
 

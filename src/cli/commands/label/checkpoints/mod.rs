@@ -48,22 +48,35 @@ pub(crate) struct Args {
     #[command(flatten)]
     input: LabelInput,
     /// The scenario to write or to extend [default: the source's name with .toml]
-    #[arg(short, long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"]))]
+    #[arg(
+        short, long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"]),
+        help_heading = "Output"
+    )]
     output: Option<PathBuf>,
     /// Cells of a new scenario's grid [default: 5x3]
-    #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid)]
+    #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid, help_heading = "Input")]
     grid: Option<GridShape>,
     /// Show beside each cell what this algorithm reports there
-    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm, help_heading = "Input")]
     algo: Option<Algorithm>,
     /// Rerun, too: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none.
-    #[arg(long, value_name = "WHERE", default_value = "none")]
+    #[arg(
+        long,
+        value_name = "WHERE",
+        default_value = "none",
+        help_heading = "Output"
+    )]
     rerun: RerunChoice,
     /// Take the keys from a file instead of a terminal, one token per key: characters, "text",
     /// enter, esc, left, space, click:COLUMN,ROW, screen (prints it), ...
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        help_heading = "Run",
+        hide_short_help = true
+    )]
     script: Option<PathBuf>,
 }
 

@@ -29,13 +29,13 @@ pub(crate) struct Args {
     #[command(flatten)]
     input: LabelInput,
     /// Filter that the labels are for: floor or too-close
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Input")]
     kind: FilterKind,
     /// Label by the ground truth of a simulated source; windows of both kinds are skipped
-    #[arg(long)]
+    #[arg(long, help_heading = "Input")]
     from_truth: bool,
     /// Replace files that exist
-    #[arg(long, requires = "from_truth")]
+    #[arg(long, requires = "from_truth", help_heading = "Output")]
     force: bool,
     /// Range of disparities of too-close by truth, pixels
     #[arg(
@@ -44,7 +44,13 @@ pub(crate) struct Args {
     )]
     max_disparity: f64,
     /// Take the keys from a file instead of a terminal, as `svl label checkpoints` does
-    #[arg(long, value_name = "FILE", conflicts_with = "from_truth")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "from_truth",
+        help_heading = "Run",
+        hide_short_help = true
+    )]
     script: Option<PathBuf>,
 }
 
