@@ -21,6 +21,7 @@ use svl_files::outputs::{FolderRule, remove_links, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, MatchFailure, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
+use svl_score::notice::Notice;
 use svl_score::scenario::Limit;
 
 /// What a report shows of its units.
@@ -39,7 +40,7 @@ pub struct BuildOptions<'a> {
     /// The limit of losses, in place of the scenario's.
     pub allow_loss: Option<LossLimit>,
     /// Warnings of the command besides those of its units.
-    pub warnings: &'a [String],
+    pub warnings: &'a [Notice],
 }
 
 /// A report that is built.
@@ -259,19 +260,16 @@ impl Report<'_> {
         for run in self.runs {
             run.add_warnings(self.plan, &mut run_warnings);
         }
-        let run_warnings = run_warnings.iter().map(|warning| warning.words(&labels));
-        let program_warnings: Vec<_> = manifest
-            .algorithms
-            .iter()
-            .flat_map(AlgorithmRecord::warnings)
-            .collect();
+        for warning in &mut run_warnings {
+            let order = |own: &String| labels.iter().position(|label| label == own);
+            warning.algorithms.sort_by_key(order);
+        }
         let given = self.options.warnings.iter().cloned();
         let failed = failure_warnings(&labels, &self.tables);
-        for warning in given
-            .chain(run_warnings)
-            .chain(failed)
-            .chain(program_warnings)
-        {
+        let programs = manifest.algorithms.iter();
+        let programs = programs.flat_map(AlgorithmRecord::warnings);
+        let all = given.chain(run_warnings).chain(failed).chain(programs);
+        for warning in all.map(|warning| warning.to_string()).collect::<Vec<_>>() {
             if !manifest.warnings.contains(&warning) {
                 manifest.warnings.push(warning);
             }
@@ -393,7 +391,7 @@ impl Report<'_> {
 
 /// A warning per failure of an algorithm, but not while it fails for the same reason pair after
 /// pair.
-fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
+fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<Notice> {
     let mut warnings = Vec::new();
     for label in labels {
         let failures = tables.failures.iter().filter(|row| row.algorithm == *label);
@@ -418,7 +416,7 @@ fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
                     algorithm: (*label).to_owned(),
                     reason: reason.to_owned(),
                 };
-                warnings.push(failure.words(sequence));
+                warnings.push(failure.notice(sequence));
             }
             before = reason;
         }

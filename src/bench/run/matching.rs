@@ -9,6 +9,7 @@ use svl_core::matcher::{MatchContext, MatchOutput};
 use svl_core::stereo::{CellRule, Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
 use svl_score::judge::{Judge, Judged, MatchFailure};
+use svl_score::notice::Notice;
 
 /// The outputs of all algorithms for a frame.
 #[derive(Default)]
@@ -147,7 +148,7 @@ impl<'a> Matching<'a> {
                     let is_news = entry.failed(&reason);
                     let failure = MatchFailure { algorithm, reason };
                     if is_news {
-                        self.monitor.failed(&failure.words(frame.sequence));
+                        self.monitor.failed(&failure.notice(frame.sequence));
                     }
                     matches.failures.push(failure);
                 }
@@ -255,12 +256,12 @@ fn warn_of_ranges(entries: &mut [RunMatcher], rig: &Rig, cells: CellRule) {
     let mut short: Vec<(String, f64)> = short.collect();
     short.sort_by(|a, b| a.1.total_cmp(&b.1));
     for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
-        let labels: Vec<_> = equal.iter().map(|(label, _)| label.as_str()).collect();
-        tracing::warn!(
-            "{}: max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
+        let labels = equal.iter().map(|(label, _)| label.as_str());
+        let text = format!(
+            "max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
              about {px} px",
-            labels.join(", "),
             equal[0].1
         );
+        Notice::new(labels, text).warn();
     }
 }

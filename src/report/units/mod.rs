@@ -20,7 +20,7 @@ mod store;
 mod tables;
 mod unit;
 
-pub use facts::{PairFacts, RunFacts, RunWarning};
+pub use facts::{PairFacts, RunFacts};
 pub use io::remove_file;
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
 pub use plan::{PlannedAlgorithm, ReportPlan, ReportRun};

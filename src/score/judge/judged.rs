@@ -6,6 +6,7 @@ use super::{
     AreaChoice, CellJudgement, CellSupport, CellTallies, Checkpoint, CheckpointFrame,
     DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, TrueCells,
 };
+use crate::notice::Notice;
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -60,9 +61,12 @@ pub struct MatchFailure {
 }
 
 impl MatchFailure {
-    /// Its message to the user.
-    pub fn words(&self, sequence: u64) -> String {
-        format!("{} on pair {sequence}: {}", self.algorithm, self.reason)
+    /// Its notice, of a pair.
+    pub fn notice(&self, sequence: u64) -> Notice {
+        Notice {
+            pair: Some(sequence),
+            ..Notice::new([&*self.algorithm], &self.reason)
+        }
     }
 }
 

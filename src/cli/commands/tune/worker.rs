@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use svl::depth::GridSettings;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
+use svl::notice::Notice;
 use svl::report::Row;
 use svl::report::compare::changes;
 use svl::run::{Matchers, Monitor, Pace};
@@ -147,8 +148,8 @@ impl Monitor for KeyWatch<'_> {
         !(self.ends && (state.job.is_some() || state.stops))
     }
 
-    fn failed(&mut self, failure: &str) {
-        self.failure = Some(failure.to_owned());
+    fn failed(&mut self, failure: &Notice) {
+        self.failure = Some(failure.to_string());
     }
 }
 
