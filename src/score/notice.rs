@@ -32,6 +32,14 @@ impl Notice {
         }
     }
 
+    /// A notice of an algorithm on a pair.
+    pub fn on_pair(algorithm: &str, pair: u64, text: &str) -> Self {
+        Self {
+            pair: Some(pair),
+            ..Self::new([algorithm], text)
+        }
+    }
+
     /// The notice of an event: its own, or its message.
     pub fn from_event(event: &tracing::Event<'_>) -> Self {
         let mut notice = Self::default();
@@ -45,15 +53,15 @@ impl Notice {
         tracing::warn!(notice, "{self}");
     }
 
-    /// The same with other names for the algorithms; absent if it is of algorithms, and none has a
-    /// name.
-    pub fn renamed(&self, name: impl Fn(&str) -> Option<String>) -> Option<Self> {
-        let algorithms: Vec<_> = self.algorithms.iter().filter_map(|own| name(own)).collect();
-        let is_of_none = algorithms.is_empty() && !self.algorithms.is_empty();
-        (!is_of_none).then(|| Self {
-            algorithms,
-            ..self.clone()
-        })
+    /// The same with other names for its algorithms, of pairs of a name and another; absent if it
+    /// is of algorithms, and none has another.
+    pub fn renamed<'a>(&self, names: impl Iterator<Item = (&'a str, &'a str)>) -> Option<Self> {
+        let own = names.filter(|(name, _)| self.algorithms.iter().any(|own| own == name));
+        let renamed = Self {
+            pair: self.pair,
+            ..Self::new(own.map(|(_, other)| other), &*self.text)
+        };
+        (renamed.algorithms.is_empty() == self.algorithms.is_empty()).then_some(renamed)
     }
 
     /// Adds it to others: of one text the algorithms together.
@@ -165,8 +173,10 @@ mod tests {
 
     #[test]
     fn a_notice_of_algorithms_that_have_no_name_is_absent() {
-        let name = |own: &str| (own == "bm").then(|| "digest".to_owned());
-        let renamed = |notice: Notice| notice.renamed(name).map(|notice| notice.algorithms);
+        let renamed = |notice: Notice| {
+            let renamed = notice.renamed([("bm", "digest")].into_iter());
+            renamed.map(|notice| notice.algorithms)
+        };
         assert_eq!(
             renamed(Notice::new(["bm", "v3"], "")),
             Some(vec!["digest".to_owned()])

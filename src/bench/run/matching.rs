@@ -146,11 +146,11 @@ impl<'a> Matching<'a> {
                     let (algorithm, reason) = (entry.label.clone(), error.to_string());
                     *self.failures.entry(algorithm.clone()).or_default() += 1;
                     let is_news = entry.failed(&reason);
-                    let failure = MatchFailure { algorithm, reason };
                     if is_news {
-                        self.monitor.failed(&failure.notice(frame.sequence));
+                        let notice = Notice::on_pair(&algorithm, frame.sequence, &reason);
+                        self.monitor.failed(&notice);
                     }
-                    matches.failures.push(failure);
+                    matches.failures.push(MatchFailure { algorithm, reason });
                 }
             }
         }

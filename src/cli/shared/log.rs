@@ -130,7 +130,8 @@ mod tests {
             ..Lines::default()
         };
         assert_eq!(lines.take_last(), None);
-        ["first", "second"].map(|words| lines.add(warning(words)));
+        lines.add(warning("first"));
+        lines.add(warning("second"));
         assert_eq!(lines.take_last().unwrap(), " WARN second");
         assert_eq!(lines.take_last(), None);
     }

@@ -2,7 +2,7 @@
 
 use super::BLOCK;
 use super::plan::PlannedAlgorithm;
-use crate::summary::TopicDelay;
+use crate::results::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
@@ -55,13 +55,9 @@ impl RunFacts {
     /// Adds notices, of algorithms by their digests; none of a failure on a pair, which a table
     /// has.
     pub fn add_notices(&mut self, notices: Vec<Notice>, algorithms: &[PlannedAlgorithm<'_>]) {
-        let digest = |label: &str| {
-            let mut own = algorithms.iter();
-            own.find(|own| own.label == label)
-                .map(|own| own.digest.clone())
-        };
+        let digests = || algorithms.iter().map(|own| (own.label, &*own.digest));
         let of_run = notices.into_iter().filter(|notice| notice.pair.is_none());
-        let of_run = of_run.filter_map(|notice| notice.renamed(digest));
+        let of_run = of_run.filter_map(|notice| notice.renamed(digests()));
         of_run.for_each(|notice| notice.add_to(&mut self.warnings));
     }
 
@@ -138,10 +134,7 @@ mod tests {
         let texts = ["bm: 3 pairs dropped", "bm on pair 3: dark", "bm, v3: dark"];
         let mut notices = texts.map(|text| Notice::new([], text)).to_vec();
         notices.push(Notice::new(["v3"], "dark"));
-        notices.push(Notice {
-            pair: Some(3),
-            ..Notice::new(["bm"], "dark")
-        });
+        notices.push(Notice::on_pair("bm", 3, "dark"));
         let mut facts = RunFacts::default();
         facts.add_notices(notices, &algorithms);
         let words: Vec<_> = facts.warnings.iter().map(Notice::to_string).collect();

@@ -177,13 +177,9 @@ impl RunUnits {
     /// The warnings of the run and of the algorithms of the plan, added to others.
     pub fn add_warnings(&self, plan: &ReportPlan, warnings: &mut Vec<Notice>) {
         let algorithms = plan.algorithms_of(&self.run);
-        let label = |digest: &str| {
-            let mut own = algorithms.iter();
-            let own = own.find(|own| own.digest == digest)?;
-            Some(own.label.to_owned())
-        };
+        let labels = || algorithms.iter().map(|own| (&*own.digest, own.label));
         let known = self.facts.warnings.iter();
-        let known = known.filter_map(|warning| warning.renamed(label));
+        let known = known.filter_map(|warning| warning.renamed(labels()));
         known.for_each(|warning| warning.add_to(warnings));
     }
 }

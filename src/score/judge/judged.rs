@@ -6,7 +6,6 @@ use super::{
     AreaChoice, CellJudgement, CellSupport, CellTallies, Checkpoint, CheckpointFrame,
     DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, TrueCells,
 };
-use crate::notice::Notice;
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame};
@@ -58,16 +57,6 @@ impl Judged {
 pub struct MatchFailure {
     pub algorithm: String,
     pub reason: String,
-}
-
-impl MatchFailure {
-    /// Its notice, of a pair.
-    pub fn notice(&self, sequence: u64) -> Notice {
-        Notice {
-            pair: Some(sequence),
-            ..Notice::new([&*self.algorithm], &self.reason)
-        }
-    }
 }
 
 /// One algorithm's estimate with its score.

@@ -63,21 +63,25 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
         (request.options.left, request.options.right) = (Some(left), Some(right));
     }
-    // A recording without pairs has a summary all the same.
-    let (first_pairs, no_pairs) = match (SourceFacts::read(&request, is_recording), &summary) {
-        (Ok(facts), _) => (Some(facts), None),
-        (Err(error), Some(_)) => (None, Some(no_pairs(error, &file, &name))),
-        (Err(error), None) => return Err(error.into()),
+    let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
+        Ok(facts) => {
+            let pairs = summary.as_ref().map(|summary| summary.pairs);
+            let usability = Usability::from_facts(pairs.or(facts.pairs), &facts);
+            (usability, Some(facts), None)
+        }
+        // A recording without pairs has a summary all the same.
+        Err(error) if summary.is_some() => {
+            let (words, reason) = no_pairs(error, &file, &name);
+            (Usability::without_pairs(&reason), None, Some(words))
+        }
+        Err(error) => return Err(error.into()),
     };
-    let (no_pairs, reason) = no_pairs.unzip();
+    if summary.as_ref().is_some_and(|summary| !summary.is_intact()) {
+        let cure = format!("a damaged file: `svl recover {name} -o OUT.mcap`");
+        usability.missing.push(cure);
+    }
     let info = Info {
-        usability: usability(
-            &name,
-            summary.as_ref(),
-            first_pairs
-                .as_ref()
-                .ok_or(reason.as_deref().unwrap_or_default()),
-        ),
+        usability,
         summary,
         live,
         first_pairs,
@@ -99,26 +103,6 @@ fn no_pairs(error: Error, file: &Path, name: &str) -> (String, String) {
         }
         error => (error.to_string(), error.to_string()),
     }
-}
-
-/// Can svl use the source `name`? By its first pairs, or the reason why it has none.
-fn usability(
-    name: &str,
-    summary: Option<&RecordingSummary>,
-    facts: Result<&SourceFacts, &str>,
-) -> Usability {
-    let mut usability = match facts {
-        Ok(facts) => {
-            let pairs = summary.map(|summary| summary.pairs);
-            Usability::from_facts(pairs.or(facts.pairs), facts)
-        }
-        Err(reason) => Usability::without_pairs(reason),
-    };
-    if summary.is_some_and(|summary| !summary.is_intact()) {
-        let cure = format!("a damaged file: `svl recover {name} -o OUT.mcap`");
-        usability.missing.push(cure);
-    }
-    usability
 }
 
 /// The JSON that `--json` prints.
