@@ -4,13 +4,13 @@ use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
 use super::maps::maps;
-use super::results::{ResultParts, Shown, TopicDelay};
+use super::results::{ReportTables, ResultParts, Shown, TopicDelay};
 use super::rows::Row;
 use super::sources::{SUMMARY, Sources};
 use super::sweeps::sweeps;
 use super::units::{
-    REPORT_LIST, ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables,
-    made_of, read_tables, remove_file, write_tables,
+    REPORT_LIST, ReportPlan, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
+    read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Results, limit_results, shots, write_algorithms};
 use std::collections::{BTreeMap, BTreeSet};

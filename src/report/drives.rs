@@ -259,9 +259,8 @@ pub(super) fn drive_parts(number: DriveNumber, row: &DriveRow) -> [f64; 2] {
 pub(super) mod tests {
     use super::*;
     use crate::Row;
-    use crate::results::{ResultParts, Results, Shown};
+    use crate::results::{ReportTables, ResultParts, Results, Shown};
     use crate::speed::tests::row;
-    use crate::units::ReportTables;
 
     /// A course of 6 m that was finished, six pairs a second.
     pub(crate) fn drive(seed: u64, algorithm: &str) -> DriveRow {

@@ -63,7 +63,8 @@ pub use lead::{Certainty, Lead, PriorTest, RunnerUp};
 pub use prior::{PRIOR, TruthRow};
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use results::{
-    AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ResultParts, Results, Shown, TopicDelay,
+    AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,
+    Shown, TopicDelay,
 };
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,

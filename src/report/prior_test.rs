@@ -73,9 +73,8 @@ fn merit_sample(rows: &[&Row]) -> Sample {
 mod tests {
     use super::*;
     use crate::prior::PRIOR;
-    use crate::results::{ResultParts, Shown};
+    use crate::results::{ReportTables, ResultParts, Shown};
     use crate::speed::tests::row;
-    use crate::units::ReportTables;
     use svl_score::judge::MetricValues;
 
     /// Pairs of one cell each in seven blocks or more; the prior's and the algorithm's right ones.

@@ -1,15 +1,14 @@
 //! The results of a run: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
-use super::drives::{self, DriveRow, DriveSummary};
+use super::drives::{self, DriveRow, DriveSummary, TrackRow};
 use super::lead::{Lead, PriorTest};
 use super::reliability::ReliabilityRow;
-use super::rows::{CheckpointRow, MetricTotals, Row, metric_totals, record};
+use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
 use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
-use super::units::ReportTables;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
@@ -86,6 +85,21 @@ pub struct Shown {
     pub sort: Option<&'static Metric>,
     /// Rule by which cells were scored.
     pub rule: CellRule,
+}
+
+/// The rows of a report's tables, without those of the cells.
+#[derive(Default)]
+pub struct ReportTables {
+    pub rows: Vec<Row>,
+    pub failures: Vec<FailureRow>,
+    pub checkpoints: Vec<CheckpointRow>,
+    /// Of cells, where they are asked for.
+    pub accuracy: Vec<AccuracyRow>,
+    pub reliability: Vec<ReliabilityRow>,
+    /// The rows of the prior, where cells are scored by distances.
+    pub prior: Vec<Row>,
+    pub drives: Vec<DriveRow>,
+    pub tracks: Vec<TrackRow>,
 }
 
 /// The results of a run besides its tables.

@@ -4,8 +4,7 @@ use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;
 use svl::manifest::Manifest;
-use svl::report::units::ReportTables;
-use svl::report::{CellRow, CheckpointRow, ResultParts, Results, Row, Shown};
+use svl::report::{CellRow, CheckpointRow, ReportTables, ResultParts, Results, Row, Shown};
 use svl::score::{CellArea, MetricValues, Verdict};
 use svl::stereo::CellState;
 
