@@ -216,7 +216,10 @@ impl Results {
     /// The order in words; none if the user chose it.
     pub(super) fn order_words(&self) -> Option<String> {
         let words = self.merit_words()?;
-        (!self.shown.sort.is_some()).then(|| format!("sorted by {words}"))
+        self.shown
+            .sort
+            .is_none()
+            .then(|| format!("sorted by {words}"))
     }
 
     /// The first column that has a better direction.
