@@ -71,6 +71,7 @@ const PACKAGES: [Package; 15] = [
     Package {
         root: "score/lib.rs",
         layers: &[
+            &["notice"],
             &["agreement", "bootstrap", "judge", "losses", "memory"],
             &["plausibility", "scenario", "sign_test"],
             &["drive", "manifest", "resize"],

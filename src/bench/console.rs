@@ -3,6 +3,7 @@
 use crate::run::Monitor;
 use crate::sink::LiveTable;
 use svl_core::interrupt;
+use svl_score::notice::Notice;
 
 /// The terminal of a program.
 pub trait Console: Sync {
@@ -11,12 +12,6 @@ pub trait Console: Sync {
 
     /// Prints a line that is not a warning, unless the user wants none.
     fn note(&self, line: &str);
-
-    /// The warnings so far, a line each.
-    fn warnings(&self) -> Vec<String>;
-
-    /// Returns the number of warnings so far; one that comes again is added again.
-    fn begin_warnings(&self) -> usize;
 }
 
 /// The steps of long work.
@@ -80,8 +75,8 @@ impl Watch {
 }
 
 impl Monitor for Watch {
-    fn failed(&mut self, failure: &str) {
-        self.bar.suspend(&mut || tracing::warn!("{failure}"));
+    fn failed(&mut self, failure: &Notice) {
+        self.bar.suspend(&mut || failure.warn());
     }
 
     fn go_on(&mut self, done: u64) -> bool {

@@ -15,6 +15,7 @@ use svl_core::{Error, Result, interrupt};
 use svl_grab::Host;
 use svl_score::judge::Judge;
 use svl_score::manifest::RunRecord;
+use svl_score::notice::Notice;
 use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
 
 /// Gives each scenario those source options of the command line that it accepts. `named`: the
@@ -307,10 +308,8 @@ pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) 
         references.iter().any(same)
     };
     for algorithm in algorithms.iter().filter(is_reference) {
-        tracing::warn!(
-            "{}: is scored against itself, so it shares the reference's errors",
-            algorithm.label()
-        );
+        let text = "is scored against itself, so it shares the reference's errors";
+        Notice::new([algorithm.label()], text).warn();
     }
     Ok(())
 }

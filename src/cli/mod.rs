@@ -6,13 +6,12 @@ mod shared;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use commands::Command;
-use shared::terminal::{WarningLog, Warnings};
+use shared::log::NoticeLayer;
 use shared::{help, usage};
-use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::Level;
 use tracing_subscriber::filter::Targets;
-use tracing_subscriber::{Layer, fmt, layer::SubscriberExt, util::SubscriberInitExt};
+use tracing_subscriber::{Layer, layer::SubscriberExt, util::SubscriberInitExt};
 
 /// The record/replay bench for stereo vision.
 ///
@@ -121,16 +120,9 @@ impl Cli {
             _ => Level::DEBUG,
         };
         // Only svl's own messages: what a library meets, svl's own errors report.
-        let ours = |level| Targets::new().with_target("svl", level);
-        let lines = fmt::layer().without_time().with_target(false);
-        let lines = lines
-            .with_writer(|| Warnings)
-            .with_ansi(std::io::stderr().is_terminal());
-        let log = fmt::layer().without_time().with_target(false);
-        let log = log.with_writer(|| WarningLog).with_ansi(false);
+        let ours = Targets::new().with_target("svl", level.max(Level::WARN));
         tracing_subscriber::registry()
-            .with(lines.with_filter(ours(level)))
-            .with(log.with_level(false).with_filter(ours(Level::WARN)))
+            .with(NoticeLayer(level).with_filter(ours))
             .init();
         if let Some(threads) = self.threads.or(self.command.threads())
             && let Err(error) = rayon::ThreadPoolBuilder::new()

@@ -4,9 +4,9 @@
 use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::lead::{Certainty, Lead, PriorTest, RunnerUp};
+use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
-use super::summary::{AlgorithmSummary, Summary};
 use super::words::value;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
@@ -47,9 +47,9 @@ pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
     names.iter().filter_map(|name| Metric::find(name)).collect()
 }
 
-impl Summary {
+impl Results {
     /// Finds the best algorithms. `rows` and `drives`: those that the summary is of.
-    pub fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
+    pub(super) fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
         let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
         let lead = |metric| self.lead(metric, &rows, drives);
         let metrics = answer_metrics(self.kind()).into_iter();
@@ -150,7 +150,7 @@ impl Summary {
     /// True for few wrong cells, some right ones and more than the prior has; for some pixels with
     /// a disparity; for some of the courses driven. No other algorithm is called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
-        if self.behind_prior.contains(&algorithm.algorithm) {
+        if self.basis.behind_prior.contains(&algorithm.algorithm) {
             return false;
         }
         let share = |name| algorithm.value(Metric::find(name)?);
@@ -192,7 +192,7 @@ impl Summary {
                 percent(MIN_DRIVEN)
             ),
             _ => {
-                let prior = match self.prior_test {
+                let prior = match self.basis.prior_test {
                     PriorTest::Tested => ", and more right minus wrong cells than the prior",
                     _ => "",
                 };
@@ -244,7 +244,7 @@ impl Summary {
         let passes = self.checkpoint_words();
         let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
         let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
-        let untold = (self.prior_test == PriorTest::TooFewPairs)
+        let untold = (self.basis.prior_test == PriorTest::TooFewPairs)
             .then(|| "Too few pairs to tell if they beat the prior.".to_owned());
         let all = sentences
             .chain(passes)
@@ -280,7 +280,7 @@ impl Summary {
         } else {
             ""
         };
-        let sizes = match self.scope.sizes.len() {
+        let sizes = match self.basis.scope.sizes.len() {
             0 | 1 => String::new(),
             count => format!(", the median over {count} sizes"),
         };

@@ -1,21 +1,21 @@
 //! The area of a run's numbers in words: what a robot can hit, floor, or what is beyond.
 
-use super::summary::{AlgorithmSummary, Summary};
+use super::results::{AlgorithmSummary, Results};
 use std::borrow::Cow;
 use svl_score::judge::{AreaChoice, Metric};
 
 /// Group of the fractions of right, wrong and unknown cells.
 const CELLS: &str = "cells, %";
 
-impl Summary {
+impl Results {
     /// True if cells have areas: they are scored by distances.
     fn has_areas(&self) -> bool {
-        self.scope.by_distance > 0
+        self.basis.scope.by_distance > 0
     }
 
     /// True if the truth of some pairs does not tell what is floor.
     fn includes_floor(&self) -> bool {
-        self.scope.knowing_floor < self.scope.by_distance
+        self.basis.scope.knowing_floor < self.basis.scope.by_distance
     }
 
     /// The heading above a metric's column.
@@ -23,12 +23,12 @@ impl Summary {
         if !metric.by_area || metric.group != CELLS || !self.has_areas() {
             return Cow::Borrowed(metric.group);
         }
-        let partly = if self.scope.knowing_floor > 0 {
+        let partly = if self.basis.scope.knowing_floor > 0 {
             "partly "
         } else {
             ""
         };
-        match self.area {
+        match self.basis.area {
             AreaChoice::Obstacle if self.includes_floor() => {
                 format!("cells, floor {partly}included, %").into()
             }
@@ -44,7 +44,7 @@ impl Summary {
         if !metric.by_area || !self.has_areas() {
             return Cow::Borrowed(metric.words);
         }
-        match self.area {
+        match self.basis.area {
             AreaChoice::Obstacle if self.includes_floor() => Cow::Borrowed(metric.words),
             AreaChoice::Obstacle => metric.words.replace("cells", "obstacle cells").into(),
             AreaChoice::Floor => metric.words.replace("cells", "floor cells").into(),
@@ -54,7 +54,7 @@ impl Summary {
     }
 
     fn beyond_words(&self) -> String {
-        let beyond_m = self.rule.beyond_m();
+        let beyond_m = self.shown.rule.beyond_m();
         beyond_m.map_or_else(|| " beyond".to_owned(), |m| format!(" beyond {m} m"))
     }
 
@@ -70,9 +70,9 @@ impl Summary {
     pub(super) fn area_words(&self) -> Option<String> {
         let (all, own) = (
             self.most_cells(AreaChoice::All)?,
-            self.most_cells(self.area).unwrap_or_default(),
+            self.most_cells(self.basis.area).unwrap_or_default(),
         );
-        let words = match self.area {
+        let words = match self.basis.area {
             AreaChoice::Obstacle => "obstacles".to_owned(),
             AreaChoice::Floor => "floor".to_owned(),
             AreaChoice::Beyond => self.beyond_words().trim_start().to_owned(),
@@ -84,10 +84,10 @@ impl Summary {
 
     /// Caution where no cell is of the area.
     pub(super) fn empty_area(&self) -> Option<String> {
-        let is_empty = self.most_cells(self.area).is_none();
+        let is_empty = self.most_cells(self.basis.area).is_none();
         let others = AreaChoice::PARTS
             .into_iter()
-            .filter(|area| *area != self.area);
+            .filter(|area| *area != self.basis.area);
         let others = others.filter_map(|area| {
             let cells = self.most_cells(area)?;
             Some(format!("{cells} {area}"))
@@ -97,7 +97,7 @@ impl Summary {
             format!(
                 "no scored cell is of the area {}, so right and wrong are not measured: by the \
                  truth there are {}; --area AREA shows these",
-                self.area,
+                self.basis.area,
                 others.join(" and ")
             )
         })
@@ -106,7 +106,7 @@ impl Summary {
     /// The meaning of the area, for the notes of tables.
     pub(super) fn area_note(&self) -> Option<(Cow<'static, str>, String)> {
         let metric = Metric::find("right").filter(|_| self.has_areas())?;
-        let beyond = self.rule.beyond_m();
+        let beyond = self.shown.rule.beyond_m();
         let beyond =
             beyond.map_or_else(String::new, |m| format!(", nor with a median beyond {m} m"));
         let floor = if self.includes_floor() {
@@ -114,7 +114,7 @@ impl Summary {
         } else {
             "cells neither half floor"
         };
-        let words = match self.area {
+        let words = match self.basis.area {
             AreaChoice::Obstacle if self.includes_floor() => format!("{floor}{beyond}"),
             AreaChoice::Obstacle => format!("{floor}{beyond}; --area AREA has the others"),
             AreaChoice::Floor => "cells of which half or more is floor".to_owned(),

@@ -4,23 +4,24 @@ use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
 use super::maps::maps;
+use super::results::{ReportTables, ResultParts, Shown, TopicDelay};
 use super::rows::Row;
 use super::sources::{SUMMARY, Sources};
-use super::summary::TopicDelay;
 use super::sweeps::sweeps;
 use super::units::{
-    REPORT_LIST, ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables,
-    made_of, read_tables, remove_file, write_tables,
+    REPORT_LIST, ReportPlan, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
+    read_tables, remove_file, write_tables,
 };
-use super::{GateResult, Summary, limit_results, shots, write_algorithms};
+use super::{GateResult, Results, limit_results, shots, write_algorithms};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
 use svl_files::outputs::{FolderRule, remove_links, write, write_json};
-use svl_score::judge::{AreaChoice, ColumnChoice, MatchFailure, Metric};
+use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
+use svl_score::notice::Notice;
 use svl_score::scenario::Limit;
 
 /// What a report shows of its units.
@@ -39,14 +40,14 @@ pub struct BuildOptions<'a> {
     /// The limit of losses, in place of the scenario's.
     pub allow_loss: Option<LossLimit>,
     /// Warnings of the command besides those of its units.
-    pub warnings: &'a [String],
+    pub warnings: &'a [Notice],
 }
 
 /// A report that is built.
 pub struct BuiltReport {
     /// Name of the scenario.
     pub scenario: String,
-    pub summary: Summary,
+    pub summary: Results,
     /// The results of the limits, if they were asked for.
     pub gate: Vec<GateResult>,
     /// The beginning of the last session whose results it has.
@@ -110,7 +111,7 @@ pub fn checkpoint_results(folder: &Path) -> Result<String> {
     let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_| ()));
     let runs = runs.collect::<Result<Vec<_>>>()?;
     let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
-    let summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
+    let summary = Results::from_rows(&tables.rows, &tables.checkpoints)?;
     Ok(summary.verdicts_markdown(&plan.manifest.scenario))
 }
 
@@ -132,30 +133,27 @@ impl Report<'_> {
             row.metrics = row.metrics.in_area(options.area);
         }
         let tables = &self.tables;
-        let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
         let mut manifest = self.manifest();
+        let parts = ResultParts {
+            ending: self.ending()?,
+            latency: self.latency(),
+            made_of: sources,
+            manifest: Some(&manifest),
+            is_measured: !plan.is_driven(),
+            time_groups: self.time_groups(),
+        };
+        let columns: Option<ColumnChoice> = plan.manifest.part("columns")?;
+        let shown = Shown {
+            columns: options.columns.cloned().or(columns).unwrap_or_default(),
+            sort: options.sort,
+            rule: plan.manifest.part("cells")?.unwrap_or_default(),
+        };
+        let mut summary = Results::new(tables, parts, shown)?;
         if let Some(warning) = nothing_scored(&manifest, &summary) {
             tracing::warn!("{warning}");
-            manifest.warnings.push(warning);
+            summary.warnings.push(warning);
         }
-        summary.add_drives(&tables.drives);
-        summary.add_accuracy(&tables.accuracy);
-        summary.add_prior(&tables.prior)?;
-        summary.reliability.clone_from(&tables.reliability);
-        summary.latency = self.latency();
-        summary.ending = self.ending()?;
-        summary.rule = plan.manifest.part("cells")?.unwrap_or_default();
-        let columns: Option<ColumnChoice> = plan.manifest.part("columns")?;
-        summary.columns = options.columns.cloned().or(columns).unwrap_or_default();
-        summary.measured = !plan.is_driven();
-        summary.time_groups = self.time_groups();
         summary.complete(&mut manifest);
-        summary.made_of = sources;
-        if let Some(metric) = options.sort {
-            summary.sort_by(metric);
-        }
-        summary.test_prior(&tables.rows, &tables.prior);
-        summary.find_leads(&tables.rows, &tables.drives);
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&tables.rows, &run.name);
         }
@@ -259,19 +257,16 @@ impl Report<'_> {
         for run in self.runs {
             run.add_warnings(self.plan, &mut run_warnings);
         }
-        let run_warnings = run_warnings.iter().map(|warning| warning.words(&labels));
-        let program_warnings: Vec<_> = manifest
-            .algorithms
-            .iter()
-            .flat_map(AlgorithmRecord::warnings)
-            .collect();
+        for warning in &mut run_warnings {
+            let order = |own: &String| labels.iter().position(|label| label == own);
+            warning.algorithms.sort_by_key(order);
+        }
         let given = self.options.warnings.iter().cloned();
         let failed = failure_warnings(&labels, &self.tables);
-        for warning in given
-            .chain(run_warnings)
-            .chain(failed)
-            .chain(program_warnings)
-        {
+        let programs = manifest.algorithms.iter();
+        let programs = programs.flat_map(AlgorithmRecord::warnings);
+        let all = given.chain(run_warnings).chain(failed).chain(programs);
+        for warning in all.map(|warning| warning.to_string()).collect::<Vec<_>>() {
             if !manifest.warnings.contains(&warning) {
                 manifest.warnings.push(warning);
             }
@@ -393,7 +388,7 @@ impl Report<'_> {
 
 /// A warning per failure of an algorithm, but not while it fails for the same reason pair after
 /// pair.
-fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
+fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<Notice> {
     let mut warnings = Vec::new();
     for label in labels {
         let failures = tables.failures.iter().filter(|row| row.algorithm == *label);
@@ -414,11 +409,7 @@ fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
         let mut before = None;
         for (_, sequence, reason) in pairs {
             if let Some(reason) = reason.filter(|reason| before != Some(*reason)) {
-                let failure = MatchFailure {
-                    algorithm: (*label).to_owned(),
-                    reason: reason.to_owned(),
-                };
-                warnings.push(failure.words(sequence));
+                warnings.push(Notice::on_pair(label, sequence, reason));
             }
             before = reason;
         }
@@ -441,7 +432,7 @@ fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
 }
 
 /// A warning if frames have a truth, but no cell has enough of it to be scored.
-fn nothing_scored(manifest: &Manifest, summary: &Summary) -> Option<String> {
+fn nothing_scored(manifest: &Manifest, summary: &Results) -> Option<String> {
     let mut algorithms = summary.algorithms.iter();
     let algorithm =
         algorithms.find(|algorithm| algorithm.scored().is_some_and(|(_, cells)| cells == 0))?;

@@ -3,9 +3,9 @@
 use super::answer::answer_metrics;
 use super::choice::better_first;
 use super::drives::DriveRow;
+use super::results::Results;
 use super::rows::Row;
 use super::samples::{is_scene, total};
-use super::summary::Summary;
 use super::table::{NONE, Table};
 use super::words::number;
 use svl_score::judge::{Metric, RunKind};
@@ -26,7 +26,7 @@ struct Outcome {
     words: String,
 }
 
-impl Summary {
+impl Results {
     /// The metric of the answer per scene, or the outcome of each drive; first the case in which
     /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
     /// of. None for other runs and for a single case.
@@ -173,7 +173,7 @@ mod tests {
             scene("c", "worse", Some(0.5)),
             scene("c", "best", None),
         ];
-        let summary = Summary::from_rows(&rows, &[]).unwrap();
+        let summary = Results::from_rows(&rows, &[]).unwrap();
         let table = summary.case_table(&rows, &[]).unwrap();
         let expected = [
             ["c", "–", "50.0"],

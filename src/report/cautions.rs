@@ -1,10 +1,10 @@
 //! Cautions for the reader of a run's numbers.
 
-use super::summary::Summary;
+use super::results::Results;
 use super::words::ms;
 use svl_core::counted;
 
-impl Summary {
+impl Results {
     /// Losses and cautions, each with its cure where there is one.
     pub fn cautions(&self) -> Vec<String> {
         let incomplete = self
@@ -31,7 +31,7 @@ impl Summary {
             let name = &run.algorithm;
             format!("{name} answers far later than the time that it reports, which is not ranked")
         });
-        let profile = self.slow_profile.clone();
+        let profile = self.basis.slow_profile.clone();
         let parts = incomplete
             .chain(doubts)
             .chain(note)
@@ -51,7 +51,7 @@ impl Summary {
     /// Caution about obstacles where nothing is near.
     fn nothing_near(&self) -> Option<String> {
         let near = self.algorithms.iter().filter_map(|a| a.totals.get("near"));
-        let (near_m, _) = self.rule.obstacle_and_clear_m();
+        let (near_m, _) = self.shown.rule.obstacle_and_clear_m();
         near.reduce(f64::max).filter(|near| *near == 0.0).map(|_| {
             format!(
                 "in the truth nothing is nearer than {near_m} m, so no obstacle can be missed or \
@@ -62,7 +62,7 @@ impl Summary {
 
     /// Caution about times of several sessions.
     fn mixed_times(&self) -> Option<String> {
-        let is_mixed = self.measured && !self.has_comparable_times();
+        let is_mixed = self.basis.is_measured && !self.has_comparable_times();
         is_mixed.then(|| {
             "times are of several sessions, so those of different algorithms are not compared; \
              `svl score` with --times matches again what is needed"
@@ -74,7 +74,10 @@ impl Summary {
     /// were not.
     fn slow_drivers(&self) -> Vec<String> {
         // The times of other builds are not those of svl.
-        let drives = self.drives.iter().filter(|_| self.slow_profile.is_none());
+        let drives = self
+            .drives
+            .iter()
+            .filter(|_| self.basis.slow_profile.is_none());
         let words = drives.filter_map(|drive| {
             let mut algorithms = self.algorithms.iter();
             let own = algorithms.find(|a| a.algorithm == drive.algorithm)?;
@@ -95,7 +98,7 @@ impl Summary {
     /// Caution about times that the machine disturbed.
     fn outliers(&self) -> Option<String> {
         // Otherwise svl's own reading and writing causes them, or the times are not used.
-        let counts = self.measured && self.slow_profile.is_none();
+        let counts = self.basis.is_measured && self.basis.slow_profile.is_none();
         let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
         (counts && is_disturbed).then(|| {
             "the machine was busy, so times are uncertain; use an idle one, or --repeat 5, for \

@@ -1,13 +1,13 @@
 //! Choice among many algorithms: sorted by a metric, the best by each, and the Pareto front.
 
-use super::summary::{AlgorithmSummary, Summary};
+use super::results::{AlgorithmSummary, Results};
 use std::cmp::Ordering;
 use svl_score::judge::{Better, Metric, RunKind};
 
-impl Summary {
+impl Results {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
     /// that has no better direction the largest is first.
-    pub fn sort_by(&mut self, metric: &Metric) {
+    pub(super) fn sort_by(&mut self, metric: &Metric) {
         // Before they are taken out: values are looked up among them.
         let values = self.algorithms.iter().map(|a| self.ranked(a, metric));
         let values: Vec<_> = values.collect();
@@ -18,7 +18,6 @@ impl Summary {
             .into_iter()
             .map(|(_, algorithm)| algorithm)
             .collect();
-        self.is_sorted = true;
     }
 
     /// True for an algorithm that may be called best: it has a result of every pair, and is not a
@@ -31,7 +30,7 @@ impl Summary {
     /// True for the truth and for `blind`.
     pub(super) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
         let label = &algorithm.algorithm;
-        self.perfect.contains(label) || label == "blind"
+        self.basis.perfect.contains(label) || label == "blind"
     }
 
     /// The labels of those that may be called best.
@@ -126,7 +125,7 @@ mod tests {
 
     /// Rows of one pair: the label, the time and the fractions of right and of wrong cells in
     /// tenths.
-    fn summary(results: &[(&str, u64, f64, f64)]) -> Summary {
+    fn summary(results: &[(&str, u64, f64, f64)]) -> Results {
         let rows: Vec<_> = results
             .iter()
             .map(|&(label, us, right, wrong)| {
@@ -146,7 +145,7 @@ mod tests {
                 row
             })
             .collect();
-        Summary::from_rows(&rows, &[]).unwrap()
+        Results::from_rows(&rows, &[]).unwrap()
     }
 
     #[test]

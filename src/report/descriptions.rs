@@ -5,8 +5,8 @@ use super::columns::ColumnDescription;
 use super::drives::{DriveRow, TrackRow};
 use super::prior::PRIOR;
 use super::reliability::ReliabilityRow;
+use super::results::{AlgorithmSummary, CheckpointSummary};
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use super::summary::{AlgorithmSummary, CheckpointSummary};
 use super::table::Table;
 use svl_score::judge::METRICS;
 

@@ -259,8 +259,8 @@ pub(super) fn drive_parts(number: DriveNumber, row: &DriveRow) -> [f64; 2] {
 pub(super) mod tests {
     use super::*;
     use crate::Row;
+    use crate::results::{ReportTables, ResultParts, Results, Shown};
     use crate::speed::tests::row;
-    use crate::summary::Summary;
 
     /// A course of 6 m that was finished, six pairs a second.
     pub(crate) fn drive(seed: u64, algorithm: &str) -> DriveRow {
@@ -290,16 +290,17 @@ pub(super) mod tests {
     }
 
     /// The summary of drives whose algorithms take `ms` per pair.
-    fn summary(drives: &[DriveRow], ms: u64) -> Summary {
+    fn summary(drives: &[DriveRow], ms: u64) -> Results {
         let row = |drive: &DriveRow| Row {
             algorithm: drive.algorithm.clone(),
             ..row(1000 * ms, (64, 48), None)
         };
-        let rows: Vec<_> = drives.iter().map(row).collect();
-        let mut summary = Summary::from_rows(&rows, &[]).unwrap();
-        summary.add_drives(drives);
-        summary.find_leads(&rows, drives);
-        summary
+        let tables = ReportTables {
+            rows: drives.iter().map(row).collect(),
+            drives: drives.to_vec(),
+            ..ReportTables::default()
+        };
+        Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
     }
 
     #[test]

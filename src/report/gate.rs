@@ -2,7 +2,7 @@
 
 use super::junit::{TestCase, TestResult};
 use super::prior::PRIOR;
-use super::summary::{AlgorithmSummary, Summary};
+use super::results::{AlgorithmSummary, Results};
 use serde::Serialize;
 use svl_score::judge::{Metric, MetricUnit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
@@ -53,7 +53,7 @@ pub struct GateResult {
 }
 
 /// Results of a run, one for every algorithm that matches the limit.
-pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
+pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> Vec<GateResult> {
     // A bare name matches the algorithm with any parameters.
     let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
     let unit = limit
@@ -116,7 +116,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
 }
 
 fn summary_row<'a>(
-    summary: &'a Summary,
+    summary: &'a Results,
     algorithm: &AlgorithmRecord,
 ) -> Option<&'a AlgorithmSummary> {
     let mut rows = summary.algorithms.iter();
@@ -124,7 +124,7 @@ fn summary_row<'a>(
 }
 
 /// The ratio of two medians. Both are of one run and machine, so it carries over to other machines.
-fn time_ratio(summary: &Summary, tested: &AlgorithmRecord, unit: &AlgorithmRecord) -> Option<f64> {
+fn time_ratio(summary: &Results, tested: &AlgorithmRecord, unit: &AlgorithmRecord) -> Option<f64> {
     let (tested, unit) = (summary_row(summary, tested)?, summary_row(summary, unit)?);
     let labels = [tested, unit].map(|row| row.algorithm.as_str());
     if !summary.are_times_comparable(labels.into_iter()) {

@@ -46,7 +46,7 @@ pub enum PriorTest {
     /// There is no prior.
     #[default]
     None,
-    /// `Summary::behind_prior` has those that do not beat it.
+    /// `Results::behind_prior` has those that do not beat it.
     Tested,
     /// Too few blocks of pairs for an interval.
     TooFewPairs,

@@ -3,7 +3,7 @@
 //! ```text
 //! units ──build──▶ rows, cells, checkpoints, … as .csv and .parquet
 //!                      │
-//!                      └──▶ Summary ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON,
+//!                      └──▶ Results ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON,
 //!                                       html::ReportPage, summary and verdicts
 //! ```
 
@@ -34,13 +34,13 @@ pub mod plot;
 mod prior;
 mod prior_test;
 mod reliability;
+mod results;
 mod rows;
 mod samples;
 pub mod shots;
 mod sources;
 mod speed;
 mod stress;
-mod summary;
 mod summary_tables;
 mod sweeps;
 pub mod table;
@@ -62,12 +62,15 @@ pub use junit::{TestCase, TestResult, junit};
 pub use lead::{Certainty, Lead, PriorTest, RunnerUp};
 pub use prior::{PRIOR, TruthRow};
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
+pub use results::{
+    AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,
+    Shown, TopicDelay,
+};
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
     hash_words,
 };
 pub use sources::Sources;
 pub use stress::StressSummary;
-pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary, TopicDelay};
 pub use table_writer::TableWriter;
 pub use words::shell_word;

@@ -1,9 +1,9 @@
 //! A summary as Markdown.
 
-use super::summary::Summary;
+use super::results::Results;
 use super::table::{Table, escape};
 
-impl Summary {
+impl Results {
     /// The summary as a Markdown page under `title`.
     pub fn markdown(&self, title: &str) -> String {
         let mut page = format!("# {}\n\n{}.\n", escape(title), escape(&self.scope_words()));
@@ -30,14 +30,12 @@ impl Summary {
             section(&table.title, &table);
         }
         let mut facts = Vec::new();
-        facts.extend(self.times.clone().map(|times| format!("times: {times}")));
+        let times = self.basis.times.iter();
+        facts.extend(times.map(|times| format!("times: {times}")));
         let programs = self.programs.iter();
         facts.extend(programs.map(|p| format!("program: {}: {}", p.algorithm, p.program.words())));
-        facts.extend(
-            self.warnings
-                .iter()
-                .map(|warning| format!("warning: {warning}")),
-        );
+        let warnings = self.warnings.iter();
+        facts.extend(warnings.map(|warning| format!("warning: {warning}")));
         if !facts.is_empty() {
             page.push_str("\n## Run\n\n");
         }

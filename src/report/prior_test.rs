@@ -1,9 +1,9 @@
 //! The test against the prior: nothing is called best that does not beat who looks at nothing.
 
 use super::lead::PriorTest;
+use super::results::Results;
 use super::rows::Row;
 use super::samples::resamples;
-use super::summary::Summary;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::Sample;
 use svl_score::judge::{Metric, RunKind};
@@ -11,7 +11,7 @@ use svl_score::judge::{Metric, RunKind};
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const STILL: f64 = 0.8;
 
-impl Summary {
+impl Results {
     /// Finds the algorithms that do not beat the prior by right minus wrong cells, beyond the 95 %
     /// interval. `rows` and `prior`: those that the summary is of.
     pub(super) fn test_prior(&mut self, rows: &[Row], prior: &[Row]) {
@@ -20,12 +20,12 @@ impl Summary {
             return;
         };
         if right >= STILL {
-            self.prior_test = PriorTest::Still;
+            self.basis.prior_test = PriorTest::Still;
             return;
         }
         let key = |row: &'_ Row| (row.seed, row.run.clone(), row.sequence, row.name.clone());
         let prior: BTreeMap<_, _> = prior.iter().map(|row| (key(row), row)).collect();
-        self.prior_test = PriorTest::Tested;
+        self.basis.prior_test = PriorTest::Tested;
         for label in self.algorithms.iter().map(|a| &a.algorithm) {
             let own = rows
                 .iter()
@@ -36,9 +36,9 @@ impl Summary {
             let resamples = resamples(&own);
             let [base, other] = &samples;
             match Sample::interval_between(base, other, |a, b| b - a, &resamples) {
-                None => self.prior_test = PriorTest::TooFewPairs,
+                None => self.basis.prior_test = PriorTest::TooFewPairs,
                 Some((low, _)) if low > 0.0 => {}
-                Some(_) => self.behind_prior.push(label.clone()),
+                Some(_) => self.basis.behind_prior.push(label.clone()),
             }
         }
     }
@@ -48,7 +48,7 @@ impl Summary {
         let metric = Metric::find("right")?;
         let right = self.prior.as_ref()?.value(metric)?;
         let words = self.words(metric);
-        (self.prior_test == PriorTest::Still).then(|| {
+        (self.basis.prior_test == PriorTest::Still).then(|| {
             format!(
                 "the scene hardly changes: who looks at nothing (prior) has {} {words}",
                 metric.show(right)
@@ -73,11 +73,12 @@ fn merit_sample(rows: &[&Row]) -> Sample {
 mod tests {
     use super::*;
     use crate::prior::PRIOR;
+    use crate::results::{ReportTables, ResultParts, Shown};
     use crate::speed::tests::row;
     use svl_score::judge::MetricValues;
 
     /// Pairs of one cell each in seven blocks or more; the prior's and the algorithm's right ones.
-    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Summary {
+    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Results {
         let rows = |label: &str, is_right: fn(u64) -> bool| -> Vec<_> {
             let row = |sequence| {
                 let right = f64::from(u8::from(is_right(sequence)));
@@ -96,11 +97,12 @@ mod tests {
             };
             (0..pairs).map(row).collect()
         };
-        let (prior, own) = (rows(PRIOR, prior), rows("own", own));
-        let mut summary = Summary::from_rows(&own, &[]).unwrap();
-        summary.add_prior(&prior).unwrap();
-        summary.test_prior(&own, &prior);
-        summary
+        let tables = ReportTables {
+            rows: rows("own", own),
+            prior: rows(PRIOR, prior),
+            ..ReportTables::default()
+        };
+        Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
     }
 
     #[test]
@@ -108,22 +110,22 @@ mod tests {
         let half = |i: u64| i.is_multiple_of(2);
         let all_but_few = |i: u64| !i.is_multiple_of(20);
         let better = tested(200, half, all_but_few);
-        assert_eq!(better.prior_test, PriorTest::Tested);
-        assert!(better.behind_prior.is_empty() && better.is_usable(&better.algorithms[0]));
+        assert_eq!(better.basis.prior_test, PriorTest::Tested);
+        assert!(better.basis.behind_prior.is_empty() && better.is_usable(&better.algorithms[0]));
         for own in [half, |i: u64| i.is_multiple_of(3)] {
             let behind = tested(200, half, own);
-            assert_eq!(behind.behind_prior, ["own"]);
+            assert_eq!(behind.basis.behind_prior, ["own"]);
             assert!(!behind.is_usable(&behind.algorithms[0]));
         }
         // Few pairs, and a scene that hardly changes, tell nothing.
         let few = tested(20, half, |_| true);
         assert_eq!(
-            (few.prior_test, few.behind_prior.len()),
+            (few.basis.prior_test, few.basis.behind_prior.len()),
             (PriorTest::TooFewPairs, 0)
         );
         let still = tested(200, all_but_few, |_| true);
         assert_eq!(
-            (still.prior_test, still.behind_prior.len()),
+            (still.basis.prior_test, still.basis.behind_prior.len()),
             (PriorTest::Still, 0)
         );
         let words = still.prior_words().unwrap();

@@ -610,29 +610,24 @@ fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) ->
     columns.iter().map(column).collect()
 }
 
-/// The totals of the columns of rows.
-///
-/// # Errors
-/// The error of polars.
-pub(super) fn metric_totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
+/// The totals of the columns of rows, added in their order.
+pub(super) fn metric_totals(rows: &[&Row]) -> MetricTotals {
     let mut totals = MetricValues::default();
-    for MetricColumn { metric, area, name } in &*METRICS_IN_ROWS {
-        let MetricOrigin::Frame { total, .. } = metric.origin else {
+    for column in &*METRICS_IN_ROWS {
+        let MetricOrigin::Frame { total, .. } = column.metric.origin else {
             continue;
         };
-        let column = rows.column(name)?;
+        let values = rows.iter().filter_map(|row| column.value(&row.metrics));
+        let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
         let value = match total {
-            // Polars sums in blocks; the digits of earlier reports depend on its order of addition.
-            MetricTotal::Mean => column.as_materialized_series().mean(),
-            MetricTotal::Sum | MetricTotal::ShareOf(_) => {
-                let counts = column.u64()?.iter().flatten();
-                counts.reduce(|a, b| a + b).map(|count| count as f64)
-            }
+            MetricTotal::Mean => sum / f64::from(count),
+            MetricTotal::Sum | MetricTotal::ShareOf(_) => sum,
         };
-        totals.set_in(metric.name, *area, value);
+        let value = (count > 0).then_some(value);
+        totals.set_in(column.metric.name, column.area, value);
     }
     totals.add_up();
-    Ok(MetricTotals(totals))
+    MetricTotals(totals)
 }
 
 /// The column of a metric of frames.

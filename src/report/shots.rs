@@ -1,10 +1,10 @@
 //! The pictures of a report, chosen from those of its units.
 
 use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
+use super::results::ReportTables;
 use super::rows::Row;
 use super::units::{
-    BLOCK, BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredImage,
-    StoredUnit, Units,
+    BLOCK, BlockPictures, CheckpointShot, ReportPlan, RunUnits, StoredImage, StoredUnit, Units,
 };
 use std::collections::BTreeMap;
 use std::path::Path;

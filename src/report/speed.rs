@@ -1,6 +1,6 @@
 //! The times of one algorithm.
 
-use polars::prelude::{DataFrame, PolarsResult};
+use super::rows::Row;
 use svl_core::statistics::nearest_rank;
 
 /// The modified Z-score, (t − median) / (1.4826 · median absolute deviation), from which a time is
@@ -26,55 +26,40 @@ pub(super) struct Speed {
 
 impl Speed {
     /// Times of the rows of one algorithm, at least one.
-    pub(super) fn from_rows(rows: &DataFrame) -> PolarsResult<Self> {
-        let us = |column| -> PolarsResult<Vec<u64>> {
-            Ok(rows
-                .column(column)?
-                .u64()?
-                .iter()
-                .map(Option::unwrap_or_default)
-                .collect())
-        };
-        let side = |column| -> PolarsResult<Vec<Option<u32>>> {
-            Ok(rows.column(column)?.u32()?.iter().collect())
-        };
-        let total = us("total_us")?;
-        let (width, height, disparities) = (side("width")?, side("height")?, side("disparities")?);
+    pub(super) fn from_rows(rows: &[&Row]) -> Self {
+        let total_us = |row: &Row| row.total_us.unwrap_or_default();
         let per_pixel =
-            |i: usize| Some(total[i] as f64 / (f64::from(width[i]?) * f64::from(height[i]?)));
-        let per_disparity = |i: usize| Some(per_pixel(i)? / f64::from(disparities[i]?));
-        let ascending = |number: &dyn Fn(usize) -> Option<f64>| {
-            let mut values: Vec<_> = (0..total.len()).filter_map(number).collect();
+            |row: &Row| total_us(row) as f64 / (f64::from(row.width) * f64::from(row.height));
+        let per_disparity = |row: &Row| Some(per_pixel(row) / f64::from(row.disparities?));
+        let ascending = |mut values: Vec<f64>| {
             values.sort_by(f64::total_cmp);
             values
         };
-        let mut order: Vec<_> = (0..total.len()).collect();
-        order.sort_by_key(|&i| total[i]);
+        let mut order = rows.to_vec();
+        order.sort_by_key(|row| total_us(row));
         // The interquartile mean of all stages over the same pairs: medians of stages would not add
         // up to the median of totals.
         let middle = &order[order.len() / 4..(3 * order.len()).div_ceil(4)];
-        let mean_ms = |us: &[u64]| {
-            middle.iter().map(|&i| us[i] as f64).sum::<f64>() / (1e3 * middle.len().max(1) as f64)
+        let mean_ms = |us: fn(&Row) -> Option<u64>| {
+            let us = middle.iter().map(|row| us(row).unwrap_or_default() as f64);
+            us.sum::<f64>() / (1e3 * middle.len().max(1) as f64)
         };
-        let mut stages_ms = [0.0; 6];
-        let columns = [
-            "smoothing_us",
-            "texture_us",
-            "matching_us",
-            "checks_us",
-            "filters_us",
+        let mut stages_ms = [
+            mean_ms(|row| row.smoothing_us),
+            mean_ms(|row| row.texture_us),
+            mean_ms(|row| row.matching_us),
+            mean_ms(|row| row.checks_us),
+            mean_ms(|row| row.filters_us),
+            0.0,
         ];
-        for (stage_ms, column) in stages_ms.iter_mut().zip(columns) {
-            *stage_ms = mean_ms(&us(column)?);
-        }
         // Stages are rounded to whole microseconds each, so their sum may exceed the total.
-        stages_ms[5] = (mean_ms(&total) - stages_ms[..5].iter().sum::<f64>()).max(0.0);
-        Ok(Self {
-            per_pixel: ascending(&per_pixel),
-            per_disparity: ascending(&per_disparity),
-            sorted: order.iter().map(|&i| total[i]).collect(),
+        stages_ms[5] = (mean_ms(|row| row.total_us) - stages_ms.iter().sum::<f64>()).max(0.0);
+        Self {
+            per_pixel: ascending(rows.iter().map(|row| per_pixel(row)).collect()),
+            per_disparity: ascending(rows.iter().filter_map(|row| per_disparity(row)).collect()),
+            sorted: order.iter().map(|row| total_us(row)).collect(),
             stages_ms,
-        })
+        }
     }
 
     /// The time that a fraction `share` of the pairs does not exceed.
@@ -116,9 +101,7 @@ impl Speed {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::rows::Record as _;
     use super::*;
-    use crate::Row;
 
     /// A row without metrics.
     pub(crate) fn row(total_us: u64, (width, height): (u32, u32), disparities: Option<u32>) -> Row {
@@ -155,7 +138,7 @@ pub(super) mod tests {
         // Half a megapixel in 10 ms with 20 disparities: 0.02 s/MP, 1 s/GD.
         let rows =
             [10_000, 1_000_000, 10_000, 10_000, 2_000].map(|us| row(us, (1000, 500), Some(20)));
-        let speed = Speed::from_rows(&Row::frame(&rows).unwrap()).unwrap();
+        let speed = Speed::from_rows(&rows.each_ref());
         assert_eq!(
             [0.5, 0.95, 1.0].map(|share| speed.rank_ms(share)),
             [10.0, 1000.0, 1000.0]
@@ -170,9 +153,7 @@ pub(super) mod tests {
     fn outliers_are_far_slower_than_the_spread() {
         let outliers = |us: &[u64]| {
             let rows: Vec<_> = us.iter().map(|&us| row(us, (100, 100), None)).collect();
-            Speed::from_rows(&Row::frame(&rows).unwrap())
-                .unwrap()
-                .outliers()
+            Speed::from_rows(&rows.iter().collect::<Vec<_>>()).outliers()
         };
         // Median 1009, of the deviations 5: the limit is 1009 + 14.26 · 7.4 = 1115.
         let spread: Vec<u64> = (1000..1020).collect();
@@ -183,7 +164,7 @@ pub(super) mod tests {
 
     #[test]
     fn unknown_disparities_have_no_speed_per_disparity() {
-        let speed = Speed::from_rows(&Row::frame(&[row(500, (10, 10), None)]).unwrap()).unwrap();
+        let speed = Speed::from_rows(&[&row(500, (10, 10), None)]);
         assert_eq!((speed.time_per_gd_s(), speed.time_per_mp_s()), (None, 5.0));
         assert_eq!(
             speed.stages_ms.map(|ms| (1e3 * ms).round()),

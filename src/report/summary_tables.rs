@@ -3,8 +3,8 @@
 use super::answer::USABLE;
 use super::drives::DriveSummary;
 use super::prior::PRIOR;
+use super::results::{AlgorithmSummary, CheckpointSummary, Results};
 use super::stress::{StressSummary, kinds};
-use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use super::table::{NONE, Table, TableCell, TableColumn};
 use super::words::{digits, mark, number, percent, time};
 use svl_score::bootstrap::Interval;
@@ -70,10 +70,10 @@ fn time_notes(table: &mut Table) {
     }
 }
 
-impl Summary {
-    /// The metrics of [`Summary::columns`] per algorithm, the best first.
+impl Results {
+    /// The metrics of [`Results::columns`] per algorithm, the best first.
     pub fn headline(&self) -> Table {
-        self.metric_table(&self.columns)
+        self.metric_table(&self.shown.columns)
     }
 
     /// Every metric that was measured, with pairs and memory.
@@ -98,7 +98,7 @@ impl Summary {
         let order = self.ranked_algorithms().into_iter();
         let own = order.flat_map(|a| {
             let rows = self.accuracy.iter();
-            rows.filter(|row| row.algorithm == a.algorithm && row.area == self.area)
+            rows.filter(|row| row.algorithm == a.algorithm && row.area == self.basis.area)
         });
         for row in own {
             let cells = [
@@ -162,7 +162,7 @@ impl Summary {
                     [shown(0), shown(1)]
                 });
             let topic = match &delay.run {
-                Some(run) if self.scope.runs > 1 => format!("{} {run}", delay.topic),
+                Some(run) if self.basis.scope.runs > 1 => format!("{} {run}", delay.topic),
                 _ => delay.topic.clone(),
             };
             table.push(&topic, numbers);
@@ -178,7 +178,7 @@ impl Summary {
     /// The algorithms in the order of tables: the user's, else by right minus wrong where true
     /// distances are known, else by the first column that has a better direction.
     pub fn ranked_algorithms(&self) -> Vec<&AlgorithmSummary> {
-        if self.is_sorted {
+        if self.shown.sort.is_some() {
             return self.algorithms.iter().collect();
         }
         let keyed = self.algorithms.iter();
@@ -216,12 +216,15 @@ impl Summary {
     /// The order in words; none if the user chose it.
     pub(super) fn order_words(&self) -> Option<String> {
         let words = self.merit_words()?;
-        (!self.is_sorted).then(|| format!("sorted by {words}"))
+        self.shown
+            .sort
+            .is_none()
+            .then(|| format!("sorted by {words}"))
     }
 
     /// The first column that has a better direction.
     pub(super) fn first_metric(&self) -> Option<&'static Metric> {
-        let mut metrics = self.columns.metrics(self.kind()).into_iter();
+        let mut metrics = self.shown.columns.metrics(self.kind()).into_iter();
         metrics.find(|metric| metric.better != Better::Neither)
     }
 
@@ -318,7 +321,7 @@ impl Summary {
     fn metric_notes(&self, table: &mut Table, metrics: &[&Metric]) {
         // Obstacles have a distance, so they are counted where there is a calibration.
         let has_distances = matches!(self.kind(), RunKind::Distances | RunKind::Courses);
-        let rule = self.rule.for_rig(has_distances);
+        let rule = self.shown.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {
                 column.group == self.group(metric) && column.head == metric.head

@@ -1,8 +1,8 @@
 //! Tables on disk: CSV during the run, Parquet at its end.
 
 use super::csv_rows::csv_error;
+use super::results::Results;
 use super::rows::Record;
-use super::summary::Summary;
 use parking_lot::Mutex;
 use polars::prelude::{
     BatchedWriter, CompatLevel, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult, Schema,
@@ -228,7 +228,7 @@ impl Write for CheckedFile {
     }
 }
 
-impl Summary {
+impl Results {
     /// Writes `summary`, a row per algorithm, and `verdicts`, a row per checkpoint and algorithm,
     /// each as `.csv` and `.parquet`, into a folder that exists.
     ///

@@ -2,7 +2,7 @@
 
 use super::lead::Lead;
 use super::prior::PRIOR;
-use super::summary::Summary;
+use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::stereo::TruthOrigin;
 use svl_core::{counted, joined};
@@ -16,7 +16,7 @@ const FIRST_ALGORITHMS: usize = 12;
 /// Head of a caution, below whose words it continues.
 const CAUTION: &str = "warning: ";
 
-impl Summary {
+impl Results {
     /// The extent of the run, the headline table, the answer and the cautions; the tables of
     /// perturbations. `explain`: the meanings of the columns, too.
     pub fn terminal(&self, title: &str, style: TerminalStyle, explain: bool) -> String {
@@ -28,7 +28,7 @@ impl Summary {
         } else {
             let count = table.rows.len();
             let more = match count {
-                n if n > MAX_ALGORITHMS && self.columns != ColumnChoice::All => {
+                n if n > MAX_ALGORITHMS && self.shown.columns != ColumnChoice::All => {
                     n - FIRST_ALGORITHMS
                 }
                 _ => 0,
@@ -64,9 +64,9 @@ impl Summary {
         }
         let mut tables = vec![table];
         let drives = self.drive_table();
-        tables.extend(drives.filter(|_| self.columns == ColumnChoice::All));
+        tables.extend(drives.filter(|_| self.shown.columns == ColumnChoice::All));
         let accuracy = self.accuracy_table();
-        tables.extend(accuracy.filter(|_| self.columns == ColumnChoice::All));
+        tables.extend(accuracy.filter(|_| self.shown.columns == ColumnChoice::All));
         tables.extend(self.latency_table());
         tables.extend(self.stress_tables());
         for table in &tables[1..] {
@@ -101,7 +101,7 @@ impl Summary {
 
     /// The columns that were asked for and that no algorithm has.
     fn absent_columns(&self) -> Vec<&'static Metric> {
-        let ColumnChoice::Named(metrics) = &self.columns else {
+        let ColumnChoice::Named(metrics) = &self.shown.columns else {
             return Vec::new();
         };
         let has = |metric: &&&Metric| {
@@ -113,17 +113,17 @@ impl Summary {
 
     /// The numbers of scored pairs and cells, if they are not all.
     fn scored_words(&self) -> Option<String> {
-        let (pairs, cells) = self.scope.scored.filter(|_| self.drives.is_empty())?;
-        if pairs < self.scope.pairs {
+        let (pairs, cells) = self.basis.scope.scored.filter(|_| self.drives.is_empty())?;
+        if pairs < self.basis.scope.pairs {
             return Some(format!("{pairs} scored with {}", counted(cells, "cell")));
         }
-        let all = pairs * self.scope.cells_of_pair;
+        let all = pairs * self.basis.scope.cells_of_pair;
         (cells < all).then(|| format!("{cells} of {all} cells scored"))
     }
 
     /// The extent of the run in words: pairs, size, runs, origin of the truth.
     pub fn scope_words(&self) -> String {
-        let scope = &self.scope;
+        let scope = &self.basis.scope;
         let size = match scope.sizes[..] {
             [] => String::new(),
             [(width, height)] => format!(" of {width} x {height}"),

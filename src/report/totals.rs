@@ -1,39 +1,35 @@
 //! The summary of a run's rows: of the unperturbed pairs, and of the perturbed ones.
 
+use super::results::Results;
 use super::rows::{CheckpointRow, Row};
 use super::stress::{MIN_KEPT, StressSummary};
-use super::summary::Summary;
 use svl_core::Result;
 use svl_score::judge::METRICS;
 use svl_sim::stress::{Stress, StressKind};
 
-impl Summary {
-    /// Sums up the rows of a run; those of perturbed pairs in [`Summary::stress`].
+impl Results {
+    /// Sums up the rows of a run; those of perturbed pairs in [`Results::stress`].
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of polars.
+    /// Those of a perturbation that svl does not know.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
-        if rows.iter().all(|row| row.stress.is_none()) {
-            return Self::from_frames_of(rows, checkpoints);
-        }
-        let plain = rows.iter().filter(|row| row.stress.is_none()).cloned();
-        let unperturbed = checkpoints.iter().filter(|row| row.stress.is_none());
-        let summary = Self::from_frames_of(
-            &plain.collect::<Vec<_>>(),
-            &unperturbed.cloned().collect::<Vec<_>>(),
-        )?;
-        Ok(Self {
-            stress: stressed(&summary, rows, checkpoints)?,
-            ..summary
-        })
+        let sums = |stress: Option<&str>| {
+            let own = rows.iter().filter(|row| row.stress.as_deref() == stress);
+            let runs = checkpoints.iter();
+            let runs = runs.filter(|row| row.stress.as_deref() == stress);
+            Self::from_pairs(&own.collect::<Vec<_>>(), &runs.collect::<Vec<_>>())
+        };
+        let base = sums(None);
+        let stress = stressed(&base, rows, |text| sums(Some(text)))?;
+        Ok(Self { stress, ..base })
     }
 }
 
 /// Summaries of the perturbed rows, each kind with the unperturbed pairs, `base`, as level 0.
 fn stressed(
-    base: &Summary,
+    base: &Results,
     rows: &[Row],
-    checkpoints: &[CheckpointRow],
+    sums: impl Fn(&str) -> Results,
 ) -> Result<Vec<StressSummary>> {
     let mut stresses: Vec<(&str, Stress)> = Vec::new();
     for text in rows.iter().filter_map(|row| row.stress.as_deref()) {
@@ -41,17 +37,6 @@ fn stressed(
             stresses.push((text, text.parse()?));
         }
     }
-    let summarize = |stress: &str| {
-        let rows = rows
-            .iter()
-            .filter(|row| row.stress.as_deref() == Some(stress));
-        let own = checkpoints.iter();
-        let own = own.filter(|row| row.stress.as_deref() == Some(stress));
-        Summary::from_frames_of(
-            &rows.cloned().collect::<Vec<_>>(),
-            &own.cloned().collect::<Vec<_>>(),
-        )
-    };
     let mut summaries = Vec::new();
     for (i, (text, stress)) in stresses.iter().enumerate() {
         let kind = stress.kind();
@@ -68,7 +53,7 @@ fn stressed(
             let none = none.filter(|a| is_perturbed(&a.algorithm));
             summaries.extend(none.map(|a| summary(base, base, &a.algorithm, (kind, 0.0))));
         }
-        let level = summarize(text)?;
+        let level = sums(text);
         let algorithms = level.algorithms.iter();
         let place = (kind, stress.level());
         summaries.extend(algorithms.map(|a| summary(base, &level, &a.algorithm, place)));
@@ -95,12 +80,12 @@ fn lost_checkpoints(before: &[(u32, u64, u64)], now: &[(u32, u64, u64)]) -> Opti
 }
 
 fn summary(
-    base: &Summary,
-    level: &Summary,
+    base: &Results,
+    level: &Results,
     algorithm: &str,
     (kind, at): (&'static StressKind, f64),
 ) -> StressSummary {
-    let value = |summary_of: &Summary, name: &str| {
+    let value = |summary_of: &Results, name: &str| {
         let metric = METRICS.iter().find(|metric| metric.name == name)?;
         let summary = summary_of
             .algorithms
@@ -110,7 +95,7 @@ fn summary(
     };
     let pairs = level.algorithms.iter().find(|a| a.algorithm == algorithm);
     let pairs = pairs.map_or(0, |a| a.pairs);
-    let passed = |summary_of: &Summary| {
+    let passed = |summary_of: &Results| {
         let own = summary_of
             .checkpoints
             .iter()

@@ -7,6 +7,7 @@ pub mod judge;
 pub mod losses;
 pub mod manifest;
 pub mod memory;
+pub mod notice;
 pub mod plausibility;
 pub mod resize;
 pub mod scenario;

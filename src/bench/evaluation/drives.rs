@@ -96,7 +96,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         ..ReportRun::default()
     };
     let keys = runs.iter().map(key).collect();
-    let mut session = EvaluationSession::open(plan, manifest, keys, console)?;
+    let mut session = EvaluationSession::open(plan, manifest, keys)?;
     session.begin()?;
     let todo = missing_units(plan, &session, &runs);
     if todo.is_empty() {

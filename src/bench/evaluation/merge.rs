@@ -6,6 +6,7 @@ use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
 use svl_report::units::{ReportPlan, RunUnits, Units, remove_file};
 use svl_score::manifest::{Manifest, Purpose};
+use svl_score::notice::Notice;
 
 /// Reports of shards of one run.
 pub struct Parts(Vec<FoundPart>);
@@ -108,11 +109,9 @@ impl Parts {
         {
             let is_unknown = |own: &ProgramRecord| own.version.is_none() && own.model.is_none();
             if record.program.as_ref().is_some_and(is_unknown) {
-                tracing::warn!(
-                    "{}: its program reports no version and no model, so the parts may have run \
-                     different programs",
-                    record.label
-                );
+                let text = "its program reports no version and no model, so the parts may have run \
+                            different programs";
+                Notice::new([&*record.label], text).warn();
             }
         }
         Ok(())

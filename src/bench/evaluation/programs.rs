@@ -7,6 +7,7 @@ use crate::source::{AssumeRectified, Source};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
 use svl_report::{Row, hash_words};
+use svl_score::notice::Notice;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {
@@ -50,10 +51,11 @@ impl RunWork<'_> {
             match answers(algorithm, opened, &rows)? {
                 ProgramAnswer::Same => {}
                 ProgramAnswer::Other(sequence) => {
-                    tracing::warn!(
-                        "{label}: its result of pair {sequence} is another than before: all its \
-                         pairs are matched again"
+                    let text = format!(
+                        "its result of pair {sequence} is another than before: all its pairs are \
+                         matched again"
                     );
+                    Notice::new([label], text).warn();
                     self.session.forget_algorithm(label);
                     return Ok(());
                 }

@@ -11,6 +11,7 @@ use svl_core::inputs::InputLog;
 use svl_report::units::{BLOCK, ReportRun, RunUnits};
 use svl_score::judge::Judge;
 use svl_score::manifest::RunRecord;
+use svl_score::notice::NoticeLog;
 use svl_score::scenario::Scenario;
 use svl_sim::stress::Stress;
 
@@ -23,6 +24,9 @@ pub(super) struct OpenedRun {
     pub(super) judge: Judge,
     pub(super) files: InputLog,
 }
+
+/// A run that is opened, unless that failed, with the notices of opening it.
+pub(super) type BegunRun = (NoticeLog, Result<OpenedRun>);
 
 /// Opens the runs of a scenario, in their order.
 pub(super) struct RunOpener<'a> {
@@ -88,6 +92,14 @@ impl<'a> RunOpener<'a> {
             stress: stress.map(|stress| stress.to_string()),
             ..ReportRun::default()
         }
+    }
+
+    /// Opens a run, and takes the notices of that.
+    pub(super) fn begin(&mut self, run: RunPlace) -> BegunRun {
+        let notices = NoticeLog::default();
+        let _entered = notices.enter();
+        let opened = self.open(run);
+        (notices, opened)
     }
 
     /// Opens a run, recorded first if the cache does not have it.

@@ -1,7 +1,7 @@
 //! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
 use super::plan::EvaluationPlan;
-use super::run_opener::{OpenedRun, RunOpener, RunPlace, WantedResults};
+use super::run_opener::{BegunRun, OpenedRun, RunOpener, RunPlace, WantedResults};
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
 use crate::run::{Matchers, Pace, run_through};
@@ -14,9 +14,10 @@ use std::collections::BTreeSet;
 use svl_core::inputs::FileChange;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
-use svl_report::units::{RunFacts, RunUnits, RunWarning};
+use svl_report::units::{RunFacts, RunUnits};
 use svl_score::judge::Judge;
 use svl_score::manifest::{Manifest, hash};
+use svl_score::notice::Notice;
 use svl_score::scenario::{PairRange, Scenario, ScenarioSource};
 
 /// Most algorithms that Rerun shows.
@@ -53,7 +54,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let mut work = RunWork {
         plan,
         console,
-        session: EvaluationSession::open(plan, manifest, keys, console)?,
+        session: EvaluationSession::open(plan, manifest, keys)?,
         runs,
         run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
         matchers,
@@ -71,13 +72,11 @@ fn warn_of_unstressed(scenario: &Scenario) {
         .algorithms
         .iter()
         .filter(|a| a.spec().is_recorded());
-    let labels: Vec<_> = recorded.map(Algorithm::label).collect();
-    if !scenario.stress.is_empty() && !labels.is_empty() {
-        tracing::warn!(
-            "{}: computed before, so perturbed pairs are without: only the unperturbed ones are \
-             scored",
-            labels.join(", ")
-        );
+    let mut labels = recorded.map(Algorithm::label).peekable();
+    if !scenario.stress.is_empty() && labels.peek().is_some() {
+        let text = "computed before, so perturbed pairs are without: only the unperturbed ones are \
+                    scored";
+        Notice::new(labels, text).warn();
     }
 }
 
@@ -94,9 +93,6 @@ pub(super) struct RunWork<'a> {
     /// The pairs of the run under way.
     pairs: RunPairs,
 }
-
-/// A run that is about to be read, with the number of warnings before it was opened.
-type BegunRun = (usize, Result<OpenedRun>);
 
 impl RunWork<'_> {
     /// A second look at the runs, apart from that of [`RunWork::run`].
@@ -166,7 +162,7 @@ impl RunWork<'_> {
             if !changed[i] && !self.are_recordings() {
                 continue;
             }
-            let begun = (self.console.begin_warnings(), opener.open(self.runs[i]));
+            let begun = opener.begin(self.runs[i]);
             let mut sinks = self.sinks(None)?;
             let wanted = WantedResults {
                 labels: BTreeSet::new(),
@@ -235,12 +231,12 @@ impl RunWork<'_> {
         let read = self.read();
         // The first is opened before anything is written: Ctrl-C until then changes nothing.
         let first = read.first().map(|i| {
-            let warned = self.console.begin_warnings();
-            Ok((warned, opener.open(self.runs[*i])?))
+            let (notices, opened) = opener.begin(self.runs[*i]);
+            opened.map(|opened| (notices, Ok(opened)))
         });
         let first = first.transpose()?;
         self.session.begin()?;
-        let Some((warned, first)) = first else {
+        let Some(first) = first else {
             return Ok(MeasuredUnits {
                 ran: Ok(()),
                 session: self.session,
@@ -250,13 +246,7 @@ impl RunWork<'_> {
         let mut manifest = self.session.manifest();
         self.session.write(&manifest)?;
         let mut sinks = self.sinks(Some((&manifest, opener.live())))?;
-        let mut ran = self.read_runs(
-            &read,
-            (warned, Ok(first)),
-            &mut opener,
-            &manifest,
-            &mut sinks,
-        );
+        let mut ran = self.read_runs(&read, first, &mut opener, &manifest, &mut sinks);
         // Files may have changed between the look at them and the reading of their pairs.
         self.keep_whole_memory();
         let again = self.read();
@@ -264,7 +254,7 @@ impl RunWork<'_> {
             let name = self.session.list.runs[*i].words();
             tracing::warn!("{name}: its pairs changed while svl ran; they are matched again");
             let mut opener = RunOpener::new(self.plan.scenario, self.console, opener.live())?;
-            let begun = (self.console.begin_warnings(), opener.open(self.runs[*i]));
+            let begun = opener.begin(self.runs[*i]);
             ran = self.read_runs(&again, begun, &mut opener, &manifest, &mut sinks);
         }
         let (_, finished) = sinks.finish();
@@ -293,10 +283,7 @@ impl RunWork<'_> {
         let mut first = Some(first);
         for &i in runs {
             let begun = first.take();
-            let begun = begun.unwrap_or_else(|| {
-                let warned = self.console.begin_warnings();
-                (warned, opener.open(self.runs[i]))
-            });
+            let begun = begun.unwrap_or_else(|| opener.begin(self.runs[i]));
             let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
             let wanted = self.wanted(i, &self.session.runs[i]);
             let pass = self.pass(i, begun, &mut matchers, manifest, sinks, &wanted);
@@ -318,7 +305,7 @@ impl RunWork<'_> {
     fn pass(
         &self,
         i: usize,
-        (warned, opened): BegunRun,
+        (notices, opened): BegunRun,
         matchers: &mut Matchers,
         manifest: &Manifest,
         sinks: &mut Sinks,
@@ -332,15 +319,15 @@ impl RunWork<'_> {
             interrupted: false,
             ran: Ok(()),
         };
+        let entered = notices.enter();
         match opened {
             Err(error) => pass.ran = Err(error),
             Ok(opened) => self.read_run(opened, matchers, manifest, sinks, wanted, &mut pass),
         }
         pass.facts.error = pass.ran.as_ref().err().map(ToString::to_string);
         let algorithms = self.session.list.algorithms_of(&self.session.list.runs[i]);
-        let new = self.console.warnings().split_off(warned).into_iter();
-        let new = new.filter_map(|text| RunWarning::new(text, &algorithms));
-        new.for_each(|warning| warning.add_to(&mut pass.facts.warnings));
+        drop(entered);
+        pass.facts.add_notices(notices.notices(), &algorithms);
         pass
     }
 

@@ -1,7 +1,6 @@
 //! A session of an evaluation: what is in the folder, and what is to be matched.
 
 use super::plan::{Again, EvaluationPlan};
-use crate::console::Console;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result};
@@ -9,6 +8,7 @@ use svl_report::units::{
     ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file, unit_format,
 };
 use svl_score::manifest::{Manifest, Purpose};
+use svl_score::notice::NoticeLog;
 
 /// The units of a report as a session finds them, and as it leaves them.
 pub(super) struct EvaluationSession {
@@ -41,12 +41,12 @@ impl EvaluationSession {
         plan: &EvaluationPlan<'_>,
         mut manifest: Manifest,
         runs: Vec<ReportRun>,
-        console: &dyn Console,
     ) -> Result<Self> {
         let units = Units::for_report(plan.folder);
         // That of the session.
         let shard = manifest.shard.take();
-        manifest.warnings = console.warnings();
+        let notices = NoticeLog::current().notices();
+        manifest.warnings = notices.iter().map(ToString::to_string).collect();
         let mut list = ReportPlan::new(unit_format(), manifest, runs)?;
         list.limit_lines = plan.scenario.gate.iter().map(|limit| limit.line).collect();
         list.lost.clone_from(&plan.lost);

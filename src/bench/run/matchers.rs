@@ -143,9 +143,7 @@ impl Matchers {
                 record.program = entry.matcher.program();
                 let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
-                for warning in record.warnings() {
-                    tracing::warn!("{warning}");
-                }
+                record.warnings().for_each(|warning| warning.warn());
                 record.failed_pairs = entry.failed_pairs;
                 record.failure.clone_from(&entry.failure);
             }

@@ -9,6 +9,7 @@ use svl_core::matcher::{MatchContext, MatchOutput};
 use svl_core::stereo::{CellRule, Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
 use svl_score::judge::{Judge, Judged, MatchFailure};
+use svl_score::notice::Notice;
 
 /// The outputs of all algorithms for a frame.
 #[derive(Default)]
@@ -145,11 +146,11 @@ impl<'a> Matching<'a> {
                     let (algorithm, reason) = (entry.label.clone(), error.to_string());
                     *self.failures.entry(algorithm.clone()).or_default() += 1;
                     let is_news = entry.failed(&reason);
-                    let failure = MatchFailure { algorithm, reason };
                     if is_news {
-                        self.monitor.failed(&failure.words(frame.sequence));
+                        let notice = Notice::on_pair(&algorithm, frame.sequence, &reason);
+                        self.monitor.failed(&notice);
                     }
-                    matches.failures.push(failure);
+                    matches.failures.push(MatchFailure { algorithm, reason });
                 }
             }
         }
@@ -255,12 +256,12 @@ fn warn_of_ranges(entries: &mut [RunMatcher], rig: &Rig, cells: CellRule) {
     let mut short: Vec<(String, f64)> = short.collect();
     short.sort_by(|a, b| a.1.total_cmp(&b.1));
     for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
-        let labels: Vec<_> = equal.iter().map(|(label, _)| label.as_str()).collect();
-        tracing::warn!(
-            "{}: max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
+        let labels = equal.iter().map(|(label, _)| label.as_str());
+        let text = format!(
+            "max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
              about {px} px",
-            labels.join(", "),
             equal[0].1
         );
+        Notice::new(labels, text).warn();
     }
 }

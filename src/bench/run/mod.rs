@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted};
 use svl_score::losses::{FailedPairs, Missing};
+use svl_score::notice::Notice;
 use svl_score::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
@@ -29,8 +30,8 @@ pub trait Monitor {
     fn go_on(&mut self, done: u64) -> bool;
 
     /// Reports that an algorithm failed on a pair, and why.
-    fn failed(&mut self, failure: &str) {
-        tracing::warn!("{failure}");
+    fn failed(&mut self, failure: &Notice) {
+        failure.warn();
     }
 }
 

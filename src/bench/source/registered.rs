@@ -8,6 +8,7 @@ use std::sync::Arc;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
 use svl_core::{Error, Result, counted};
+use svl_score::notice::Notice;
 
 /// Stamps from this on are of a clock (1973), not counted from the first pair: recordings share
 /// them only if they show the same moments.
@@ -150,11 +151,11 @@ impl RegisteredPairs {
             {
                 learned.is_reported = true;
                 let scene = frame.name.as_deref().unwrap_or(run);
-                tracing::warn!(
-                    "{}: was fitted to pairs of {scene}: scores on what it was fitted to say \
-                     little of other recordings",
-                    learned.label
+                let text = format!(
+                    "was fitted to pairs of {scene}: scores on what it was fitted to say little of \
+                     other recordings"
                 );
+                Notice::new([&*learned.label], text).warn();
             }
         }
     }

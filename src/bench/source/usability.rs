@@ -85,11 +85,21 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
 
 impl fmt::Display for Usability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.is_usable {
-            "usable: "
-        } else {
-            "not usable yet: "
-        })?;
+        write!(f, "{}: {}", self.answer(), self.words())
+    }
+}
+
+impl Usability {
+    /// The answer alone.
+    pub fn answer(&self) -> &'static str {
+        match self.is_usable {
+            true => "usable",
+            false => "not usable yet",
+        }
+    }
+
+    /// What there is, and what is missing.
+    pub fn words(&self) -> String {
         let mut parts = Vec::new();
         if self.geometry.is_some() || self.pairs.is_some() {
             parts.push(self.pair_words());
@@ -103,11 +113,9 @@ impl fmt::Display for Usability {
             truths => parts.push(format!("truth from {}", joined(truths))),
         }
         parts.extend(self.missing.iter().cloned());
-        f.write_str(&parts.join(", "))
+        parts.join(", ")
     }
-}
 
-impl Usability {
     /// Number, geometry and distortion model of its pairs: `120 raw pairs (plumb_bob)`.
     fn pair_words(&self) -> String {
         let geometry = self.geometry.map_or("", PairGeometry::name);

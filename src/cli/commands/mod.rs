@@ -66,7 +66,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
-            Self::Report(args) => report::run(&args, quiet),
+            Self::Report(args) => report::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),

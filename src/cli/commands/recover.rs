@@ -1,7 +1,8 @@
 //! `svl recover`: the intact part of a truncated or corrupt recording.
 
-use crate::cli::shared::terminal::{losses, missing, size};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{
+    FactLine, fact, fact_text, losses, missing, print, print_json, size,
+};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
@@ -84,9 +85,10 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
         String::new()
     };
     let mut lines = vec![
-        format!("{}: {}", args.output.display(), size(bytes)),
-        format!(
-            "recovered  {pairs}{} of {}, {}, {metadata} metadata",
+        FactLine::Heading(format!("{}: {}", args.output.display(), size(bytes))),
+        fact!(
+            "recovered",
+            "{pairs}{} of {}, {}, {metadata} metadata",
             counted(messages, "message"),
             counted(topics, "topic"),
             counted(*attachments, "attachment")
@@ -94,13 +96,14 @@ fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     ];
     let file = args.file.display();
     match (recovery.losses.is_empty(), recovery.checksums) {
-        (true, true) => lines.push(format!("lost       nothing: {file} is intact")),
-        (true, false) => lines.push(format!(
-            "lost       nothing, as far as can be known: {file} has no checksums"
+        (true, true) => lines.push(fact!("lost", "nothing: {file} is intact")),
+        (true, false) => lines.push(fact!(
+            "lost",
+            "nothing, as far as can be known: {file} has no checksums"
         )),
         (false, _) => {}
     }
     lines.extend(losses(&recovery.losses));
     lines.extend(missing(&recovery.missing));
-    Ok(lines.join("\n") + "\n")
+    Ok(fact_text(&lines, usize::MAX))
 }

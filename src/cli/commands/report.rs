@@ -1,12 +1,11 @@
 //! `svl report`: builds the report of a folder again, or of the parts that shards of a run left.
 
-use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::report::{check_whole, pass_gate, print_report};
 use crate::cli::shared::usage;
 use std::path::{Path, PathBuf};
-use svl::console::Console;
 use svl::evaluation::Parts;
 use svl::losses::LossLimit;
+use svl::notice::NoticeLog;
 use svl::outputs::Outputs;
 use svl::report::{BuildOptions, REPORT, build};
 use svl::score::{AreaChoice, ColumnChoice, Metric};
@@ -87,7 +86,7 @@ fn metric(name: &str) -> Result<&'static Metric, String> {
     Metric::named(name, Metric::is_of_frames)
 }
 
-pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = args.folders.iter().find(|folder| !folder.is_dir()) {
         let shown = folder.display();
         return Err(usage::wrong(format!("{shown}: no such folder")));
@@ -105,7 +104,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         gate: args.gate,
         figures,
         allow_loss: args.allow_loss,
-        warnings: &Terminal { quiet }.warnings(),
+        warnings: &NoticeLog::current().notices(),
     };
     let report = build(folder, &options)?;
     outputs.commit();

@@ -2,6 +2,7 @@
 
 pub(crate) mod filters;
 pub(crate) mod help;
+pub(crate) mod log;
 pub(crate) mod progress;
 pub(crate) mod recordings;
 pub(crate) mod report;

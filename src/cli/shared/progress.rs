@@ -1,6 +1,6 @@
 //! The progress bars of long work, and Ctrl-C.
 
-use super::terminal::{WarningLog, print_error};
+use super::terminal::print_error;
 use indicatif::{ProgressBar, ProgressFinish, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -79,14 +79,6 @@ impl Console for Terminal {
         if !self.quiet {
             print_error(line);
         }
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        WarningLog::lines()
-    }
-
-    fn begin_warnings(&self) -> usize {
-        WarningLog::begin_part()
     }
 }
 

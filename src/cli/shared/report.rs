@@ -4,7 +4,7 @@ use super::terminal::{print, print_json, report_lines, style};
 use super::usage;
 use std::path::Path;
 use svl::losses::RunEnding;
-use svl::report::{BuiltReport, GateResult, GateState, Summary};
+use svl::report::{BuiltReport, GateResult, GateState, Results};
 use svl::run::complete;
 
 /// Fails for a report that lacks results, or misses more pairs than is allowed.
@@ -36,7 +36,7 @@ pub(crate) fn print_report(
 #[derive(serde::Serialize)]
 struct ReportAnswer<'a> {
     #[serde(flatten)]
-    summary: &'a Summary,
+    summary: &'a Results,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     gate: &'a [GateResult],
 }

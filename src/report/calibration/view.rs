@@ -33,7 +33,6 @@ pub(super) struct CalibrationView<'a> {
     all: [String; 3],
     refused: Vec<(String, &'a str)>,
     images: [(); 0],
-    incomplete: Option<&'static str>,
     identity: &'a [(String, String)],
 }
 
@@ -149,7 +148,6 @@ impl<'a> CalibrationView<'a> {
                 .map(|(id, why)| (page.name(id), why))
                 .collect(),
             images: [],
-            incomplete: None,
             identity,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::matched::map_options;
 use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
-use crate::summary::caution;
+use crate::results::caution;
 use crate::table::{
     NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
 };

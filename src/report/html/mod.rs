@@ -12,8 +12,8 @@ mod view;
 use super::gate::GateState;
 use super::page::fill_with;
 use super::plot::{AlgorithmColors, CourseMap};
+use super::results::Results;
 use super::rows::{CellRow, Row};
-use super::summary::Summary;
 use super::table::Table;
 use heat::HeatMap;
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ pub struct ReportPage {
     pub manifest: Manifest,
     /// The scenario's prose; an empty line begins a paragraph.
     pub description: String,
-    pub summary: Summary,
+    pub summary: Results,
     /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
     /// The results of the scenario's limits, if they were asked for, in words.

@@ -6,8 +6,8 @@ use super::super::plot::{
     AlgorithmColors, Axis, Bars, Chart, CourseMap, Series, SeriesStyle, Strips,
 };
 use super::super::reliability::{ABOUT, ReliabilityRow, reliability_chart};
+use super::super::results::{AlgorithmSummary, Results};
 use super::super::stress::{NUMBERS, kinds};
-use super::super::summary::{AlgorithmSummary, Summary};
 use super::{ParameterSweep, ReportPage};
 use serde::Serialize;
 use svl_core::Result;
@@ -33,7 +33,7 @@ fn known(a: &AlgorithmSummary) -> Option<f64> {
 }
 
 /// A number of an algorithm, if it has one.
-type PlotNumber = fn(&Summary, &AlgorithmSummary) -> Option<f64>;
+type PlotNumber = fn(&Results, &AlgorithmSummary) -> Option<f64>;
 
 /// Two numbers that trade off against each other.
 struct TradeOff {
@@ -403,7 +403,7 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Resul
     let series = algorithms.filter(|a| !summary.is_reference(a)).map(|a| {
         let own = summary.accuracy.iter();
         let is_own = |row: &&AccuracyRow| {
-            let is_range = row.area == summary.area && !row.is_of_all();
+            let is_range = row.area == summary.basis.area && !row.is_of_all();
             row.algorithm == a.algorithm && is_range
         };
         let own = own.filter(is_own);

@@ -3,7 +3,7 @@
 use super::super::gate::GateState;
 use super::super::plot::AlgorithmColors;
 use super::super::prior::PRIOR;
-use super::super::summary::Summary;
+use super::super::results::Results;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
 use super::heat::HeatMap;
@@ -23,15 +23,13 @@ use svl_score::manifest::Manifest;
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
     manifest: &'a Manifest,
-    summary: &'a Summary,
+    summary: &'a Results,
     scope: String,
     answer: Vec<String>,
     order: Option<String>,
     cautions: Vec<String>,
     paragraphs: Vec<&'a str>,
     identity: Vec<(String, String)>,
-    /// The cautions report these.
-    incomplete: (),
     headline: Table,
     overview: HeadlineView<'a>,
     /// That of a sweep over two parameters.
@@ -164,7 +162,6 @@ impl<'a> ReportPageView<'a> {
                 .filter(|p| !p.is_empty())
                 .collect(),
             identity,
-            incomplete: (),
             first: overview.first_figure(&figures),
             grid,
             overview,
@@ -329,7 +326,7 @@ impl HeadlineView<'_> {
 
 /// The headline table, with a column for each parameter that is swept.
 fn headline(page: &ReportPage) -> Table {
-    let mut table = match page.summary.columns {
+    let mut table = match page.summary.shown.columns {
         ColumnChoice::Headline => {
             let metrics = ColumnChoice::Headline.metrics(page.summary.kind());
             let mut wide = page.summary.metric_table(&ColumnChoice::Named(metrics));

@@ -2,12 +2,13 @@
 
 use super::BLOCK;
 use super::plan::PlannedAlgorithm;
-use crate::summary::TopicDelay;
+use crate::results::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
 use svl_core::stereo::Losses;
 use svl_score::manifest::{RunRecord, hash};
+use svl_score::notice::Notice;
 
 /// What is known of a run besides the results of algorithms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -25,7 +26,7 @@ pub struct RunFacts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// Its warnings, and those of algorithms, by their digests.
-    pub warnings: Vec<RunWarning>,
+    pub warnings: Vec<Notice>,
     /// Delays of the topics that it reads maps from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<TopicDelay>,
@@ -51,6 +52,15 @@ impl RunFacts {
         hash(&hashes.join("\n"))
     }
 
+    /// Adds notices, of algorithms by their digests; none of a failure on a pair, which a table
+    /// has.
+    pub fn add_notices(&mut self, notices: Vec<Notice>, algorithms: &[PlannedAlgorithm<'_>]) {
+        let digests = || algorithms.iter().map(|own| (own.label, &*own.digest));
+        let of_run = notices.into_iter().filter(|notice| notice.pair.is_none());
+        let of_run = of_run.filter_map(|notice| notice.renamed(digests()));
+        of_run.for_each(|notice| notice.add_to(&mut self.warnings));
+    }
+
     /// Adds the warnings that are known of the same pairs.
     pub fn join(&mut self, other: &Self) {
         for warning in &other.warnings {
@@ -74,73 +84,6 @@ impl PlannedAlgorithm<'_> {
             text += map.map_or("", String::as_str);
         }
         format!("{block:05}-{}", &hash(&text)[..16])
-    }
-}
-
-/// A warning of a run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunWarning {
-    /// Without the names of its algorithms.
-    pub text: String,
-    /// The algorithms that it is of; empty for one of the run itself.
-    pub algorithms: Vec<String>,
-}
-
-impl RunWarning {
-    /// A warning, which names its algorithms before a colon; none for that of a failure on a pair,
-    /// which a table has. Of algorithms it has the digests.
-    pub fn new(warning: String, algorithms: &[PlannedAlgorithm<'_>]) -> Option<Self> {
-        let digest = |label: &str| {
-            let mut own = algorithms.iter();
-            own.find(|own| own.label == label)
-                .map(|own| own.digest.clone())
-        };
-        let for_run = |text| Self {
-            text,
-            algorithms: Vec::new(),
-        };
-        let Some((head, text)) = warning.split_once(": ") else {
-            return Some(for_run(warning));
-        };
-        let failed = head.split_once(" on pair ");
-        if failed.is_some_and(|(label, _)| digest(label).is_some()) {
-            return None;
-        }
-        Some(match head.split(", ").map(digest).collect::<Option<_>>() {
-            Some(algorithms) => Self {
-                text: text.to_owned(),
-                algorithms,
-            },
-            None => for_run(warning),
-        })
-    }
-
-    /// Adds a warning to others: of one text the algorithms together.
-    pub fn add_to(self, warnings: &mut Vec<Self>) {
-        let is_same = |own: &&mut Self| {
-            own.text == self.text && own.algorithms.is_empty() == self.algorithms.is_empty()
-        };
-        match warnings.iter_mut().find(is_same) {
-            Some(own) => {
-                for label in self.algorithms {
-                    if !own.algorithms.contains(&label) {
-                        own.algorithms.push(label);
-                    }
-                }
-            }
-            None => warnings.push(self),
-        }
-    }
-
-    /// Its words, with its algorithms in the order of these.
-    pub fn words(&self, labels: &[&str]) -> String {
-        let named = labels.iter().copied();
-        let named = named.filter(|label| self.algorithms.iter().any(|own| own == label));
-        let named: Vec<_> = named.collect();
-        match named.is_empty() {
-            true => self.text.clone(),
-            false => format!("{}: {}", named.join(", "), self.text),
-        }
     }
 }
 
@@ -180,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn warnings_of_one_text_are_those_of_their_algorithms() {
+    fn a_text_that_begins_like_an_algorithm_is_not_attributed_to_it() {
         let algorithm = |label| PlannedAlgorithm {
             label,
             digest: format!("digest of {label}"),
@@ -188,15 +131,13 @@ mod tests {
             maps: None,
         };
         let algorithms = ["bm", "v3"].map(algorithm);
-        let warning = |text: &str| RunWarning::new(text.to_owned(), &algorithms);
-        assert_eq!(warning("bm on pair 3: too dark"), None);
-        assert_eq!(warning("run: dark").unwrap().text, "run: dark");
-        let mut all = Vec::new();
-        for text in ["bm: short", "v3: short", "bm, v3: short"] {
-            warning(text).unwrap().add_to(&mut all);
-        }
-        assert_eq!(all.len(), 1);
-        assert_eq!(all[0].algorithms, ["digest of bm", "digest of v3"]);
-        assert_eq!(all[0].words(&["digest of v3"]), "digest of v3: short");
+        let texts = ["bm: 3 pairs dropped", "bm on pair 3: dark", "bm, v3: dark"];
+        let mut notices = texts.map(|text| Notice::new([], text)).to_vec();
+        notices.push(Notice::new(["v3"], "dark"));
+        notices.push(Notice::on_pair("bm", 3, "dark"));
+        let mut facts = RunFacts::default();
+        facts.add_notices(notices, &algorithms);
+        let words: Vec<_> = facts.warnings.iter().map(Notice::to_string).collect();
+        assert_eq!(words, [&texts[..], &["digest of v3: dark"]].concat());
     }
 }

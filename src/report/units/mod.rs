@@ -20,13 +20,13 @@ mod store;
 mod tables;
 mod unit;
 
-pub use facts::{PairFacts, RunFacts, RunWarning};
+pub use facts::{PairFacts, RunFacts};
 pub use io::remove_file;
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
 pub use plan::{PlannedAlgorithm, ReportPlan, ReportRun};
 pub use run::RunUnits;
 pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
-pub use tables::{ReportTables, collect_tables, made_of, read_tables, write_tables};
+pub use tables::{collect_tables, made_of, read_tables, write_tables};
 pub use unit::{DriveFacts, StoredUnit, UnitHeader, UnitRows, UnitWriter, unit_format};
 
 /// Number of selected pairs of a run in a block.

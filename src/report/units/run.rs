@@ -1,7 +1,7 @@
 //! A run of a report with the units of its algorithms.
 
 use super::BLOCK;
-use super::facts::{RunFacts, RunWarning};
+use super::facts::RunFacts;
 use super::plan::{ReportPlan, ReportRun};
 use super::store::{StoredSession, Units};
 use super::unit::StoredUnit;
@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
 use svl_score::manifest::RunRecord;
+use svl_score::notice::Notice;
 use svl_score::plausibility::MeasuredScales;
 
 /// A run of a report with the units that the report lists.
@@ -174,20 +175,11 @@ impl RunUnits {
     }
 
     /// The warnings of the run and of the algorithms of the plan, added to others.
-    pub fn add_warnings(&self, plan: &ReportPlan, warnings: &mut Vec<RunWarning>) {
+    pub fn add_warnings(&self, plan: &ReportPlan, warnings: &mut Vec<Notice>) {
         let algorithms = plan.algorithms_of(&self.run);
-        for warning in &self.facts.warnings {
-            let label = |digest: &String| {
-                let mut own = algorithms.iter();
-                let own = own.find(|own| own.digest == *digest)?;
-                Some(own.label.to_owned())
-            };
-            let labels: Vec<_> = warning.algorithms.iter().filter_map(label).collect();
-            if !labels.is_empty() || warning.algorithms.is_empty() {
-                let text = warning.text.clone();
-                let algorithms = labels;
-                RunWarning { text, algorithms }.add_to(warnings);
-            }
-        }
+        let labels = || algorithms.iter().map(|own| (&*own.digest, own.label));
+        let known = self.facts.warnings.iter();
+        let known = known.filter_map(|warning| warning.renamed(labels()));
+        known.for_each(|warning| warning.add_to(warnings));
     }
 }

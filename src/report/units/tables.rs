@@ -5,35 +5,19 @@ use super::facts::PairFacts;
 use super::plan::ReportPlan;
 use super::run::RunUnits;
 use super::unit::{UnitReader, UnitRows};
-use crate::accuracy::{AccuracyRow, AccuracyTally};
+use crate::accuracy::AccuracyTally;
 use crate::agreed::ScoreRule;
 use crate::checkpoints::RunTallies;
 use crate::csv_rows::read_rows;
-use crate::drives::{DriveRow, TrackRow};
 use crate::prior::{PRIOR, PriorTally};
-use crate::reliability::{ReliabilityRow, ReliabilityTallies};
+use crate::reliability::ReliabilityTallies;
+use crate::results::ReportTables;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::table_writer::TableWriter;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
 use svl_score::manifest::hash;
-
-/// The rows of a report's tables, without those of the cells.
-#[derive(Default)]
-pub struct ReportTables {
-    pub rows: Vec<Row>,
-    pub failures: Vec<FailureRow>,
-    pub checkpoints: Vec<CheckpointRow>,
-    /// Of cells, where they are asked for.
-    pub accuracy: Vec<AccuracyRow>,
-    /// Likewise.
-    pub reliability: Vec<ReliabilityRow>,
-    /// The rows of the prior, where cells are scored by distances.
-    pub prior: Vec<Row>,
-    pub drives: Vec<DriveRow>,
-    pub tracks: Vec<TrackRow>,
-}
 
 /// Digest of all that the tables are made of.
 pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {

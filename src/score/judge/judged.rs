@@ -59,13 +59,6 @@ pub struct MatchFailure {
     pub reason: String,
 }
 
-impl MatchFailure {
-    /// Its message to the user.
-    pub fn words(&self, sequence: u64) -> String {
-        format!("{} on pair {sequence}: {}", self.algorithm, self.reason)
-    }
-}
-
 /// One algorithm's estimate with its score.
 #[derive(Clone, Debug)]
 pub struct JudgedEstimate {

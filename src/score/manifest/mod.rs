@@ -5,6 +5,7 @@ mod identity;
 pub use identity::Purpose;
 
 use crate::losses::LossLimit;
+use crate::notice::Notice;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::error::Category;
@@ -160,9 +161,9 @@ impl AlgorithmRecord {
     }
 
     /// Warnings about its program for the user, available at the end of the run.
-    pub fn warnings(&self) -> impl Iterator<Item = String> {
+    pub fn warnings(&self) -> impl Iterator<Item = Notice> {
         let of_program = self.program.iter().flat_map(ProgramRecord::warnings);
-        of_program.map(|warning| format!("{}: {warning}", self.label))
+        of_program.map(|warning| Notice::new([&*self.label], warning))
     }
 }
 

@@ -3,7 +3,8 @@
 use polars::prelude::{DataFrame, ParquetReader, SerReader};
 use std::fs::File;
 use std::path::Path;
-use svl::report::{CellRow, CheckpointRow, Row, Summary};
+use svl::manifest::Manifest;
+use svl::report::{CellRow, CheckpointRow, ReportTables, ResultParts, Results, Row, Shown};
 use svl::score::{CellArea, MetricValues, Verdict};
 use svl::stereo::CellState;
 
@@ -115,12 +116,30 @@ pub fn checkpoint(
     }
 }
 
-pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Summary {
-    Summary::from_rows(&rows, &checkpoints).unwrap()
+pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Results {
+    Results::from_rows(&rows, &checkpoints).unwrap()
+}
+
+/// The results of rows with their leads; where `truth` is, it is no competitor.
+pub fn found(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Results {
+    let manifest = Manifest {
+        profile: None,
+        ..Manifest::new("test", &["truth".parse().unwrap()]).unwrap()
+    };
+    let tables = ReportTables {
+        rows,
+        checkpoints,
+        ..ReportTables::default()
+    };
+    let parts = ResultParts {
+        manifest: Some(&manifest),
+        ..ResultParts::default()
+    };
+    Results::new(&tables, parts, Shown::default()).unwrap()
 }
 
 /// Two algorithms, one with a long name and no truth, on three checkpoints.
-pub fn example() -> Summary {
+pub fn example() -> Results {
     let rows = vec![
         row("v3", 0, 5_000),
         row("v3", 1, 7_500),

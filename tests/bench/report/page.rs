@@ -7,12 +7,12 @@ use svl::overlay::{Nearness, algorithm_color, marks};
 use svl::report::html::{
     CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
 };
-use svl::report::{GateState, ReliabilityRow, Summary};
+use svl::report::{GateState, ReliabilityRow, Results};
 use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
 /// A page whose title and texts would be HTML.
-fn page(summary: Summary) -> ReportPage {
+fn page(summary: Results) -> ReportPage {
     let mut manifest = Manifest::new("<b>", &["v3".parse().unwrap()]).unwrap();
     let record = manifest.algorithms.remove(0);
     let records = summary.algorithms.iter().map(|a| AlgorithmRecord {
@@ -332,7 +332,7 @@ fn probabilities_have_a_reliability_plot() {
 
 #[test]
 fn a_page_of_no_pairs_says_so() {
-    let html = page(Summary::default()).render().unwrap();
+    let html = page(Results::default()).render().unwrap();
     assert!(html.contains("id=\"nothing\"") && !html.contains("id=\"headline\""));
 }
 

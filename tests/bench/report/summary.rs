@@ -1,8 +1,8 @@
 //! The summary of a run, on the terminal and as Markdown.
 
-use super::fixture::{blind, checkpoint, example, row, summary};
+use super::fixture::{blind, checkpoint, example, found, row, summary};
 use svl::report::table::TerminalStyle;
-use svl::report::{Certainty, Lead, Row, Summary};
+use svl::report::{Certainty, Lead, Results, Row};
 use svl::score::{ColumnChoice, Metric, MetricValues};
 
 #[test]
@@ -123,13 +123,13 @@ fn a_checkpoint_is_summed_up_over_the_runs() {
 }
 
 /// The screen of a run; without colours unless `is_rich`.
-fn screen(summary: &Summary, width: usize, is_rich: bool) -> String {
+fn screen(summary: &Results, width: usize, is_rich: bool) -> String {
     summary.terminal("arena", TerminalStyle { width, is_rich }, false)
 }
 
 /// A run of algorithms with right and wrong cells in tenths of a cell, and the number of passing
 /// frames, out of ten, at three checkpoints.
-fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Summary {
+fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Results {
     let mut rows = Vec::new();
     let mut checkpoints = Vec::new();
     for (place, (name, right, wrong, passed)) in algorithms.iter().enumerate() {
@@ -154,9 +154,7 @@ fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Summary {
             checkpoints.push(checkpoint(i, name_of, name, (*passed, 10)));
         }
     }
-    let mut summary = summary(rows.clone(), checkpoints);
-    summary.find_leads(&rows, &[]);
-    summary
+    found(rows, checkpoints)
 }
 
 const EIGHT: [(&str, f64, f64, [u64; 3]); 8] = [
@@ -208,7 +206,7 @@ fn the_first_twelve_of_a_hundred_algorithms_are_shown() {
     let mut summary = run(&algorithms);
     let text = without_colors(&screen(&summary, 80, true));
     insta::assert_snapshot!("screen_hundred", text);
-    summary.columns = ColumnChoice::All;
+    summary.shown.columns = ColumnChoice::All;
     let all = screen(&summary, 80, false);
     assert_eq!(
         all.matches("\nbm:uniqueness=99 ").count(),
@@ -227,7 +225,7 @@ fn without_colors(text: &str) -> String {
 #[test]
 fn all_columns_and_their_meanings_fit_into_the_width() {
     let mut summary = example();
-    summary.columns = ColumnChoice::All;
+    summary.shown.columns = ColumnChoice::All;
     for width in [60, 80, 100, 160] {
         let style = TerminalStyle::plain(width);
         let text = summary.terminal("arena", style, true);
@@ -246,7 +244,7 @@ fn a_paper_gets_the_headline_in_latex() {
 #[test]
 fn columns_are_those_that_are_named() {
     let mut summary = run(&EIGHT);
-    summary.columns = "missed,time".parse().unwrap();
+    summary.shown.columns = "missed,time".parse().unwrap();
     let heads = summary.headline().columns.into_iter();
     let heads: Vec<_> = heads.map(|column| column.head).collect();
     assert_eq!(heads, ["", "missed", "p50", "p99"]);
@@ -254,7 +252,7 @@ fn columns_are_those_that_are_named() {
 
 #[test]
 fn a_lead_is_as_sure_as_its_interval() {
-    let leads = |summary: &Summary| {
+    let leads = |summary: &Results| {
         let facts = |lead: &Lead| {
             let second = lead.second.clone().unwrap();
             (
@@ -284,8 +282,7 @@ fn a_lead_is_as_sure_as_its_interval() {
     // Five pairs are too few blocks.
     let mut rows: Vec<_> = (0..5).map(|i| row("v3", i, 1)).collect();
     rows.extend((0..5).map(|i| row("bm", i, 1)));
-    let mut few = summary(rows.clone(), Vec::new());
-    few.find_leads(&rows, &[]);
+    let few = found(rows, Vec::new());
     assert!(
         leads(&few)
             .iter()
@@ -319,8 +316,7 @@ fn the_best_may_be_the_fastest_and_another_pass_more_checkpoints() {
     let rows: Vec<_> = (0..120)
         .map(|i| row(["v5", "v3"][i % 2], i as u64 / 2, 1_000))
         .collect();
-    let mut equal = super::fixture::summary(rows.clone(), Vec::new());
-    equal.find_leads(&rows, &[]);
+    let equal = found(rows, Vec::new());
     let fastest = equal.leads.last().unwrap();
     let second = fastest.second.as_ref().unwrap();
     assert_eq!(
@@ -344,9 +340,7 @@ fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
     let rows = rows_of("sgm", 0.02, 0.9, 9_000).chain(rows_of("bm", 0.05, 0.6, 1_000));
     let worse = rows_of("v1", 0.4, 0.5, 10_000).chain(rows_of("truth", 0.0, 1.0, 1));
     let rows: Vec<_> = rows.chain(worse).collect();
-    let mut summary = summary(rows.clone(), Vec::new());
-    summary.perfect = vec!["truth".to_owned()];
-    summary.find_leads(&rows, &[]);
+    let summary = found(rows, Vec::new());
     let leads = summary.leads.iter();
     let leads: Vec<_> = leads
         .map(|lead| (lead.metric.name, lead.algorithm.as_str(), lead.is_outdone))
@@ -383,9 +377,7 @@ fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
             }
         }));
     }
-    let mut summary = summary(rows.clone(), Vec::new());
-    summary.perfect = vec!["truth".to_owned()];
-    summary.find_leads(&rows, &[]);
+    let summary = found(rows, Vec::new());
     let lead = &summary.leads[0];
     // One of few disparities leaves most pixels out.
     assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", false));

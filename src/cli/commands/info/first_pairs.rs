@@ -1,12 +1,13 @@
 //! The facts that the first pairs of a recording or a folder show, as lines of `svl info`.
 
+use crate::cli::shared::terminal::{FactLine, fact};
 use svl::counted;
 use svl::plausibility::Spread;
 use svl::recording::PairGeometry;
 use svl::source::{NearestDistance, SourceFacts, TruthFacts};
 
 /// Size, cameras, range and truth, by the first pairs.
-pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
+pub(super) fn lines(facts: &SourceFacts) -> Vec<FactLine> {
     let SourceFacts {
         size_px: (width, height),
         geometry,
@@ -23,7 +24,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
     } else {
         " (the first pair; others have another size or calibration)"
     };
-    let mut lines = vec![format!("images     {width}x{height} px{others}")];
+    let mut lines = vec![fact!("images", "{width}x{height} px{others}")];
     let focal = focal_px.map(|(fx, fy)| {
         if (fy / fx - 1.0).abs() < HALF_PER_MILLE {
             format!("{fx:.2} px")
@@ -36,21 +37,25 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         (PairGeometry::Raw, Some(rig)) => format!("; rectified to {:.2} px", rig.focal_px()),
         _ => String::new(),
     };
-    lines.push(format!("focal      {focal}{rectified}"));
+    lines.push(fact!("focal", "{focal}{rectified}"));
     lines.push(match rig {
-        Some(rig) => format!("baseline   {:.4} m", rig.baseline_m()),
+        Some(rig) => fact!("baseline", "{:.4} m", rig.baseline_m()),
         None => {
-            "baseline   not known, so no distances; svl replay and score accept --calib".to_owned()
+            fact!(
+                "baseline",
+                "not known, so no distances; svl replay and score accept --calib"
+            )
         }
     });
     lines.push(match vertical_misalignment {
-        Some(found) => format!(
-            "misaligned {:.2} px vertically (median of {} in {}; `svl calibrate check` shows more)",
+        Some(found) => fact!(
+            "misaligned",
+            "{:.2} px vertically (median of {} in {}; `svl calibrate check` shows more)",
             found.median_abs_px,
             counted(found.matches as u64, "point"),
             counted(found.pairs as u64, "pair")
         ),
-        None => "misaligned not measured: too few points match".to_owned(),
+        None => fact!("misaligned", "not measured: too few points match"),
     });
     lines.extend(nearest.as_ref().map(
         |NearestDistance {
@@ -58,15 +63,16 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
              max_disparity_px,
              distance_m,
          }| {
-            format!(
-                "nearest    {distance_m:.3} m, at the {max_disparity_px} px that {algorithm} \
+            fact!(
+                "nearest",
+                "{distance_m:.3} m, at the {max_disparity_px} px that {algorithm} \
                  searches by default"
             )
         },
     ));
     lines.extend(truths.iter().map(truth));
     if truths.is_empty() {
-        lines.push("truth      none".to_owned());
+        lines.push(fact!("truth", "none"));
     }
     lines
 }
@@ -74,7 +80,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
 /// Focal lengths that differ by less are one, to 0.1 %.
 const HALF_PER_MILLE: f64 = 0.0005;
 
-fn truth(facts: &TruthFacts) -> String {
+fn truth(facts: &TruthFacts) -> FactLine {
     let TruthFacts {
         topic,
         is_asked_for,
@@ -90,7 +96,7 @@ fn truth(facts: &TruthFacts) -> String {
     let option = if *is_asked_for { "--truth " } else { "" };
     let topic = topic.as_deref().unwrap_or("in the folder");
     if let Some(error) = error {
-        return format!("truth      {option}{topic}: {error}");
+        return fact!("truth", "{option}{topic}: {error}");
     }
     let among_pairs = match pairs {
         1 => "the first pair".to_owned(),
@@ -106,8 +112,9 @@ fn truth(facts: &TruthFacts) -> String {
         let pixels = counted(*impossible_pixels, "pixel");
         format!("; {pixels} impossible, or zeros in place of none: not used")
     });
-    format!(
-        "truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {among_pairs}{}{}",
+    fact!(
+        "truth",
+        "{option}{topic}: scores {scored_cells} of {cells} cells, in {among_pairs}{}{}",
         distance.or(disparity).unwrap_or_default(),
         impossible.unwrap_or_default()
     )

@@ -4,9 +4,10 @@ mod first_pairs;
 
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{
-    MAX_LISTED, listed, losses, missing, print, print_json, size, width, wrapped,
+    FactLine, MAX_LISTED, fact, fact_text, listed, losses, missing, print, print_json, size, width,
+    wrapped,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
 use svl::recording::{
     FramePoses, Misalignment, PoseSummary, Recording, RecordingSummary, SkewSummary, StampOrigin,
@@ -14,7 +15,7 @@ use svl::recording::{
 };
 use svl::report::table::{Table, TerminalStyle};
 use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
-use svl::{counted, interrupt};
+use svl::{Error, counted, interrupt};
 
 /// Show the contents of a recording, and check its integrity
 ///
@@ -62,22 +63,25 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
         (request.options.left, request.options.right) = (Some(left), Some(right));
     }
-    // A recording without pairs has a summary all the same.
-    let (first_pairs, no_pairs) = match (SourceFacts::read(&request, is_recording), &summary) {
-        (Ok(facts), _) => (Some(facts), None),
-        (Err(error), Some(_)) => {
-            // Live topics are read from a file that is removed.
-            let reason = error.to_string();
-            (None, Some(reason.replace(&*path, &name)))
+    let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
+        Ok(facts) => {
+            let pairs = summary.as_ref().map(|summary| summary.pairs);
+            let usability = Usability::from_facts(pairs.or(facts.pairs), &facts);
+            (usability, Some(facts), None)
         }
-        (Err(error), None) => return Err(error.into()),
+        // A recording without pairs has a summary all the same.
+        Err(error) if summary.is_some() => {
+            let (words, reason) = no_pairs(error, &file, &name);
+            (Usability::without_pairs(&reason), None, Some(words))
+        }
+        Err(error) => return Err(error.into()),
     };
+    if summary.as_ref().is_some_and(|summary| !summary.is_intact()) {
+        let cure = format!("a damaged file: `svl recover {name} -o OUT.mcap`");
+        usability.missing.push(cure);
+    }
     let info = Info {
-        usability: usability(
-            &name,
-            summary.as_ref(),
-            first_pairs.as_ref().ok_or(&no_pairs),
-        ),
+        usability,
         summary,
         live,
         first_pairs,
@@ -90,28 +94,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// Can svl use the source `name`? By its first pairs, or the reason why it has none.
-fn usability(
-    name: &str,
-    summary: Option<&RecordingSummary>,
-    facts: Result<&SourceFacts, &Option<String>>,
-) -> Usability {
-    let mut usability = match facts {
-        Ok(facts) => {
-            let pairs = summary.map(|summary| summary.pairs);
-            Usability::from_facts(pairs.or(facts.pairs), facts)
+/// The reason why a file has no pairs, of the source `name` and alone: live topics are read from a
+/// file that is removed.
+fn no_pairs(error: Error, file: &Path, name: &str) -> (String, String) {
+    match error {
+        Error::Format { path, reason } | Error::Damaged { path, reason } if path == file => {
+            (format!("{name}: {reason}"), reason)
         }
-        Err(reason) => {
-            let reason = reason.as_deref().unwrap_or("has no pairs");
-            let prefix = format!("{name}: ");
-            Usability::without_pairs(reason.strip_prefix(&prefix).unwrap_or(reason))
-        }
-    };
-    if summary.is_some_and(|summary| !summary.is_intact()) {
-        let cure = format!("a damaged file: `svl recover {name} -o OUT.mcap`");
-        usability.missing.push(cure);
+        error => (error.to_string(), error.to_string()),
     }
-    usability
 }
 
 /// The JSON that `--json` prints.
@@ -133,7 +124,7 @@ impl Info {
     fn text(&self, name: &str) -> String {
         let facts = self.first_pairs.as_ref().map(first_pairs::lines);
         let why_none = self.no_pairs.iter();
-        let why_none = why_none.map(|reason| format!("images     {reason}"));
+        let why_none = why_none.map(|reason| fact!("images", "{reason}"));
         let facts = facts.unwrap_or_else(|| why_none.collect());
         let rest = match (&self.summary, &self.first_pairs) {
             (Some(summary), _) => {
@@ -144,8 +135,10 @@ impl Info {
                 table(summary, begin, facts)
             }
             (None, Some(SourceFacts { geometry, .. })) => {
-                let lines = [&[format!("geometry   {}", geometry.name())], &facts[..]].concat();
-                format!("{name}\n{}", aligned(&lines, width()))
+                let geometry = fact!("geometry", "{}", geometry.name());
+                let mut lines = vec![FactLine::Heading(name.to_owned()), geometry];
+                lines.extend(facts);
+                fact_text(&lines, width())
             }
             (None, None) => String::new(),
         };
@@ -154,25 +147,13 @@ impl Info {
 
     /// The answer to "can svl use this?", broken at the last column.
     fn first_line(&self) -> String {
-        let line = self.usability.to_string();
-        let (head, words) = line.split_once(": ").unwrap_or((&line, ""));
-        let head = format!("{head}: ");
-        wrapped(&head, head.len(), words, width())
+        let head = format!("{}: ", self.usability.answer());
+        wrapped(&head, head.len(), &self.usability.words(), width())
     }
 }
 
-/// The lines, broken at the last column below their values.
-fn aligned(lines: &[String], last: usize) -> String {
-    let line = |line: &String| match line.split_at_checked(COLUMN) {
-        // Aligned columns stay as they are.
-        Some((label, words)) if !words.starts_with(' ') => wrapped(label, COLUMN, words, last),
-        _ => format!("{line}\n"),
-    };
-    lines.iter().map(line).collect()
-}
-
 /// Received and silent topics of the source `name`.
-fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
+fn heard_lines(name: &str, heard: &Heard) -> Vec<FactLine> {
     let Heard {
         seconds,
         silent,
@@ -180,38 +161,37 @@ fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
         others,
         ..
     } = heard;
-    let mut lines = vec![format!("{name}: {seconds:.1} s")];
+    let mut lines = vec![FactLine::Heading(format!("{name}: {seconds:.1} s"))];
     lines.extend(silent.iter().map(|(topic, publishers)| {
         let publishers = counted(*publishers as u64, "publisher");
-        format!("silent     {topic}: {publishers}, nothing received")
+        fact!("silent", "{topic}: {publishers}, nothing received")
     }));
     let lost = lost.iter();
-    lines
-        .extend(lost.map(|(topic, n)| format!("lost       {} of {topic}", counted(*n, "message"))));
+    lines.extend(lost.map(|(topic, n)| fact!("lost", "{} of {topic}", counted(*n, "message"))));
     lines.extend(listed(others.iter(), |(topic, schema)| {
-        format!("other      {topic}, {schema}")
+        fact!("other", "{topic}, {schema}")
     }));
     lines
 }
 
 /// The file with its integrity and its writer.
-fn file_lines(summary: &RecordingSummary) -> Vec<String> {
+fn file_lines(summary: &RecordingSummary) -> Vec<FactLine> {
     let mut lines = vec![
-        format!(
+        FactLine::Heading(format!(
             "{}: {}, {}",
             summary.path.display(),
             size(summary.bytes),
             seconds(summary.duration_ns())
-        ),
+        )),
         match &summary.damage {
             None if !summary.checksums => {
-                "intact     as far as can be known: it has no checksums".to_owned()
+                fact!("intact", "as far as can be known: it has no checksums")
             }
-            None => "intact     yes".to_owned(),
-            Some(damage) => format!("intact     NO: {damage}"),
+            None => fact!("intact", "yes"),
+            Some(damage) => fact!("intact", "NO: {damage}"),
         },
         match &summary.header {
-            None => format!("writer     {}", summary.library),
+            None => fact!("writer", "{}", summary.library),
             Some(header) => {
                 let seed = header
                     .seed
@@ -222,9 +202,11 @@ fn file_lines(summary: &RecordingSummary) -> Vec<String> {
                     .as_ref()
                     .map(|name| format!(", scenario {name}"))
                     .unwrap_or_default();
-                format!(
-                    "writer     {}, from {}{scenario}{seed}",
-                    summary.library, header.source
+                fact!(
+                    "writer",
+                    "{}, from {}{scenario}{seed}",
+                    summary.library,
+                    header.source
                 )
             }
         },
@@ -237,15 +219,16 @@ fn file_lines(summary: &RecordingSummary) -> Vec<String> {
         ..
     })) = manifest
     {
-        lines.push(format!(
-            "run        {run_id}, began {began} on {}",
+        lines.push(fact!(
+            "run",
+            "{run_id}, began {began} on {}",
             machine.processor
         ));
     }
     lines
 }
 
-fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>) -> String {
+fn table(summary: &RecordingSummary, mut lines: Vec<FactLine>, facts: Vec<FactLine>) -> String {
     lines.push(pairs(summary));
     lines.extend(unpaired(summary));
     lines.extend(summary.videos.iter().map(video));
@@ -255,19 +238,19 @@ fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>)
         summary
             .grabber
             .get("counts")
-            .map(|counts| format!("grabbed    {counts}")),
+            .map(|counts| fact!("grabbed", "{counts}")),
     );
     lines.extend(
         summary
             .grabber
             .get("error")
-            .map(|error| format!("ended      by an error: {error}")),
+            .map(|error| fact!("ended", "by an error: {error}")),
     );
     let bits = summary.header.as_ref().and_then(|header| header.bits);
-    lines.extend(bits.map(|bits| format!("bits       {bits} of 16 used by its source's images")));
+    lines.extend(bits.map(|bits| fact!("bits", "{bits} of 16 used by its source's images")));
     match &summary.skew {
         Some(known) => lines.extend(skew(known)),
-        None if summary.pairs > 0 => lines.push("skew       not known".to_owned()),
+        None if summary.pairs > 0 => lines.push(fact!("skew", "not known")),
         None => {}
     }
     lines.extend(summary.misalignment.iter().map(misalignment));
@@ -278,8 +261,9 @@ fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>)
     lines.extend(missing(&summary.missing));
     if !summary.is_intact() {
         lines.extend(losses(&summary.losses));
-        lines.push(format!(
-            "cure       svl recover {} -o OUT.mcap",
+        lines.push(fact!(
+            "cure",
+            "svl recover {} -o OUT.mcap",
             summary.path.display()
         ));
     }
@@ -287,17 +271,14 @@ fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>)
         summary
             .attachments
             .iter()
-            .map(|(name, bytes)| format!("attached   {name}, {}", counted(*bytes, "byte"))),
+            .map(|(name, bytes)| fact!("attached", "{name}, {}", counted(*bytes, "byte"))),
     );
     let last = width();
     let topics = topics(&summary.topics).terminal(TerminalStyle::plain(last));
-    format!("{}\n{topics}", aligned(&lines, last))
+    format!("{}\n{topics}", fact_text(&lines, last))
 }
 
-/// Column where the value of a line begins.
-const COLUMN: usize = 11;
-
-fn pairs(summary: &RecordingSummary) -> String {
+fn pairs(summary: &RecordingSummary) -> FactLine {
     let rate = summary
         .period_ns
         .filter(|&period| period > 0)
@@ -312,7 +293,10 @@ fn pairs(summary: &RecordingSummary) -> String {
     };
     if let Some([left, right]) = &summary.stereo {
         let pairs = summary.pairs;
-        return format!("pairs      {pairs}: {left}{rate}, with {right}, by their stamps");
+        return fact!(
+            "pairs",
+            "{pairs}: {left}{rate}, with {right}, by their stamps"
+        );
     }
     let missing = match summary.missing_pairs {
         0 => String::new(),
@@ -328,12 +312,12 @@ fn pairs(summary: &RecordingSummary) -> String {
     } else {
         String::new()
     };
-    format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
+    fact!("pairs", "{}{rate}{dropped}{missing}", summary.pairs)
 }
 
 /// Images without a partner: those at the edges, where one camera began earlier or ended later, and
 /// those between pairs, which were lost.
-fn unpaired(summary: &RecordingSummary) -> Option<String> {
+fn unpaired(summary: &RecordingSummary) -> Option<FactLine> {
     let unpaired = summary.unpaired.filter(|unpaired| unpaired.total() > 0)?;
     let UnpairedImages {
         before,
@@ -341,38 +325,40 @@ fn unpaired(summary: &RecordingSummary) -> Option<String> {
         after,
     } = unpaired;
     let total = counted(unpaired.total(), "image");
-    Some(format!(
-        "unpaired   {total}: {before} before the first pair, {inside} between pairs, {after} after \
+    Some(fact!(
+        "unpaired",
+        "{total}: {before} before the first pair, {inside} between pairs, {after} after \
          the last"
     ))
 }
 
 /// A topic of videos, its codec and the pictures that cannot be decoded.
-fn video((topic, video): (&String, &VideoSummary)) -> String {
+fn video((topic, video): (&String, &VideoSummary)) -> FactLine {
     let codec = video.codec.unwrap_or("not known");
     let undecodable = video.reason.as_ref().map(|reason| {
         let (n, all) = (video.undecodable, counted(video.pictures, "picture"));
         format!("; {n} of {all} cannot be decoded, the first as {reason}")
     });
-    format!(
-        "video      {topic}: {codec}{}",
+    fact!(
+        "video",
+        "{topic}: {codec}{}",
         undecodable.unwrap_or_default()
     )
 }
 
 /// Geometry of the pairs, raw or rectified, and the calibration.
-fn geometry(summary: &RecordingSummary) -> Option<String> {
+fn geometry(summary: &RecordingSummary) -> Option<FactLine> {
     let names: Vec<_> = summary.geometry.iter().map(|kind| kind.name()).collect();
     let calibration = summary
         .header
         .as_ref()
         .and_then(|header| header.calibration.as_ref())
         .map_or_else(String::new, |calibration| format!(" by {calibration}"));
-    (!names.is_empty()).then(|| format!("geometry   {}{calibration}", names.join(" and ")))
+    (!names.is_empty()).then(|| fact!("geometry", "{}{calibration}", names.join(" and ")))
 }
 
 /// The vertical misalignment that an algorithm measured.
-fn misalignment(misalignment: &Misalignment) -> String {
+fn misalignment(misalignment: &Misalignment) -> FactLine {
     let Misalignment {
         algorithm,
         pairs,
@@ -386,8 +372,9 @@ fn misalignment(misalignment: &Misalignment) -> String {
         _ => format!("right image {} px higher", median_px.unsigned_abs()),
     };
     let pairs = counted(*pairs, "pair");
-    format!(
-        "misaligned {algorithm}: {words} (median of {pairs}; {min_px} .. {max_px} px, positive is \
+    fact!(
+        "misaligned",
+        "{algorithm}: {words} (median of {pairs}; {min_px} .. {max_px} px, positive is \
          lower)"
     )
 }
@@ -396,7 +383,7 @@ fn misalignment(misalignment: &Misalignment) -> String {
 const BAR: u64 = 30;
 
 /// The skew, with a histogram if it varies.
-fn skew(skew: &SkewSummary) -> Vec<String> {
+fn skew(skew: &SkewSummary) -> Vec<FactLine> {
     // A unit for all, in which the range has some digits before the point.
     let range_ns = skew.min_ns.unsigned_abs().max(skew.max_ns.unsigned_abs());
     let (unit_ns, unit) = if range_ns < 1_000_000 {
@@ -406,8 +393,9 @@ fn skew(skew: &SkewSummary) -> Vec<String> {
     };
     let number = |ns: i64| format!("{:.1}", ns as f64 / unit_ns);
     let [min, median, max] = [skew.min_ns, skew.median_ns, skew.max_ns].map(number);
-    let mut lines = vec![format!(
-        "skew       {min} .. {max} {unit}, median {median} {unit}"
+    let mut lines = vec![fact!(
+        "skew",
+        "{min} .. {max} {unit}, median {median} {unit}"
     )];
     let most = skew
         .histogram
@@ -427,35 +415,37 @@ fn skew(skew: &SkewSummary) -> Vec<String> {
         lines.extend(skew.histogram.iter().map(|bin| {
             // Rounded up: a bin with one pair still shows.
             let bar = "#".repeat((bin.pairs * BAR).div_ceil(most) as usize);
-            format!(
-                "           {:>7} .. {:>7} {unit} {bar:<width$} {}",
+            FactLine::Columns(format!(
+                "{:>7} .. {:>7} {unit} {bar:<width$} {}",
                 edge(bin.from_ns),
                 edge(bin.to_ns),
                 bin.pairs,
                 width = BAR as usize
-            )
+            ))
         }));
     }
     lines
 }
 
-fn gaps(summary: &RecordingSummary) -> Vec<String> {
+fn gaps(summary: &RecordingSummary) -> Vec<FactLine> {
     let Some(longest) = summary.gaps.iter().map(|gap| gap.length_ns).max() else {
         return summary
             .period_ns
-            .map(|_| "gaps       none".to_owned())
+            .map(|_| fact!("gaps", "none"))
             .into_iter()
             .collect();
     };
-    let mut lines = vec![format!(
-        "gaps       {}, the longest {}",
+    let mut lines = vec![fact!(
+        "gaps",
+        "{}, the longest {}",
         summary.gaps.len(),
         seconds(longest)
     )];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
     lines.extend(listed(summary.gaps.iter(), |gap| {
-        format!(
-            "           {} after {}",
+        fact!(
+            "",
+            "{} after {}",
             seconds(gap.length_ns),
             after(gap.after_ns)
         )
@@ -464,26 +454,29 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
 }
 
 /// Images that are equal to the one before.
-fn repeated(summary: &RecordingSummary) -> Option<String> {
+fn repeated(summary: &RecordingSummary) -> Option<FactLine> {
     let [left, right] = summary.repeated_images;
-    (left + right > 0)
-        .then(|| format!("equal      {left} left and {right} right images equal the one before"))
+    (left + right > 0).then(|| {
+        fact!(
+            "equal",
+            "{left} left and {right} right images equal the one before"
+        )
+    })
 }
 
 /// Jumps of the stamps of the left images against the log times.
-fn clock(summary: &RecordingSummary) -> Vec<String> {
+fn clock(summary: &RecordingSummary) -> Vec<FactLine> {
     let jumps = &summary.clock_jumps;
     if jumps.is_empty() {
         return Vec::new();
     }
     let many = counted(jumps.len() as u64, "time");
-    let mut lines = vec![format!(
-        "clock      the stamps of the left images jump {many}"
-    )];
+    let mut lines = vec![fact!("clock", "the stamps of the left images jump {many}")];
     lines.extend(listed(jumps.iter(), |jump| {
         let way = if jump.by_ns < 0 { "back" } else { "ahead" };
-        format!(
-            "           {way} by {} after {}",
+        fact!(
+            "",
+            "{way} by {} after {}",
             seconds(jump.by_ns.unsigned_abs()),
             seconds(jump.after_ns)
         )
@@ -492,7 +485,7 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
 }
 
 /// The poses of each frame, and the images that have one.
-fn poses(summary: &PoseSummary) -> Vec<String> {
+fn poses(summary: &PoseSummary) -> Vec<FactLine> {
     let PoseSummary {
         frames,
         images,
@@ -538,11 +531,8 @@ fn poses(summary: &PoseSummary) -> Vec<String> {
         let messages = counted(*messages, "message");
         format!("{messages} of {topic} cannot be used: {why}")
     }));
-    let label = |(i, line): (usize, &String)| {
-        let label = if i == 0 { "poses" } else { "" };
-        format!("{label:COLUMN$}{line}")
-    };
-    lines.iter().enumerate().map(label).collect()
+    let label = |(i, line)| fact!(if i == 0 { "poses" } else { "" }, "{line}");
+    lines.into_iter().enumerate().map(label).collect()
 }
 
 fn topics(topics: &[Topic]) -> Table {

@@ -11,7 +11,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
 use svl::recording::AlgorithmCells;
-use svl::report::{Row, Summary, shell_word};
+use svl::report::{ReportTables, ResultParts, Results, Row, Shown, shell_word};
 use svl::run::{Outcome, complete, ending};
 use svl::sink::RerunTarget;
 use svl::{Result, counted, joined};
@@ -31,8 +31,8 @@ pub(super) struct Replayed {
     /// Result of the sinks.
     finished: Result<()>,
     ending: RunEnding,
-    rows: Vec<Row>,
-    summary: Option<Summary>,
+    tables: ReportTables,
+    summary: Option<Results>,
     verification: Option<Verification>,
 }
 
@@ -53,7 +53,10 @@ impl Replayed {
             outcome,
             ran,
             finished,
-            rows,
+            tables: ReportTables {
+                rows,
+                ..ReportTables::default()
+            },
             summary: None,
             verification: None,
         }
@@ -76,12 +79,13 @@ impl Replayed {
     }
 
     pub(super) fn summarize(&mut self, manifest: &mut Manifest) -> anyhow::Result<()> {
-        let mut summary = Summary {
+        let parts = ResultParts {
             ending: self.ending.clone(),
-            ..Summary::from_rows(&self.rows, &[])?
+            manifest: Some(&*manifest),
+            ..ResultParts::default()
         };
+        let summary = Results::new(&self.tables, parts, Shown::default())?;
         summary.complete(manifest);
-        summary.find_leads(&self.rows, &[]);
         self.summary = Some(summary);
         Ok(())
     }
@@ -92,7 +96,7 @@ impl Replayed {
         cells: &[AlgorithmCells],
         algorithms: &[Algorithm],
     ) -> anyhow::Result<()> {
-        self.verification = Some(earlier.compare(&self.rows, cells, algorithms)?);
+        self.verification = Some(earlier.compare(&self.tables.rows, cells, algorithms)?);
         Ok(())
     }
 
@@ -147,7 +151,7 @@ impl Replayed {
         let grabber = self.outcome.losses.grabber.as_ref();
         let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
         let received = received.unwrap_or_default();
-        if self.is_live && self.rows.len() >= LIVE_ROWS {
+        if self.is_live && self.tables.rows.len() >= LIVE_ROWS {
             format!("\nsummary  of the last {LIVE_ROWS} results\n{received}")
         } else {
             received
@@ -193,7 +197,7 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
 #[derive(serde::Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]
-    summary: &'a Summary,
+    summary: &'a Results,
     /// The counts of live topics.
     #[serde(skip_serializing_if = "Option::is_none")]
     received: Option<&'a BTreeMap<String, String>>,

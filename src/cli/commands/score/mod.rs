@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
 use svl::outputs::{Outputs, write};
-use svl::report::{BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit};
+use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{AreaChoice, ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
@@ -447,7 +447,7 @@ fn chosen_viewer(
 }
 
 /// Refuses a scenario whose checkpoints the truth itself fails.
-fn pass_check(summary: &Summary) -> anyhow::Result<()> {
+fn pass_check(summary: &Results) -> anyhow::Result<()> {
     let failed = summary.checkpoints.iter().filter(|c| c.passed < c.frames);
     let failed: Vec<_> = failed
         .map(|c| {

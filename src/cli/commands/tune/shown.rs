@@ -22,7 +22,7 @@ pub(super) struct Job {
 
 /// The state that the tool shows.
 #[derive(Clone, Default)]
-pub(super) struct Shown {
+pub(super) struct TuneState {
     /// Counts the jobs that were asked for, and the last of them whose frame is done.
     pub(super) wanted: u64,
     pub(super) done: u64,

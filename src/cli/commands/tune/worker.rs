@@ -1,7 +1,7 @@
 //! The work while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
-use super::shown::{FrameView, Job, LABELS, SampleView, Shown, Watched, title, watch};
+use super::shown::{FrameView, Job, LABELS, SampleView, TuneState, Watched, title, watch};
 use crate::cli::shared::viewer;
 use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, VecDeque};
@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use svl::depth::GridSettings;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
+use svl::notice::Notice;
 use svl::report::Row;
 use svl::report::compare::changes;
 use svl::run::{Matchers, Monitor, Pace};
@@ -34,7 +35,7 @@ const MAX_REMEMBERED: usize = 10_000;
 
 struct State {
     job: Option<Job>,
-    shown: Shown,
+    shown: TuneState,
     is_idle: bool,
     stops: bool,
 }
@@ -69,7 +70,7 @@ impl TuneWorker {
         let shared: SharedState = Arc::new((
             Mutex::new(State {
                 job: None,
-                shown: Shown::default(),
+                shown: TuneState::default(),
                 is_idle: true,
                 stops: false,
             }),
@@ -105,7 +106,7 @@ impl TuneWorker {
     }
 
     /// The state to show now; messages are reported once.
-    pub(super) fn shown(&self) -> Shown {
+    pub(super) fn shown(&self) -> TuneState {
         let mut state = self.shared.0.lock();
         let shown = state.shown.clone();
         state.shown.says = None;
@@ -147,8 +148,8 @@ impl Monitor for KeyWatch<'_> {
         !(self.ends && (state.job.is_some() || state.stops))
     }
 
-    fn failed(&mut self, failure: &str) {
-        self.failure = Some(failure.to_owned());
+    fn failed(&mut self, failure: &Notice) {
+        self.failure = Some(failure.to_string());
     }
 }
 

@@ -11,8 +11,8 @@ pub(crate) use frames::{FrameStore, Open, open_again};
 pub(crate) use keys::Key;
 pub(crate) use line_edit::{Edited, LineEdit};
 
+use crate::cli::shared::log;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
-use crate::cli::shared::terminal::Warnings;
 use anyhow::Context;
 use keys::Keys;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -385,7 +385,7 @@ fn run(
             tool.show(stepper)?;
             changed = true;
         }
-        if let Some(warning) = Warnings::take_last() {
+        if let Some(warning) = log::take_last() {
             stepper.say(warning);
             changed = true;
         }

@@ -1,6 +1,7 @@
 //! The screen of a tool: the terminal, or for a script a screen in memory.
 
-use crate::cli::shared::terminal::{Warnings, print};
+use crate::cli::shared::log;
+use crate::cli::shared::terminal::print;
 use anyhow::Context;
 use ratatui::backend::{CrosstermBackend, TestBackend};
 use ratatui::buffer::Buffer;
@@ -63,7 +64,7 @@ impl Screen {
             }));
         });
         TAKEN.store(true, Ordering::Relaxed);
-        Warnings::hold();
+        log::hold();
         let taken = enable_raw_mode().and_then(|()| {
             execute!(
                 stdout(),
@@ -145,7 +146,7 @@ fn restore() {
             cursor::Show
         );
         let _ = disable_raw_mode();
-        Warnings::release();
+        log::release();
     }
 }
 

@@ -81,7 +81,6 @@ impl<'a> ComparisonPage<'a> {
             is_driven: comparison.is_driven(),
             images: images.into_views(),
             identity: identity(comparison),
-            incomplete: (),
         };
         fill(include_str!("page.html"), include_str!("page.css"), view)
     }
@@ -133,8 +132,6 @@ struct ComparisonView<'a> {
     is_driven: bool,
     images: Vec<ImageView>,
     identity: Vec<(&'static str, String)>,
-    /// The cautions say it.
-    incomplete: (),
 }
 
 #[derive(Serialize)]

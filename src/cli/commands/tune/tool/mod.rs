@@ -2,7 +2,7 @@
 
 mod view;
 
-use super::shown::{Job, Shown, title};
+use super::shown::{Job, TuneState, title};
 use super::worker::TuneWorker;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
 use crate::cli::shared::usage;
@@ -64,7 +64,7 @@ pub(super) struct Tuner {
     asks: Option<Asks>,
     /// Place among the frames, the worst first.
     worst: Option<usize>,
-    shown: Shown,
+    shown: TuneState,
     out: Option<PathBuf>,
     /// With the folder of its file.
     scenario: Option<Scenario>,
@@ -107,7 +107,7 @@ impl Tuner {
         }
     }
 
-    pub(super) fn shown(&self) -> &Shown {
+    pub(super) fn shown(&self) -> &TuneState {
         &self.shown
     }
 

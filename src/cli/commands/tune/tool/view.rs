@@ -2,7 +2,7 @@
 //! disparities.
 
 use super::Tuner;
-use crate::cli::commands::tune::shown::{FrameView, SampleView, Shown, title};
+use crate::cli::commands::tune::shown::{FrameView, SampleView, TuneState, title};
 use crate::cli::shared::stepper::{Stepper, picture};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -208,7 +208,7 @@ fn shown_names(numbers: &[NumberLine], room: usize, is_all: bool) -> Vec<&'stati
     names
 }
 
-fn sample_head(shown: &Shown) -> Line<'static> {
+fn sample_head(shown: &TuneState) -> Line<'static> {
     let SampleView { done, frames, .. } = shown.sample;
     let sample = match (done, frames) {
         (_, 0) => "reading".to_owned(),
@@ -248,7 +248,7 @@ fn compact(metric: &Metric, value: f64) -> String {
 }
 
 /// Lines of the metrics that the frame or the sample has.
-fn number_lines(shown: &Shown, side: usize) -> Vec<NumberLine> {
+fn number_lines(shown: &TuneState, side: usize) -> Vec<NumberLine> {
     let line = |metric: &'static Metric| {
         let frame = shown
             .frame
@@ -349,7 +349,7 @@ fn bar_line(sample: &SampleView, stepper: &Stepper<'_>, width: u16) -> Line<'sta
 }
 
 /// Invalid pixels of the frame by reason, with the change.
-fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
+fn why_lines(shown: &TuneState, side: usize, width: u16) -> Vec<Line<'static>> {
     let Some(frame) = &shown.frame else {
         return Vec::new();
     };

@@ -1,20 +1,19 @@
-//! A run in numbers: per algorithm, and per checkpoint and algorithm.
+//! The results of a run: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
-use super::drives::{self, DriveRow, DriveSummary};
+use super::drives::{self, DriveRow, DriveSummary, TrackRow};
 use super::lead::{Lead, PriorTest};
 use super::reliability::ReliabilityRow;
-use super::rows::{CheckpointRow, MetricTotals, Record, Row, metric_totals, record};
+use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
 use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
-use polars::prelude::{DataFrame, PolarsResult};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use svl_core::Result;
 use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
-use svl_core::{Error, Result};
 use svl_files::slow_profile;
 use svl_score::judge::{
     AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricValues, RunKind,
@@ -24,7 +23,7 @@ use svl_score::manifest::{Manifest, SCHEMA, hash};
 
 /// The results of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Summary {
+pub struct Results {
     /// Version of the files of a report, [`SCHEMA`].
     pub schema: u32,
     /// The end of the run, and the pairs that it misses.
@@ -43,7 +42,7 @@ pub struct Summary {
     pub checkpoints: Vec<CheckpointSummary>,
     /// The units and tables that it is of.
     pub made_of: Sources,
-    /// The best algorithms by the headline metrics; found by [`Summary::find_leads`].
+    /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub leads: Vec<Lead>,
     /// Algorithms that failed on pairs.
@@ -69,47 +68,79 @@ pub struct Summary {
     /// Results per perturbation, level and algorithm, if pairs were perturbed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stress: Vec<StressSummary>,
-    /// The pairs, their size and their runs.
+    /// What its sentences and tables need besides.
     #[serde(skip)]
-    pub scope: RunScope,
+    pub(super) basis: ResultBasis,
+    /// The way that sentences and tables show them.
+    #[serde(skip)]
+    pub shown: Shown,
+}
+
+/// The way that results are shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shown {
     /// The metrics that tables show.
-    #[serde(skip)]
     pub columns: ColumnChoice,
-    /// The area whose numbers tables, sentences and plots have.
-    #[serde(skip)]
-    pub area: AreaChoice,
-    /// True if the algorithms are in the order that the user chose.
-    #[serde(skip)]
-    pub is_sorted: bool,
-    /// The test against the prior, and the algorithms that do not beat it.
-    #[serde(skip)]
-    pub prior_test: PriorTest,
-    #[serde(skip)]
-    pub behind_prior: Vec<String>,
-    /// The algorithms that report the truth itself.
-    #[serde(skip)]
-    pub perfect: Vec<String>,
+    /// The metric that the user sorts the algorithms by.
+    pub sort: Option<&'static Metric>,
     /// Rule by which cells were scored.
-    #[serde(skip)]
     pub rule: CellRule,
+}
+
+/// The rows of a report's tables, without those of the cells.
+#[derive(Default)]
+pub struct ReportTables {
+    pub rows: Vec<Row>,
+    pub failures: Vec<FailureRow>,
+    pub checkpoints: Vec<CheckpointRow>,
+    /// Of cells, where they are asked for.
+    pub accuracy: Vec<AccuracyRow>,
+    pub reliability: Vec<ReliabilityRow>,
+    /// The rows of the prior, where cells are scored by distances.
+    pub prior: Vec<Row>,
+    pub drives: Vec<DriveRow>,
+    pub tracks: Vec<TrackRow>,
+}
+
+/// The results of a run besides its tables.
+#[derive(Default)]
+pub struct ResultParts<'a> {
+    pub ending: RunEnding,
+    pub latency: Vec<TopicDelay>,
+    pub made_of: Sources,
+    /// Programs, failures and warnings.
+    pub manifest: Option<&'a Manifest>,
+    /// True if the times are of matching alone.
+    pub is_measured: bool,
+    /// The algorithms whose times may be compared have the same number.
+    pub time_groups: BTreeMap<String, usize>,
+}
+
+/// What sentences and tables need besides the results.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ResultBasis {
+    /// The pairs, their size and their runs.
+    pub(super) scope: RunScope,
+    /// The area whose numbers tables, sentences and plots have: that of the rows.
+    pub(super) area: AreaChoice,
+    /// The test against the prior, and the algorithms that do not beat it.
+    pub(super) prior_test: PriorTest,
+    pub(super) behind_prior: Vec<String>,
+    /// The algorithms that report the truth itself.
+    pub(super) perfect: Vec<String>,
     /// The work that the times measure, if that is known.
-    #[serde(skip)]
-    pub times: Option<String>,
+    pub(super) times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
-    #[serde(skip)]
-    pub slow_profile: Option<String>,
-    /// True if they are of matching alone.
-    #[serde(skip)]
-    pub measured: bool,
+    pub(super) slow_profile: Option<String>,
+    pub(super) is_measured: bool,
     /// The algorithms whose times may be compared have the same number; all of a run without a
     /// report, which has none.
-    #[serde(skip)]
-    pub time_groups: BTreeMap<String, usize>,
+    pub(super) time_groups: BTreeMap<String, usize>,
 }
 
 /// The extent of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RunScope {
+pub(super) struct RunScope {
     /// Number of unperturbed pairs that any algorithm matched.
     pub pairs: u64,
     /// Widths and heights of the images, pixels, each once.
@@ -230,12 +261,12 @@ record! {
 }
 
 impl RunScope {
-    fn new(rows: &[Row]) -> Self {
+    fn new(rows: &[&Row], algorithms: &[AlgorithmSummary]) -> Self {
         let pairs: BTreeSet<_> = rows
             .iter()
             .map(|r| (run_key(r), r.sequence, &r.name))
             .collect();
-        let runs: BTreeSet<_> = rows.iter().map(run_key).collect();
+        let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
         let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width, row.height)).collect();
         let with = |name: &str| {
             rows.iter()
@@ -246,7 +277,7 @@ impl RunScope {
             pairs: pairs.len() as u64,
             sizes: sizes.into_iter().collect(),
             runs: runs.len() as u64,
-            scored: None,
+            scored: algorithms.iter().filter_map(AlgorithmSummary::scored).max(),
             cells_of_pair: rows
                 .iter()
                 .filter_map(|row| row.metrics.get("scored_cells"))
@@ -258,6 +289,42 @@ impl RunScope {
 }
 
 impl AlgorithmSummary {
+    /// The results of the rows of an algorithm, at least one.
+    fn new(rows: &[&Row]) -> Self {
+        let totals = metric_totals(rows).0.in_area(rows[0].metrics.area());
+        let summary = Self {
+            algorithm: rows[0].algorithm.clone(),
+            pairs: rows.len() as u64,
+            totals: MetricTotals(totals),
+            results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash))),
+            ..Self::default()
+        };
+        // A map that others computed has no times.
+        if rows.iter().all(|row| row.total_us.is_none()) {
+            return summary;
+        }
+        let speed = Speed::from_rows(rows);
+        let stage_ms = |place: usize| Some(speed.stages_ms[place]);
+        let time_per_gd_s = speed.time_per_gd_s();
+        Self {
+            p50_ms: Some(speed.rank_ms(0.50)),
+            p95_ms: Some(speed.rank_ms(0.95)),
+            p99_ms: Some(speed.rank_ms(0.99)),
+            max_ms: Some(speed.rank_ms(1.0)),
+            time_per_mp_s: Some(speed.time_per_mp_s()),
+            time_per_gd_s,
+            mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
+            smoothing_ms: stage_ms(0),
+            texture_ms: stage_ms(1),
+            matching_ms: stage_ms(2),
+            checks_ms: stage_ms(3),
+            filters_ms: stage_ms(4),
+            other_ms: stage_ms(5),
+            outliers: Some(speed.outliers()),
+            ..summary
+        }
+    }
+
     /// Numbers of pairs and of cells that were scored against a truth; `None` if no pair has one.
     pub fn scored(&self) -> Option<(u64, u64)> {
         let count = |name| self.totals.get(name).map(|count| count as u64);
@@ -279,7 +346,7 @@ impl AlgorithmSummary {
     }
 
     /// The value of a metric of frames, absent if the run does not measure it; for other metrics
-    /// see [`Summary::value`].
+    /// see [`Results::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         self.value_in(metric, self.totals.area())
     }
@@ -297,46 +364,107 @@ impl AlgorithmSummary {
 }
 
 impl CheckpointSummary {
+    /// The results of the rows of a checkpoint and an algorithm, at least one.
+    fn new(rows: &[&CheckpointRow]) -> Self {
+        let flags = |flag: fn(&CheckpointRow) -> Option<bool>| {
+            let flags: Vec<_> = rows.iter().filter_map(|row| flag(row)).collect();
+            (!flags.is_empty()).then_some(flags)
+        };
+        Self {
+            checkpoint: rows[0].checkpoint,
+            name: rows[0].name.clone(),
+            algorithm: rows[0].algorithm.clone(),
+            frames: rows.iter().map(|row| row.frames).sum(),
+            passed: rows.iter().map(|row| row.passed).sum(),
+            // The best frame of all runs passes when the best frame of any run does.
+            best_passed: flags(|row| row.best_passed).map(|all| all.contains(&true)),
+            worst_passed: flags(|row| row.worst_passed).map(|all| !all.contains(&false)),
+        }
+    }
+
     /// Fraction of frames in which the checkpoint passes.
     pub fn share(&self) -> Option<f64> {
         (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
     }
 }
 
-impl Summary {
-    /// Sums up rows, whatever their perturbation.
-    pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
-        let summary = Row::frame(rows).and_then(|frame| {
-            let checkpoints = CheckpointRow::frame(checkpoints)?;
-            let mut summary = Self {
-                scope: RunScope::new(rows),
-                ..Self::from_frames(&frame, &checkpoints)?
-            };
-            let area = rows.first().map(|row| row.metrics.area());
-            summary.select(area.unwrap_or_default());
-            Ok(summary.with_scored())
-        });
-        summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
+impl Results {
+    /// The results of these tables.
+    ///
+    /// # Errors
+    /// As [`Results::from_rows`].
+    pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
+        let sums = Self::from_rows(&tables.rows, &tables.checkpoints)?;
+        let prior: Vec<_> = tables.prior.iter().collect();
+        let mut results = Self {
+            ending: parts.ending,
+            latency: parts.latency,
+            made_of: parts.made_of,
+            accuracy: tables.accuracy.clone(),
+            reliability: tables.reliability.clone(),
+            prior: (!prior.is_empty()).then(|| AlgorithmSummary {
+                results_hash: None,
+                ..AlgorithmSummary::new(&prior)
+            }),
+            basis: ResultBasis {
+                is_measured: parts.is_measured,
+                time_groups: parts.time_groups,
+                ..sums.basis
+            },
+            shown,
+            ..sums
+        };
+        results.add_drives(&tables.drives);
+        results.add_accuracy(&tables.accuracy);
+        if let Some(manifest) = parts.manifest {
+            results.add_manifest(manifest);
+        }
+        // The order matters: the manifest has the algorithms that failed on every pair, which are
+        // sorted, too, and those that may not lead; a lead is the first of equal ones, and beats
+        // the prior.
+        if let Some(metric) = results.shown.sort {
+            results.sort_by(metric);
+        }
+        results.test_prior(&tables.rows, &tables.prior);
+        results.find_leads(&tables.rows, &tables.drives);
+        Ok(results)
     }
 
-    fn with_scored(mut self) -> Self {
-        self.scope.scored = self
-            .algorithms
-            .iter()
-            .filter_map(AlgorithmSummary::scored)
-            .max();
-        self
+    /// The sums of rows, whatever their perturbation.
+    pub(super) fn from_pairs(rows: &[&Row], checkpoints: &[&CheckpointRow]) -> Self {
+        let algorithms = grouped(rows, |row| &row.algorithm, AlgorithmSummary::new);
+        let mut checkpoints = grouped(
+            checkpoints,
+            |row| (row.checkpoint, &row.algorithm),
+            CheckpointSummary::new,
+        );
+        let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
+        // Stable: equal checkpoints of several algorithms follow the order of the rows.
+        checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
+        let area = rows.first().map(|row| row.metrics.area());
+        Self {
+            schema: SCHEMA,
+            pairs_hash: pairs_hash(rows),
+            truth: truths(rows),
+            basis: ResultBasis {
+                scope: RunScope::new(rows, &algorithms),
+                area: area.unwrap_or_default(),
+                ..ResultBasis::default()
+            },
+            algorithms,
+            checkpoints,
+            ..Self::default()
+        }
     }
 
-    /// Completes the manifest with the digests of pairs and results, and the summary with the
-    /// values that only the manifest has.
-    pub fn complete(&mut self, manifest: &mut Manifest) {
-        self.times.clone_from(&manifest.times);
+    /// Adds what only the manifest has.
+    fn add_manifest(&mut self, manifest: &Manifest) {
+        self.basis.times.clone_from(&manifest.times);
         self.warnings.clone_from(&manifest.warnings);
-        self.slow_profile = slow_profile(manifest.profile.as_deref());
+        self.basis.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
             if matcher::find(&record.name).is_ok_and(MatcherSpec::is_truth) {
-                self.perfect.push(record.label.clone());
+                self.basis.perfect.push(record.label.clone());
             }
             let program = record.program.clone();
             self.programs.extend(program.map(|program| ProgramSummary {
@@ -368,6 +496,11 @@ impl Summary {
                 });
             }
         }
+    }
+
+    /// Adds the digests of pairs and results, and the warnings, to the manifest.
+    pub fn complete(&self, manifest: &mut Manifest) {
+        manifest.warnings.clone_from(&self.warnings);
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         manifest.truth.clone_from(&self.truth);
         for record in &mut manifest.algorithms {
@@ -379,8 +512,8 @@ impl Summary {
     /// True if the times of these algorithms may be compared: those of each block are of one
     /// session.
     pub fn are_times_comparable<'a>(&self, mut labels: impl Iterator<Item = &'a str>) -> bool {
-        let first = labels.next().map(|label| self.time_groups.get(label));
-        labels.all(|label| Some(self.time_groups.get(label)) == first)
+        let first = labels.next().map(|label| self.basis.time_groups.get(label));
+        labels.all(|label| Some(self.basis.time_groups.get(label)) == first)
     }
 
     /// True if the times of all algorithms may be compared.
@@ -391,7 +524,7 @@ impl Summary {
     /// The value of any metric, absent if the run does not measure it. `checkpoint`: the only one
     /// that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
-        self.value_in(label, metric, checkpoint, self.area)
+        self.value_in(label, metric, checkpoint, self.basis.area)
     }
 
     /// As [`Self::value`], of the cells of an area.
@@ -435,7 +568,7 @@ impl Summary {
     }
 
     /// Adds the errors of distances.
-    pub fn add_accuracy(&mut self, rows: &[AccuracyRow]) {
+    fn add_accuracy(&mut self, rows: &[AccuracyRow]) {
         for row in rows.iter().filter(|row| row.is_of_all()) {
             let own = self.algorithms.iter_mut();
             for summary in own.filter(|own| own.algorithm == row.algorithm) {
@@ -447,36 +580,14 @@ impl Summary {
                 }
             }
         }
-        self.accuracy = rows.to_vec();
-    }
-
-    /// Selects the area whose numbers all tables, sentences and plots have.
-    fn select(&mut self, area: AreaChoice) {
-        self.area = area;
-        for own in &mut self.algorithms {
-            own.totals.0 = own.totals.0.in_area(area);
-        }
-    }
-
-    /// Adds the prior, of its rows.
-    ///
-    /// # Errors
-    /// As [`Summary::from_rows`].
-    pub fn add_prior(&mut self, rows: &[Row]) -> Result<()> {
-        let mut summary = Self::from_frames_of(rows, &[])?;
-        self.prior = summary.algorithms.pop().map(|prior| AlgorithmSummary {
-            results_hash: None,
-            ..prior
-        });
-        Ok(())
     }
 
     /// Adds the results of drives.
-    pub fn add_drives(&mut self, rows: &[DriveRow]) {
+    fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows, None);
         // Each algorithm drives its own way and sees pairs of its own.
         if !rows.is_empty() {
-            self.scope.pairs = self.algorithms.iter().map(|a| a.pairs).sum();
+            self.basis.scope.pairs = self.algorithms.iter().map(|a| a.pairs).sum();
         }
         super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
@@ -494,29 +605,6 @@ impl Summary {
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
     }
-
-    /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
-    fn from_frames(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
-        let algorithms: Vec<_> = groups(rows, &["algorithm"])?
-            .iter()
-            .map(algorithm)
-            .collect::<PolarsResult<_>>()?;
-        let mut checkpoints: Vec<_> = groups(checkpoints, &["checkpoint", "algorithm"])?
-            .iter()
-            .map(checkpoint)
-            .collect::<PolarsResult<_>>()?;
-        let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
-        // Stable: equal checkpoints of several algorithms follow the order of the rows.
-        checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
-        Ok(Self {
-            schema: SCHEMA,
-            pairs_hash: pairs_hash(rows)?,
-            truth: truths(rows)?,
-            algorithms,
-            checkpoints,
-            ..Self::default()
-        })
-    }
 }
 
 /// Caveat beside numbers that come of these origins of truths.
@@ -533,121 +621,43 @@ pub(super) fn caution(truths: &[String]) -> Option<String> {
     (!words.is_empty()).then(|| words.join("; "))
 }
 
-fn truths(rows: &DataFrame) -> PolarsResult<Vec<String>> {
+fn truths(rows: &[&Row]) -> Vec<String> {
     let mut truths: Vec<String> = Vec::new();
-    for truth in rows.column("truth")?.str()?.iter().flatten() {
-        if !truths.iter().any(|known| known == truth) {
-            truths.push(truth.to_owned());
+    for truth in rows.iter().filter_map(|row| row.truth.as_ref()) {
+        if !truths.contains(truth) {
+            truths.push(truth.clone());
         }
     }
-    Ok(truths)
+    truths
 }
 
-/// Non-empty groups, in order of appearance.
-fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
-    if frame.height() == 0 {
-        Ok(Vec::new())
-    } else {
-        // Polars cannot partition an empty frame without columns.
-        frame.partition_by_stable(by.iter().copied(), true)
+/// The sums of rows of equal keys, in the order of their first ones.
+fn grouped<'a, T, K: Ord, S>(
+    rows: &[&'a T],
+    key: impl Fn(&'a T) -> K,
+    sum: impl Fn(&[&'a T]) -> S,
+) -> Vec<S> {
+    let mut groups: Vec<Vec<&T>> = Vec::new();
+    let mut places = BTreeMap::new();
+    for row in rows {
+        let place = *places.entry(key(row)).or_insert(groups.len());
+        match groups.get_mut(place) {
+            Some(group) => group.push(row),
+            None => groups.push(vec![row]),
+        }
     }
-}
-
-fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
-    let summary = AlgorithmSummary {
-        algorithm: first(rows, "algorithm")?,
-        pairs: rows.height() as u64,
-        totals: metric_totals(rows)?,
-        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
-        ..AlgorithmSummary::default()
-    };
-    // A map that others computed has no times.
-    if rows.column("total_us")?.null_count() == rows.height() {
-        return Ok(summary);
-    }
-    let speed = Speed::from_rows(rows)?;
-    let [
-        smoothing_ms,
-        texture_ms,
-        matching_ms,
-        checks_ms,
-        filters_ms,
-        other_ms,
-    ] = speed.stages_ms.map(Some);
-    let time_per_gd_s = speed.time_per_gd_s();
-    Ok(AlgorithmSummary {
-        p50_ms: Some(speed.rank_ms(0.50)),
-        p95_ms: Some(speed.rank_ms(0.95)),
-        p99_ms: Some(speed.rank_ms(0.99)),
-        max_ms: Some(speed.rank_ms(1.0)),
-        time_per_mp_s: Some(speed.time_per_mp_s()),
-        time_per_gd_s,
-        mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
-        smoothing_ms,
-        texture_ms,
-        matching_ms,
-        checks_ms,
-        filters_ms,
-        other_ms,
-        outliers: Some(speed.outliers()),
-        ..summary
-    })
-}
-
-fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
-    let best = flags(runs, "best_passed")?;
-    let worst = flags(runs, "worst_passed")?;
-    Ok(CheckpointSummary {
-        checkpoint: runs
-            .column("checkpoint")?
-            .u32()?
-            .first()
-            .unwrap_or_default(),
-        name: first(runs, "name")?,
-        algorithm: first(runs, "algorithm")?,
-        frames: sum(runs, "frames")?.unwrap_or_default(),
-        passed: sum(runs, "passed")?.unwrap_or_default(),
-        // The best frame of all runs passes when the best frame of any run does.
-        best_passed: (!best.is_empty()).then(|| best.contains(&true)),
-        worst_passed: (!worst.is_empty()).then(|| !worst.contains(&false)),
-    })
+    groups.iter().map(|own| sum(own)).collect()
 }
 
 /// A pair's rows are consecutive.
-fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
-    if rows.height() == 0 {
-        return Ok(None);
-    }
-    let (seeds, sequences) = (rows.column("seed")?.u64()?, rows.column("sequence")?.u64()?);
-    let (runs, hashes) = (rows.column("run")?.str()?, rows.column("pair_hash")?.str()?);
-    let mut pairs: Vec<_> = seeds
-        .iter()
-        .zip(runs.iter().zip(sequences.iter()))
-        .zip(hashes.iter())
-        .collect();
+fn pairs_hash<'a>(rows: &[&'a Row]) -> Option<String> {
+    let pair = |row: &&'a Row| (run_key(row), row.sequence, &*row.pair_hash);
+    let mut pairs: Vec<_> = rows.iter().map(pair).collect();
     // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.
     pairs.dedup();
-    Ok(Some(digest(pairs.into_iter().filter_map(|(_, hash)| hash))))
+    (!pairs.is_empty()).then(|| digest(pairs.into_iter().map(|(.., hash)| hash)))
 }
 
 fn digest<'a>(hashes: impl Iterator<Item = &'a str>) -> String {
     hash(&hashes.collect::<Vec<_>>().join("\n"))
-}
-
-fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {
-    Ok(group
-        .column(column)?
-        .str()?
-        .first()
-        .unwrap_or_default()
-        .to_owned())
-}
-
-fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {
-    let column = group.column(column)?.u64()?;
-    Ok(column.iter().flatten().reduce(|a, b| a + b))
-}
-
-fn flags(group: &DataFrame, column: &str) -> PolarsResult<Vec<bool>> {
-    Ok(group.column(column)?.bool()?.iter().flatten().collect())
 }

@@ -1,0 +1,138 @@
+//! The log of a command: its notices, and lines on standard error, which are held back while a tool
+//! has the screen.
+
+use super::terminal::print_error;
+use parking_lot::Mutex;
+use std::collections::BTreeSet;
+use std::io::{self, IsTerminal};
+use std::sync::LazyLock;
+use svl::notice::{Notice, NoticeLog};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::Layer;
+use tracing_subscriber::layer::Context;
+
+/// Takes the events of svl: warnings as notices, also those that `--quiet` does not print, and as
+/// lines those up to a level.
+pub(crate) struct NoticeLayer(pub(crate) Level);
+
+impl<S: Subscriber> Layer<S> for NoticeLayer {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let level = *event.metadata().level();
+        let notice = Notice::from_event(event);
+        if level <= self.0 {
+            LINES.lock().add((level, notice.to_string()));
+        }
+        if level <= Level::WARN {
+            NoticeLog::current().add(notice);
+        }
+    }
+}
+
+/// The lines of this process.
+static LINES: LazyLock<Mutex<Lines>> = LazyLock::new(Mutex::default);
+
+/// Lines that are held back or remembered; later ones are lost, or may be written twice.
+const MAX_REMEMBERED: usize = 1000;
+
+type LogLine = (Level, String);
+
+/// Lines, each of which is written once.
+#[derive(Default)]
+struct Lines {
+    /// Lines that are held back, and the number of them that were taken.
+    held: Option<(Vec<LogLine>, usize)>,
+    written: BTreeSet<LogLine>,
+}
+
+impl Lines {
+    fn add(&mut self, line: LogLine) {
+        if let Some((held, _)) = &mut self.held {
+            if held.len() < MAX_REMEMBERED {
+                held.push(line);
+            }
+        } else if self.is_new(&line) {
+            print_error(text(&line, io::stderr().is_terminal()));
+        }
+    }
+
+    /// True at the first call with this line.
+    fn is_new(&mut self, line: &LogLine) -> bool {
+        self.written.len() >= MAX_REMEMBERED || self.written.insert(line.clone())
+    }
+
+    fn take_last(&mut self) -> Option<String> {
+        let (held, taken) = self.held.as_mut()?;
+        let new = &held[std::mem::replace(taken, held.len())..];
+        new.last().map(|line| text(line, false))
+    }
+}
+
+/// From now on lines are held back.
+pub(crate) fn hold() {
+    LINES.lock().held.get_or_insert_default();
+}
+
+/// Writes what was held back, and from now on everything at once.
+pub(crate) fn release() {
+    let mut lines = LINES.lock();
+    let (held, _) = lines.held.take().unwrap_or_default();
+    held.into_iter().for_each(|line| lines.add(line));
+}
+
+/// The last line that was held back since this was asked last.
+pub(crate) fn take_last() -> Option<String> {
+    LINES.lock().take_last()
+}
+
+/// The text of a line, without the control characters that a name in it may have.
+fn text((level, words): &LogLine, is_rich: bool) -> String {
+    let color = match *level {
+        Level::ERROR => 31,
+        Level::WARN => 33,
+        Level::INFO => 32,
+        _ => 34,
+    };
+    let mut text = match is_rich {
+        true => format!("\u{1b}[{color}m{level:>5}\u{1b}[0m "),
+        false => format!("{level:>5} "),
+    };
+    for c in words.chars() {
+        match c.is_control() && c != '\n' && c != '\t' {
+            true => text.extend(c.escape_default()),
+            false => text.push(c),
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warning(words: &str) -> LogLine {
+        (Level::WARN, words.to_owned())
+    }
+
+    #[test]
+    fn a_line_is_written_once_without_control_characters_of_its_words() {
+        let mut lines = Lines::default();
+        let news = ["first", "second", "first"].map(|words| lines.is_new(&warning(words)));
+        assert_eq!(news, [true, true, false]);
+        let line = warning("a\u{1b}[2Jb");
+        assert_eq!(text(&line, false), " WARN a\\u{1b}[2Jb");
+        assert_eq!(text(&line, true), "\u{1b}[33m WARN\u{1b}[0m a\\u{1b}[2Jb");
+    }
+
+    #[test]
+    fn the_last_line_that_is_held_back_is_taken_once() {
+        let mut lines = Lines {
+            held: Some(Default::default()),
+            ..Lines::default()
+        };
+        assert_eq!(lines.take_last(), None);
+        lines.add(warning("first"));
+        lines.add(warning("second"));
+        assert_eq!(lines.take_last().unwrap(), " WARN second");
+        assert_eq!(lines.take_last(), None);
+    }
+}
