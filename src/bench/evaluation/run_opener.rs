@@ -31,6 +31,8 @@ pub(super) struct RunOpener<'a> {
     live: LiveTable,
     /// The recording of each run, or its seed.
     identities: Vec<(Option<RunRecord>, Option<u64>)>,
+    /// The layers around the sources of the runs, in words.
+    chain: Vec<String>,
     /// Those that were not opened yet: perturbed, a run is opened anew.
     runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
@@ -52,12 +54,19 @@ impl<'a> RunOpener<'a> {
         let count = runs::checked_count(scenario)?;
         let runs = (0..count).map(|place| logged(scenario, place, console));
         let runs = runs.collect::<Result<Vec<_>>>()?;
+        let mut chain = Vec::new();
+        for (run, _) in &runs {
+            let mut words = run.chain(scenario)?;
+            words.retain(|word| !chain.contains(word));
+            chain.append(&mut words);
+        }
         let identities = runs.iter().map(|(run, _)| (run.record(), run.seed()));
         Ok(Self {
             scenario,
             console,
             live: live.clone(),
             identities: identities.collect(),
+            chain,
             runs: runs.into_iter().map(Some).collect(),
             register: PairRegister::new(&scenario.algorithms)?,
             stress: None,
@@ -73,6 +82,10 @@ impl<'a> RunOpener<'a> {
     pub(super) fn records(&self) -> Vec<RunRecord> {
         let records = self.identities.iter().map(|(record, _)| record);
         records.flatten().cloned().collect()
+    }
+
+    pub(super) fn chain(&self) -> Vec<String> {
+        self.chain.clone()
     }
 
     pub(super) fn live(&self) -> &LiveTable {
@@ -106,10 +119,10 @@ impl<'a> RunOpener<'a> {
         let (source, files) = opened;
         let entered = files.enter();
         let (run, mut judge) = source.open(self.scenario, self.console, Some(&self.live))?;
-        let mut run = run.registered(&self.scenario.name, &self.register, true);
+        let mut run = run.registered(&self.scenario.name, &self.register)?;
         if let Some(stress) = stress {
-            run = run.stressed(stress);
-            judge = run.judge(&self.scenario.judge())?;
+            run = run.stressed(stress)?;
+            judge.run.stress = Some(stress.to_string());
         }
         drop(entered);
         Ok(OpenedRun {

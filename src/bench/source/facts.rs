@@ -30,6 +30,8 @@ pub struct SourceFacts {
     pub size_px: (usize, usize),
     /// Number of pairs, if it is known without reading all of them.
     pub pairs: Option<u64>,
+    /// The layers around the source, in words.
+    pub chain: Vec<String>,
     pub geometry: PairGeometry,
     /// False if nothing in another program's recording says that its pairs are raw or rectified;
     /// they count as raw.
@@ -124,6 +126,7 @@ impl SourceFacts {
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
+            chain: opened.chain.clone(),
             is_geometry_known: !is_foreign || !is_raw || has_calibration,
             pairs: opened.source.pairs(),
             distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),

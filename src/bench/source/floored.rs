@@ -4,27 +4,32 @@ use super::{Source, wraps};
 use svl_core::stereo::{FloorPlane, Frame};
 use svl_core::{Error, Result};
 
+/// A level camera.
+pub struct LevelCamera {
+    pub height_m: f64,
+    /// True if the user named its height: the floor takes the place of the truth's own surfaces.
+    pub is_named: bool,
+}
+
 /// Marks what of another source's truth is floor.
-pub struct FloorSource {
-    source: Box<dyn Source>,
+pub struct FloorSource<'a> {
+    source: Box<dyn Source + 'a>,
     floor: FloorPlane,
-    /// True if the user named the plane: it takes the place of the truth's own surfaces.
     is_named: bool,
 }
 
-impl FloorSource {
-    /// A level camera of a height that the user named, or that the recording has.
-    pub fn new(source: Box<dyn Source>, camera_height_m: f64, is_named: bool) -> Self {
+impl<'a> FloorSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, camera: LevelCamera) -> Self {
         Self {
             source,
-            floor: FloorPlane::level(camera_height_m),
-            is_named,
+            floor: FloorPlane::level(camera.height_m),
+            is_named: camera.is_named,
         }
     }
 }
 
-impl Source for FloorSource {
-    wraps!(source);
+impl Source for FloorSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let Some(mut frame) = self.source.next()? else {

@@ -3,12 +3,12 @@
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
 use super::live_topics::{self, LiveTopics};
-use super::measured::{refuse_topics, topics_of};
+use super::measured::{MeasuredMaps, refuse_topics, topics_of};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, MeasuredMaps, RecordingSource,
+    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, Measurements, RecordingSource,
     VideoSource,
 };
 use std::path::Path;
@@ -402,7 +402,10 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         .as_ref()
         .map(|truth| reader.sensor(truth))
         .transpose()?;
-    let truth = truth.map(|truth| MeasuredMaps::Topic(Box::new(truth)));
+    let measured = Measurements {
+        truth: truth.map(|truth| MeasuredMaps::Topic(Box::new(truth))),
+        maps,
+    };
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -423,8 +426,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         recording: Some(reader.recording().clone()),
         calibration,
         own_calibration: reader.calibration(),
-        truth,
-        maps,
+        measured,
         remarks: reader.remarks(),
         calibration_fault: reader.calibration_fault(),
         notes: note.into_iter().collect(),
@@ -510,7 +512,10 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         calibration_fault: unread.cloned(),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().chain(truth_note).collect(),
-        truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
+        measured: Measurements {
+            truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
+            ..Measurements::default()
+        },
         ..Opened::new(source, header, stem)
     })
 }

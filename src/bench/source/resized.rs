@@ -7,13 +7,13 @@ use svl_score::resize::Resizer;
 use svl_score::scenario::CropScale;
 
 /// A source whose images are cropped and shrunk.
-pub struct Resized {
-    source: Box<dyn Source>,
+pub struct Resized<'a> {
+    source: Box<dyn Source + 'a>,
     resizer: Resizer,
 }
 
-impl Resized {
-    pub fn new(source: Box<dyn Source>, window: CropScale) -> Self {
+impl<'a> Resized<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, window: CropScale) -> Self {
         Self {
             source,
             resizer: Resizer::new(window),
@@ -21,8 +21,8 @@ impl Resized {
     }
 }
 
-impl Source for Resized {
-    wraps!(source);
+impl Source for Resized<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;

@@ -6,9 +6,16 @@ use svl_core::stereo::{Frame, Gray, StereoPair};
 use svl_core::{Error, Result};
 use svl_sim::stress::Stress;
 
+/// The perturbation of a run's pairs.
+pub struct Perturbation {
+    pub stress: Stress,
+    /// Seed of the run, or any other number.
+    pub seed: u64,
+}
+
 /// Perturbs the pairs of another source. Sequence numbers, stamps and truth stay.
-pub struct StressedSource {
-    source: Box<dyn Source>,
+pub struct StressedSource<'a> {
+    source: Box<dyn Source + 'a>,
     stress: Stress,
     seed: u64,
     /// Right images of the last pairs, if a pair gets an earlier one.
@@ -16,13 +23,12 @@ pub struct StressedSource {
     given: u64,
 }
 
-impl StressedSource {
-    /// `seed`: that of the run, or any other number.
-    pub fn new(source: Box<dyn Source>, stress: Stress, seed: u64) -> Self {
+impl<'a> StressedSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, by: Perturbation) -> Self {
         Self {
             source,
-            stress,
-            seed,
+            stress: by.stress,
+            seed: by.seed,
             earlier: VecDeque::new(),
             given: 0,
         }
@@ -46,8 +52,8 @@ impl StressedSource {
     }
 }
 
-impl Source for StressedSource {
-    wraps!(source);
+impl Source for StressedSource<'_> {
+    wraps!();
 
     fn name(&self) -> String {
         format!("{}, {}", self.source.name(), self.stress)
@@ -126,7 +132,8 @@ mod tests {
         let arena = || ArenaSource::new(Arena::new(&config, 1).unwrap(), 1);
         let plain = all(&mut arena());
         let stress = "skew=2".parse().unwrap();
-        let skewed = all(&mut StressedSource::new(Box::new(arena()), stress, 1));
+        let by = Perturbation { stress, seed: 1 };
+        let skewed = all(&mut StressedSource::new(Box::new(arena()), by));
         assert_eq!(skewed.len(), 3);
         for (frame, (own, earlier)) in skewed.iter().zip(plain[2..].iter().zip(&plain)) {
             assert_eq!(frame.sequence, own.sequence);

@@ -139,6 +139,7 @@ mod tests {
         };
         SourceFacts {
             size_px: (640, 480),
+            chain: Vec::new(),
             pairs: None,
             geometry: PairGeometry::Raw,
             is_geometry_known: true,

@@ -1,0 +1,125 @@
+//! The layers around a source, in their one order.
+
+use super::Source;
+use super::alignment_monitor::AlignmentMonitor;
+use super::floored::{FloorSource, LevelCamera};
+use super::limited::{FirstPairs, Limited};
+use super::measured::{MeasuredSource, Measurements};
+use super::plausible::PlausibleSource;
+use super::rectified::{AssumeRectified, Rectification, RectifiedSource};
+use super::reference::ReferenceSource;
+use super::registered::{RegisteredSource, Registration};
+use super::resized::Resized;
+use super::stressed::{Perturbation, StressedSource};
+use svl_core::matcher::Algorithm;
+use svl_core::{Result, joined};
+use svl_score::scenario::{CropScale, PairRange, SourceOptions};
+
+/// Declares [`Chain`]: a line per layer with its settings, their words, and the wrapped source.
+macro_rules! chain {
+    ($($(#[$doc:meta])+ $layer:ident($settings:ident: $type:ty)
+        $words:expr, |$source:ident| $wrapped:expr;)+) => {
+        /// The layers around a source, each with its settings; the first is next to the source.
+        #[derive(Default)]
+        pub struct Chain {
+            $($(#[$doc])+ pub $layer: Option<$type>,)+
+        }
+
+        impl Chain {
+            /// Names of all layers, from the source outwards.
+            pub const LAYERS: &[&str] = &[$(stringify!($layer)),+];
+
+            /// The source in these layers.
+            ///
+            /// # Errors
+            /// Those of a calibration that cannot rectify, and of a reference that cannot be built.
+            pub fn over<'a>(self, source: Box<dyn Source + 'a>) -> Result<Box<dyn Source + 'a>> {
+                $(let source = match self.$layer {
+                    None => source,
+                    Some($settings) => {
+                        let $source = source;
+                        Box::new($wrapped) as Box<dyn Source + 'a>
+                    }
+                };)+
+                Ok(source)
+            }
+
+            /// The layers that it has, from the source outwards, each with its settings.
+            pub fn words(&self) -> Vec<String> {
+                let mut words = Vec::new();
+                $(if let Some($settings) = &self.$layer {
+                    let settings: Option<String> = $words;
+                    let settings = settings.map_or(String::new(), |words| format!(": {words}"));
+                    words.push(format!("{}{settings}", stringify!($layer)));
+                })+
+                words
+            }
+        }
+    };
+}
+
+// What is outside the range is neither decoded further nor counted, so `limit` is first. Truth and
+// maps are of rectified images of full size: `measure` and `check` follow `rectify` and precede
+// `resize`. References match the images that the algorithms match, so they follow `resize`, and
+// `floor` divides the truth that is scored. A copy is known by the pair as it was read, which every
+// layer keeps, so `register` comes after the layers that drop pairs and before `perturb`, which
+// needs the neighbours that are left. `take` counts the pairs that come out. The user's word that
+// raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment are about the pairs
+// that are matched: they are last.
+chain! {
+    /// A range of the source's pairs.
+    limit(range: PairRange) range.words(), |source| Limited::new(source, range, None);
+    /// Raw pairs are rectified.
+    rectify(by: Rectification) Some(by.words.clone()), |source| RectifiedSource::new(source, by)?;
+    /// Truth and maps of other sensors and programs.
+    measure(maps: Measurements) Some(maps.words()), |source| MeasuredSource::new(source, maps);
+    /// Impossible truths are dropped.
+    check(_all: ()) None, |source| PlausibleSource::new(source);
+    /// Images are cropped and shrunk.
+    resize(window: CropScale) window.words(), |source| Resized::new(source, window);
+    /// The truth is what these algorithms agree on.
+    reference(algorithms: Vec<Algorithm>) Some(joined(algorithms.iter().map(Algorithm::label))),
+        |source| ReferenceSource::new(source, &algorithms)?;
+    /// The truth tells floor from obstacles.
+    floor(camera: LevelCamera) Some(format!("{} m below the camera", camera.height_m)),
+        |source| FloorSource::new(source, camera);
+    /// Copies of pairs of other runs are dropped.
+    register(run: Registration) run.simulated.clone(), |source| RegisteredSource::new(source, run);
+    /// Pairs are perturbed.
+    perturb(by: Perturbation) Some(by.stress.to_string()), |source| StressedSource::new(source, by);
+    /// The first pairs of what is left.
+    take(first: FirstPairs) Some(first.words()),
+        |source| Limited::new(source, first.range, first.frames);
+    /// Raw pairs are declared rectified.
+    assume(_all: ()) None, |source| AssumeRectified::new(source);
+    /// The user is warned of vertical misalignment.
+    monitor(_all: ()) None, |source| AlignmentMonitor::new(source);
+}
+
+impl Chain {
+    /// The layers that options alone describe. `is_raw`: the pairs calibrate cameras.
+    ///
+    /// # Errors
+    /// Those of [`SourceOptions::references`].
+    pub fn for_options(options: &SourceOptions, is_raw: bool) -> Result<Self> {
+        let (range, window) = (options.range(), options.window());
+        let references = options.references()?;
+        Ok(Self {
+            limit: (range != PairRange::default()).then_some(range),
+            // References replace the truth.
+            check: (!is_raw && references.is_empty()).then_some(()),
+            resize: (window != CropScale::default()).then_some(window),
+            reference: (!references.is_empty()).then_some(references),
+            ..Self::default()
+        })
+    }
+
+    /// The layers of pairs that are matched now. Perturbed ones are misaligned on purpose.
+    pub(crate) fn for_matching(is_monitored: bool) -> Self {
+        Self {
+            assume: Some(()),
+            monitor: is_monitored.then_some(()),
+            ..Self::default()
+        }
+    }
+}
