@@ -123,3 +123,30 @@ impl Chain {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_are_named_in_their_order_with_their_settings() {
+        let words = |options: &SourceOptions, is_raw| {
+            Chain::for_options(options, is_raw).unwrap().words()
+        };
+        assert_eq!(words(&SourceOptions::default(), false), ["check"]);
+        assert!(words(&SourceOptions::default(), true).is_empty());
+        let options = SourceOptions {
+            scale: Some(0.5),
+            every: Some(2),
+            reference: vec!["sgm".to_owned()],
+            ..SourceOptions::default()
+        };
+        let expected = [
+            "limit: one pair of 2",
+            "resize: scaled by 0.5 (area average)",
+            "reference: sgm",
+        ];
+        assert_eq!(words(&options, false), expected);
+        assert_eq!(Chain::for_matching(true).words(), ["assume", "monitor"]);
+    }
+}

@@ -224,3 +224,47 @@ impl Source for RunSource {
         Ok(frame)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
+
+    /// Pairs of which none is asked for again.
+    struct Counted(u64);
+
+    impl Source for Counted {
+        fn name(&self) -> String {
+            "counted".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            self.0 += 1;
+            let image = Gray::from_fn(40, 20, |x, y| (7 * x + 3 * y + self.0 as usize) as u8)?;
+            Ok(Some(Frame {
+                sequence: self.0,
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
+            }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            Some(self.0)
+        }
+    }
+
+    #[test]
+    fn the_first_pair_is_looked_at_once_and_given_to_all_layers() {
+        let chain = Chain {
+            check: Some(()),
+            ..Chain::default()
+        };
+        let run = RunSource::new(Box::new(Counted(0)), chain, Some(3)).unwrap();
+        let run = run.registered("arena", &PairRegister::default()).unwrap();
+        let mut run = run.stressed("noise=1".parse().unwrap()).unwrap();
+        assert_eq!(run.pairs(), Some(1));
+        let words = ["check", "register: arena seed 3", "perturb: noise=1"];
+        assert_eq!(run.chain, words);
+        let sequences = [(); 3].map(|()| run.next().unwrap().unwrap().sequence);
+        assert_eq!(sequences, [1, 2, 3]);
+    }
+}
