@@ -83,7 +83,7 @@ impl ScoredSource {
         }
     }
 
-    /// The layers around its source, in words.
+    /// Names of the layers around its source.
     ///
     /// # Errors
     /// Those of the scenario's options.

@@ -4,7 +4,7 @@ use super::shard::Shard;
 use crate::console::Console;
 use crate::runs::{self, ScoredSource};
 use crate::sink::{LiveTable, Wanted};
-use crate::source::{PairRegister, RunSource};
+use crate::source::{Chain, PairRegister, RunSource};
 use std::collections::BTreeSet;
 use svl_core::Result;
 use svl_core::inputs::InputLog;
@@ -31,8 +31,6 @@ pub(super) struct RunOpener<'a> {
     live: LiveTable,
     /// The recording of each run, or its seed.
     identities: Vec<(Option<RunRecord>, Option<u64>)>,
-    /// The layers around the sources of the runs, in words.
-    chain: Vec<String>,
     /// Those that were not opened yet: perturbed, a run is opened anew.
     runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
@@ -54,19 +52,12 @@ impl<'a> RunOpener<'a> {
         let count = runs::checked_count(scenario)?;
         let runs = (0..count).map(|place| logged(scenario, place, console));
         let runs = runs.collect::<Result<Vec<_>>>()?;
-        let mut chain = Vec::new();
-        for (run, _) in &runs {
-            let mut words = run.chain(scenario)?;
-            words.retain(|word| !chain.contains(word));
-            chain.append(&mut words);
-        }
         let identities = runs.iter().map(|(run, _)| (run.record(), run.seed()));
         Ok(Self {
             scenario,
             console,
             live: live.clone(),
             identities: identities.collect(),
-            chain,
             runs: runs.into_iter().map(Some).collect(),
             register: PairRegister::new(&scenario.algorithms)?,
             stress: None,
@@ -84,8 +75,13 @@ impl<'a> RunOpener<'a> {
         records.flatten().cloned().collect()
     }
 
-    pub(super) fn chain(&self) -> Vec<String> {
-        self.chain.clone()
+    /// Names of the layers around the sources of the runs.
+    pub(super) fn chain(&self) -> Result<Vec<String>> {
+        let runs = self.runs.iter().flatten();
+        let chains = runs.map(|(run, _)| run.chain(self.scenario));
+        let chains = chains.collect::<Result<Vec<_>>>()?.concat();
+        let layers = Chain::LAYERS.iter().map(|layer| (*layer).to_owned());
+        Ok(layers.filter(|layer| chains.contains(layer)).collect())
     }
 
     pub(super) fn live(&self) -> &LiveTable {

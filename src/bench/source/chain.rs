@@ -1,24 +1,25 @@
 //! The layers around a source, in their one order.
 
-use super::Source;
 use super::alignment_monitor::AlignmentMonitor;
-use super::floored::{FloorSource, LevelCamera};
+use super::floored::LevelCamera;
 use super::limited::{FirstPairs, Limited};
 use super::measured::{MeasuredSource, Measurements};
 use super::plausible::PlausibleSource;
-use super::rectified::{AssumeRectified, Rectification, RectifiedSource};
+use super::rectified::{Rectification, RectifiedSource, assumed};
 use super::reference::ReferenceSource;
 use super::registered::{RegisteredSource, Registration};
-use super::resized::Resized;
+use super::resized::resized;
 use super::stressed::{Perturbation, StressedSource};
+use super::{Source, wraps};
+use svl_core::Result;
 use svl_core::matcher::Algorithm;
-use svl_core::{Result, joined};
+use svl_core::stereo::Frame;
 use svl_score::scenario::{CropScale, PairRange, SourceOptions};
 
-/// Declares [`Chain`]: a line per layer with its settings, their words, and the wrapped source.
+/// Declares [`Chain`]: a line per layer with its settings and the wrapped source.
 macro_rules! chain {
-    ($($(#[$doc:meta])+ $layer:ident($settings:ident: $type:ty)
-        $words:expr, |$source:ident| $wrapped:expr;)+) => {
+    ($($(#[$doc:meta])+ $layer:ident($settings:ident: $type:ty), |$source:ident| $wrapped:expr;)+)
+    => {
         /// The layers around a source, each with its settings; the first is next to the source.
         #[derive(Default)]
         pub struct Chain {
@@ -44,15 +45,11 @@ macro_rules! chain {
                 Ok(source)
             }
 
-            /// The layers that it has, from the source outwards, each with its settings.
+            /// Names of the layers that it has, from the source outwards.
             pub fn words(&self) -> Vec<String> {
-                let mut words = Vec::new();
-                $(if let Some($settings) = &self.$layer {
-                    let settings: Option<String> = $words;
-                    let settings = settings.map_or(String::new(), |words| format!(": {words}"));
-                    words.push(format!("{}{settings}", stringify!($layer)));
-                })+
-                words
+                let layers = [$((stringify!($layer), self.$layer.is_some())),+];
+                let layers = layers.into_iter().filter(|(_, is_there)| *is_there);
+                layers.map(|(name, _)| name.to_owned()).collect()
             }
         }
     };
@@ -68,32 +65,29 @@ macro_rules! chain {
 // that are matched: they are last.
 chain! {
     /// A range of the source's pairs.
-    limit(range: PairRange) range.words(), |source| Limited::new(source, range, None);
+    limit(range: PairRange), |source| Limited::new(source, range, None);
     /// Raw pairs are rectified.
-    rectify(by: Rectification) Some(by.words.clone()), |source| RectifiedSource::new(source, by)?;
+    rectify(by: Rectification), |source| RectifiedSource::new(source, by)?;
     /// Truth and maps of other sensors and programs.
-    measure(maps: Measurements) Some(maps.words()), |source| MeasuredSource::new(source, maps);
+    measure(maps: Measurements), |source| MeasuredSource::new(source, maps);
     /// Impossible truths are dropped.
-    check(_all: ()) None, |source| PlausibleSource::new(source);
+    check(_all: ()), |source| PlausibleSource::new(source);
     /// Images are cropped and shrunk.
-    resize(window: CropScale) window.words(), |source| Resized::new(source, window);
+    resize(window: CropScale), |source| Mapped::new(source, resized(window));
     /// The truth is what these algorithms agree on.
-    reference(algorithms: Vec<Algorithm>) Some(joined(algorithms.iter().map(Algorithm::label))),
-        |source| ReferenceSource::new(source, &algorithms)?;
+    reference(algorithms: Vec<Algorithm>), |source| ReferenceSource::new(source, &algorithms)?;
     /// The truth tells floor from obstacles.
-    floor(camera: LevelCamera) Some(format!("{} m below the camera", camera.height_m)),
-        |source| FloorSource::new(source, camera);
+    floor(camera: LevelCamera), |source| Mapped::new(source, camera.floor());
     /// Copies of pairs of other runs are dropped.
-    register(run: Registration) run.simulated.clone(), |source| RegisteredSource::new(source, run);
+    register(run: Registration), |source| RegisteredSource::new(source, run);
     /// Pairs are perturbed.
-    perturb(by: Perturbation) Some(by.stress.to_string()), |source| StressedSource::new(source, by);
+    perturb(by: Perturbation), |source| StressedSource::new(source, by);
     /// The first pairs of what is left.
-    take(first: FirstPairs) Some(first.words()),
-        |source| Limited::new(source, first.range, first.frames);
+    take(first: FirstPairs), |source| Limited::new(source, first.range, first.frames);
     /// Raw pairs are declared rectified.
-    assume(_all: ()) None, |source| AssumeRectified::new(source);
+    assume(_all: ()), |source| Mapped::new(source, assumed);
     /// The user is warned of vertical misalignment.
-    monitor(_all: ()) None, |source| AlignmentMonitor::new(source);
+    monitor(_all: ()), |source| AlignmentMonitor::new(source);
 }
 
 impl Chain {
@@ -124,15 +118,37 @@ impl Chain {
     }
 }
 
+/// A source whose frames are changed one by one.
+pub(super) struct Mapped<'a, F> {
+    source: Box<dyn Source + 'a>,
+    change: F,
+}
+
+impl<'a, F: FnMut(Frame, &dyn Source) -> Result<Frame>> Mapped<'a, F> {
+    /// `change`: from a frame of the source to the changed one.
+    pub(super) fn new(source: Box<dyn Source + 'a>, change: F) -> Self {
+        Self { source, change }
+    }
+}
+
+impl<F: FnMut(Frame, &dyn Source) -> Result<Frame> + Send> Source for Mapped<'_, F> {
+    wraps!();
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frame = self.source.next()?;
+        let changed = |frame| (self.change)(frame, &*self.source);
+        frame.map(changed).transpose()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn layers_are_named_in_their_order_with_their_settings() {
-        let words = |options: &SourceOptions, is_raw| {
-            Chain::for_options(options, is_raw).unwrap().words()
-        };
+    fn layers_are_named_in_their_order() {
+        let words =
+            |options: &SourceOptions, is_raw| Chain::for_options(options, is_raw).unwrap().words();
         assert_eq!(words(&SourceOptions::default(), false), ["check"]);
         assert!(words(&SourceOptions::default(), true).is_empty());
         let options = SourceOptions {
@@ -141,12 +157,7 @@ mod tests {
             reference: vec!["sgm".to_owned()],
             ..SourceOptions::default()
         };
-        let expected = [
-            "limit: one pair of 2",
-            "resize: scaled by 0.5 (area average)",
-            "reference: sgm",
-        ];
-        assert_eq!(words(&options, false), expected);
+        assert_eq!(words(&options, false), ["limit", "resize", "reference"]);
         assert_eq!(Chain::for_matching(true).words(), ["assume", "monitor"]);
     }
 }

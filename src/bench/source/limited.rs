@@ -2,7 +2,7 @@
 
 use super::{Source, wraps};
 use svl_core::stereo::{Frame, Losses};
-use svl_core::{Error, Result, counted, joined};
+use svl_core::{Error, Result, counted};
 use svl_score::scenario::PairRange;
 
 /// The first pairs that a source gives.
@@ -20,11 +20,6 @@ impl FirstPairs {
             ..PairRange::default()
         };
         (to_s.is_some() || frames.is_some()).then_some(Self { range, frames })
-    }
-
-    pub(super) fn words(&self) -> String {
-        let frames = self.frames.map(|frames| counted(frames, "pair"));
-        joined(self.range.words().into_iter().chain(frames))
     }
 }
 

@@ -4,7 +4,7 @@ use super::{MapFiles, Source, wraps};
 use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Surface, Truth};
-use svl_core::{Error, Result, joined};
+use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
 use svl_report::TopicDelay;
 
@@ -149,15 +149,6 @@ impl Measurements {
         }
         let is_any = self.truth.is_some() || !self.maps.is_empty();
         Ok(is_any.then_some(self))
-    }
-
-    pub(super) fn words(&self) -> String {
-        let truth = self
-            .truth
-            .as_ref()
-            .map(|truth| format!("truth {}", truth.name()));
-        let maps = self.maps.iter().map(|(_, map)| map.name());
-        joined(truth.into_iter().chain(maps))
     }
 }
 

@@ -10,9 +10,11 @@ use super::request::Request;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{LengthUnit, StereoCalibration};
+use svl_core::stereo::LengthUnit;
 use svl_core::{Error, Result};
-use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
+use svl_recording::{
+    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
+};
 use svl_report::TopicDelay;
 use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use tempfile::TempDir;
@@ -20,7 +22,7 @@ use tempfile::TempDir;
 /// A source, and the contents of a recording of it besides its pairs.
 pub struct Opened {
     pub source: Box<dyn Source>,
-    /// The layers around it, in words.
+    /// Names of the layers around it.
     pub chain: Vec<String>,
     pub header: Header,
     /// Text of the scenario file it came from.
@@ -37,14 +39,10 @@ pub struct Opened {
     pub latency: Vec<TopicDelay>,
     /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
-    /// The calibration in a recording or folder of raw images.
-    pub(super) own_calibration: Option<StereoCalibration>,
-    /// The reason why a calibration in it cannot be used.
-    pub(super) calibration_fault: Option<String>,
+    /// Facts of a folder, or of a recording that svl did not write.
+    pub(super) facts: StreamFacts,
     /// The truth of another sensor and the maps of topics that were requested.
     pub(super) measured: Measurements,
-    /// Shortcomings of a folder, or of a recording that svl did not write.
-    pub(super) remarks: Vec<String>,
 }
 
 /// Messages of live topics, received within some seconds.
@@ -89,10 +87,8 @@ impl Opened {
             recording: None,
             latency: Vec::new(),
             notes: Vec::new(),
-            own_calibration: None,
-            calibration_fault: None,
+            facts: StreamFacts::default(),
             measured: Measurements::default(),
-            remarks: Vec::new(),
         }
     }
 
@@ -119,6 +115,16 @@ impl Opened {
         self.over(chain)
     }
 
+    /// The same, with what its pairs say of their images.
+    pub(super) fn with_facts(mut self, facts: StreamFacts) -> Self {
+        let (name, header) = (self.source.name(), &mut self.header);
+        header.bits = header.bits.or(facts.bits);
+        header.frame_id = header.frame_id.take().or(facts.frame_id.clone());
+        let note = facts.note.iter().map(|note| format!("{name}: {note}"));
+        self.notes.splice(0..0, note);
+        Self { facts, ..self }
+    }
+
     /// The source in further layers.
     ///
     /// # Errors
@@ -133,7 +139,7 @@ impl Opened {
     fn rectification(&mut self, request: &Request<'_>) -> Result<Option<Rectification>> {
         let name = self.source.name();
         let (calib, alpha) = (request.calib(), request.options.alpha);
-        let (calibration, words, files) = match (&calib, &self.own_calibration) {
+        let (calibration, by, files) = match (&calib, &self.facts.calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
                 let calibration = calibration::framed(calibration, alpha)?;
@@ -166,7 +172,7 @@ impl Opened {
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
                 if calib != Calib::Raw {
-                    let remarks = self.remarks.iter();
+                    let remarks = self.facts.remarks.iter();
                     remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
                 }
                 // A recording of raw pairs keeps what would rectify them.
@@ -175,12 +181,11 @@ impl Opened {
                 return Ok(None);
             }
         };
-        self.header.calibration = Some(words.clone());
+        self.header.calibration = Some(by);
         self.calibration = files;
         Ok(Some(Rectification {
             calibration,
             follows_pairs: calib == Calib::Own,
-            words,
         }))
     }
 

@@ -12,8 +12,6 @@ pub struct Rectification {
     /// True if each pair is rectified by its own calibration, or by that of the pair before it if
     /// it has none; by this one before any has.
     pub follows_pairs: bool,
-    /// Where the calibration is from.
-    pub words: String,
 }
 
 /// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
@@ -139,31 +137,14 @@ fn prepared(calibration: StereoCalibration) -> Result<(Rectifier, Arc<StereoCali
     Ok((Rectifier::new(&calibration)?, Arc::new(calibration)))
 }
 
-/// A source whose raw pairs are declared rectified by the user (`--calib none`).
-pub struct AssumeRectified<'a> {
-    source: Box<dyn Source + 'a>,
-}
-
-impl<'a> AssumeRectified<'a> {
-    pub fn new(source: Box<dyn Source + 'a>) -> Self {
-        Self { source }
-    }
-}
-
-impl Source for AssumeRectified<'_> {
-    wraps!();
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        let mut frame = self.source.next()?;
-        if let Some(Frame {
-            geometry,
-            calibration,
-            ..
-        }) = &mut frame
-            && *geometry == Geometry::Raw
-        {
-            (*geometry, *calibration) = (Geometry::Rectified(None), None);
-        }
-        Ok(frame)
-    }
+/// The frame of a raw pair that is declared rectified by the user (`--calib none`).
+pub fn assumed(frame: Frame, _: &dyn Source) -> Result<Frame> {
+    Ok(match frame.geometry {
+        Geometry::Rectified(_) => frame,
+        Geometry::Raw => Frame {
+            geometry: Geometry::Rectified(None),
+            calibration: None,
+            ..frame
+        },
+    })
 }

@@ -46,6 +46,12 @@ struct ReadAhead {
     first: Option<Result<Option<Frame>>>,
 }
 
+impl ReadAhead {
+    fn new(source: Box<dyn Source>, first: Option<Result<Option<Frame>>>) -> Box<Self> {
+        Box::new(Self { source, first })
+    }
+}
+
 impl Source for ReadAhead {
     wraps!();
 
@@ -66,8 +72,8 @@ impl Source for ReadAhead {
 /// A run of a scenario. Its first frame is read ahead, so that a checkpoint that no frame could
 /// pass is found before the run.
 pub struct RunSource {
-    source: ReadAhead,
-    /// The layers around its source, in words.
+    source: Box<ReadAhead>,
+    /// Names of the layers around its source.
     pub chain: Vec<String>,
     /// Seed of an arena's run.
     pub seed: Option<u64>,
@@ -95,10 +101,7 @@ impl RunSource {
         let stamp_ns = first.iter().flatten().map(|frame| frame.stamp_ns).next();
         Ok(Self {
             start_ns: source.start_ns().or(stamp_ns).unwrap_or_default(),
-            source: ReadAhead {
-                source,
-                first: Some(first),
-            },
+            source: ReadAhead::new(source, Some(first)),
             chain: chain_words,
             seed,
             record: None,
@@ -147,10 +150,7 @@ impl RunSource {
     /// The run in layers around those that its first pair came through.
     fn over(mut self, chain: Chain) -> Result<Self> {
         self.chain.extend(chain.words());
-        self.source = ReadAhead {
-            source: chain.over(Box::new(self.source))?,
-            first: None,
-        };
+        self.source = ReadAhead::new(chain.over(self.source)?, None);
         Ok(self)
     }
 
@@ -209,13 +209,7 @@ impl RunSource {
 }
 
 impl Source for RunSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut self.source)
-    }
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
@@ -262,8 +256,7 @@ mod tests {
         let run = run.registered("arena", &PairRegister::default()).unwrap();
         let mut run = run.stressed("noise=1".parse().unwrap()).unwrap();
         assert_eq!(run.pairs(), Some(1));
-        let words = ["check", "register: arena seed 3", "perturb: noise=1"];
-        assert_eq!(run.chain, words);
+        assert_eq!(run.chain, ["check", "register", "perturb"]);
         let sequences = [(); 3].map(|()| run.next().unwrap().unwrap().sequence);
         assert_eq!(sequences, [1, 2, 3]);
     }

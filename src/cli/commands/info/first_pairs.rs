@@ -10,7 +10,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
     let SourceFacts {
         size_px: (width, height),
         geometry,
-        focal_px,
+        camera,
         rig,
         is_constant,
         vertical_misalignment,
@@ -24,7 +24,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         " (the first pair; others have another size or calibration)"
     };
     let mut lines = vec![format!("images     {width}x{height} px{others}")];
-    let focal = focal_px.map(|(fx, fy)| {
+    let focal = camera.focal_px.map(|(fx, fy)| {
         if (fy / fx - 1.0).abs() < HALF_PER_MILLE {
             format!("{fx:.2} px")
         } else {
