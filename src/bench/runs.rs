@@ -5,7 +5,7 @@ use crate::record;
 use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
-    self, Chain, Measurements, Opened, RecordingSource, Request, RunSource, Source, SourceKind,
+    self, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind, SourceMaps,
     SourceOrigin, refuse_topics, run_request,
 };
 use std::path::{Path, PathBuf};
@@ -124,7 +124,7 @@ impl ScoredSource {
 fn layers(scenario: &Scenario) -> Result<Chain> {
     let maps = Request::default().with_maps(&scenario.algorithms).maps;
     Ok(Chain {
-        measure: Measurements::default().with_files(&maps)?,
+        measure: SourceMaps::default().with_files(&maps)?,
         ..Chain::for_options(&scenario.options, false)?
     })
 }

@@ -144,9 +144,7 @@ impl PairAssembler {
         self.pairs += u64::from(frame.is_ok());
         frame.map(Some)
     }
-}
 
-impl PairAssembler {
     /// The reason why there was no pair.
     fn why_none(&self) -> String {
         let images = |n: u64| counted(n, "image");

@@ -3,9 +3,9 @@
 use super::alignment_monitor::AlignmentMonitor;
 use super::floored::LevelCamera;
 use super::limited::{FirstPairs, Limited};
-use super::measured::{MeasuredSource, Measurements};
+use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
-use super::rectified::{Rectification, RectifiedSource, assumed};
+use super::rectified::{AppliedCalibration, RectifiedSource, assumed};
 use super::reference::ReferenceSource;
 use super::registered::{RegisteredSource, Registration};
 use super::resized::resized;
@@ -67,17 +67,17 @@ chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
     /// Raw pairs are rectified.
-    rectify(by: Rectification), |source| RectifiedSource::new(source, by)?;
+    rectify(by: AppliedCalibration), |source| RectifiedSource::new(source, by)?;
     /// Truth and maps of other sensors and programs.
-    measure(maps: Measurements), |source| MeasuredSource::new(source, maps);
+    measure(maps: SourceMaps), |source| MeasuredSource::new(source, maps);
     /// Impossible truths are dropped.
     check(_all: ()), |source| PlausibleSource::new(source);
     /// Images are cropped and shrunk.
-    resize(window: CropScale), |source| Mapped::new(source, resized(window));
+    resize(window: CropScale), |source| Mapped { source, change: resized(window) };
     /// The truth is what these algorithms agree on.
     reference(algorithms: Vec<Algorithm>), |source| ReferenceSource::new(source, &algorithms)?;
     /// The truth tells floor from obstacles.
-    floor(camera: LevelCamera), |source| Mapped::new(source, camera.floor());
+    floor(camera: LevelCamera), |source| Mapped { source, change: camera.floor() };
     /// Copies of pairs of other runs are dropped.
     register(run: Registration), |source| RegisteredSource::new(source, run);
     /// Pairs are perturbed.
@@ -85,7 +85,7 @@ chain! {
     /// The first pairs of what is left.
     take(first: FirstPairs), |source| Limited::new(source, first.range, first.frames);
     /// Raw pairs are declared rectified.
-    assume(_all: ()), |source| Mapped::new(source, assumed);
+    assume(_all: ()), |source| Mapped { source, change: assumed };
     /// The user is warned of vertical misalignment.
     monitor(_all: ()), |source| AlignmentMonitor::new(source);
 }
@@ -120,15 +120,9 @@ impl Chain {
 
 /// A source whose frames are changed one by one.
 pub(super) struct Mapped<'a, F> {
-    source: Box<dyn Source + 'a>,
-    change: F,
-}
-
-impl<'a, F: FnMut(Frame, &dyn Source) -> Result<Frame>> Mapped<'a, F> {
-    /// `change`: from a frame of the source to the changed one.
-    pub(super) fn new(source: Box<dyn Source + 'a>, change: F) -> Self {
-        Self { source, change }
-    }
+    pub source: Box<dyn Source + 'a>,
+    /// From a frame of the source to the changed one.
+    pub change: F,
 }
 
 impl<F: FnMut(Frame, &dyn Source) -> Result<Frame> + Send> Source for Mapped<'_, F> {

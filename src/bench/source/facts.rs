@@ -118,12 +118,9 @@ impl SourceFacts {
         camera.distortion_model = camera
             .distortion_model
             .or(raw.and_then(|raw| model(&raw.intrinsics)));
-        camera.focal_px = match raw {
-            Some(raw) => Some(raw.intrinsics.focal_px()),
-            None => camera
-                .focal_px
-                .or(rig.map(|rig| (rig.focal_px(), rig.focal_px()))),
-        };
+        let raw_px = raw.map(|raw| raw.intrinsics.focal_px());
+        let rig_px = rig.map(|rig| (rig.focal_px(), rig.focal_px()));
+        camera.focal_px = raw_px.or(camera.focal_px).or(rig_px);
         let recording = opened.recording.as_ref();
         let is_foreign = recording.is_some_and(|recording| recording.header().is_err());
         let topics = match recording {

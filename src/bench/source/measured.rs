@@ -124,12 +124,12 @@ pub(super) fn delays(maps: &[(String, MeasuredMaps)]) -> Vec<TopicDelay> {
 
 /// The truth of another sensor, and maps by [`RecordedMap::source`].
 #[derive(Default)]
-pub struct Measurements {
+pub struct SourceMaps {
     pub truth: Option<MeasuredMaps>,
     pub maps: Vec<(String, MeasuredMaps)>,
 }
 
-impl Measurements {
+impl SourceMaps {
     /// These with the requested maps that are in files; none without any.
     ///
     /// # Errors
@@ -156,11 +156,11 @@ impl Measurements {
 /// of their own.
 pub struct MeasuredSource<'a> {
     source: Box<dyn Source + 'a>,
-    measured: Measurements,
+    measured: SourceMaps,
 }
 
 impl<'a> MeasuredSource<'a> {
-    pub fn new(source: Box<dyn Source + 'a>, measured: Measurements) -> Self {
+    pub fn new(source: Box<dyn Source + 'a>, measured: SourceMaps) -> Self {
         Self { source, measured }
     }
 }

@@ -40,7 +40,7 @@ pub use live::LiveSource;
 #[cfg(not(feature = "ros2"))]
 pub(crate) use live_topics::without_ros2;
 pub use live_topics::{Listen, LiveTopics};
-pub(crate) use measured::{Measurements, refuse_topics};
+pub(crate) use measured::{SourceMaps, refuse_topics};
 pub use open::{SOURCES, SourceKind, SourceOrigin, expected, open, open_arena, open_recording};
 pub use opened::{Heard, Opened};
 pub use recording::RecordingSource;

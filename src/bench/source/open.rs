@@ -8,7 +8,7 @@ use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, Measurements, RecordingSource,
+    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, RecordingSource, SourceMaps,
     VideoSource,
 };
 use std::path::Path;
@@ -402,7 +402,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         .as_ref()
         .map(|truth| reader.sensor(truth))
         .transpose()?;
-    let measured = Measurements {
+    let measured = SourceMaps {
         truth: truth.map(|truth| MeasuredMaps::Topic(Box::new(truth))),
         maps,
     };
@@ -506,9 +506,9 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     };
     Ok(Opened {
         notes: truth_note.into_iter().collect(),
-        measured: Measurements {
+        measured: SourceMaps {
             truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
-            ..Measurements::default()
+            ..SourceMaps::default()
         },
         ..Opened::new(source, header, stem)
     }

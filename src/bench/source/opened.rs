@@ -4,8 +4,8 @@ use super::Source;
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::chain::Chain;
 use super::floored::LevelCamera;
-use super::measured::{Measurements, delays};
-use super::rectified::Rectification;
+use super::measured::{SourceMaps, delays};
+use super::rectified::AppliedCalibration;
 use super::request::Request;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -42,7 +42,7 @@ pub struct Opened {
     /// Facts of a folder, or of a recording that svl did not write.
     pub(super) facts: StreamFacts,
     /// The truth of another sensor and the maps of topics that were requested.
-    pub(super) measured: Measurements,
+    pub(super) measured: SourceMaps,
 }
 
 /// Messages of live topics, received within some seconds.
@@ -88,7 +88,7 @@ impl Opened {
             latency: Vec::new(),
             notes: Vec::new(),
             facts: StreamFacts::default(),
-            measured: Measurements::default(),
+            measured: SourceMaps::default(),
         }
     }
 
@@ -136,7 +136,7 @@ impl Opened {
     }
 
     /// The calibration that rectifies the pairs as requested.
-    fn rectification(&mut self, request: &Request<'_>) -> Result<Option<Rectification>> {
+    fn rectification(&mut self, request: &Request<'_>) -> Result<Option<AppliedCalibration>> {
         let name = self.source.name();
         let (calib, alpha) = (request.calib(), request.options.alpha);
         let (calibration, by, files) = match (&calib, &self.facts.calibration) {
@@ -183,7 +183,7 @@ impl Opened {
         };
         self.header.calibration = Some(by);
         self.calibration = files;
-        Ok(Some(Rectification {
+        Ok(Some(AppliedCalibration {
             calibration,
             follows_pairs: calib == Calib::Own,
         }))

@@ -1,4 +1,4 @@
-//! Rectification of a source's raw pairs.
+//! AppliedCalibration of a source's raw pairs.
 
 use super::{Source, wraps};
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoP
 use svl_core::{Error, Result};
 
 /// The calibration that rectifies raw pairs.
-pub struct Rectification {
+pub struct AppliedCalibration {
     pub calibration: StereoCalibration,
     /// True if each pair is rectified by its own calibration, or by that of the pair before it if
     /// it has none; by this one before any has.
@@ -31,7 +31,7 @@ pub struct RectifiedSource<'a> {
 impl<'a> RectifiedSource<'a> {
     /// # Errors
     /// [`Error::Dimensions`], and those of [`Rectifier::new`].
-    pub fn new(source: Box<dyn Source + 'a>, by: Rectification) -> Result<Self> {
+    pub fn new(source: Box<dyn Source + 'a>, by: AppliedCalibration) -> Result<Self> {
         let (rectifier, calibration) = prepared(by.calibration)?;
         let (width, height) = rectifier.size();
         let blank = || Gray::filled(width, height, 0);

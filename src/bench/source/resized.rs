@@ -67,7 +67,8 @@ mod tests {
 
     fn resized(crop: Option<[usize; 4]>, scale: Option<f64>) -> Result<Frame> {
         let change = super::resized(CropScale { crop, scale });
-        let mut source = Mapped::new(Box::new(One::new(8, 4)), change);
+        let source: Box<dyn Source> = Box::new(One::new(8, 4));
+        let mut source = Mapped { source, change };
         assert_eq!((source.pairs(), source.finish(1).late), (Some(1), 1));
         source.next().map(Option::unwrap)
     }

@@ -171,12 +171,14 @@ impl RunSource {
         let name = self.record.as_ref().map_or("", |record| &record.name);
         hasher.update(name.as_bytes());
         let seed = self.seed.unwrap_or(hasher.digest());
-        let mut run = self.over(Chain {
+        let chain = Chain {
             perturb: Some(Perturbation { stress, seed }),
             ..Chain::default()
-        })?;
-        run.stress = Some(stress);
-        Ok(run)
+        };
+        Ok(Self {
+            stress: Some(stress),
+            ..self.over(chain)?
+        })
     }
 
     /// The judge of its frames, before they are perturbed.

@@ -299,9 +299,7 @@ impl Foreign {
             );
         }
     }
-}
 
-impl Foreign {
     /// The reason why there was no pair.
     fn why_none(&self) -> String {
         let [left, right] = &self.images;

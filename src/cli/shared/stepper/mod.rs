@@ -151,8 +151,7 @@ impl<'a> Stepper<'a> {
 
     /// Stamp of the source's first pair, which may be before its range.
     pub(crate) fn start_ns(&self) -> u64 {
-        let start_ns = self.store.start_ns();
-        start_ns.unwrap_or(self.frame.stamp_ns)
+        self.store.start_ns().unwrap_or(self.frame.stamp_ns)
     }
 
     /// Name of the source.
