@@ -24,6 +24,7 @@ pub fn record(
     let begun = Manifest::new(opened.title(), &[])
         .map(|manifest| Manifest {
             bits: opened.header.bits,
+            chain: opened.chain.clone(),
             ..manifest
         })
         .and_then(|manifest| Ok((opened.writer(path, format, &manifest)?, manifest)));

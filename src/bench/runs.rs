@@ -5,8 +5,8 @@ use crate::record;
 use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
-    self, Limited, Opened, PlausibleSource, RecordingSource, ReferenceSource, Request, RunSource,
-    Source, SourceKind, SourceOrigin, refuse_topics, run_request, with_files,
+    self, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind, SourceMaps,
+    SourceOrigin, refuse_topics, run_request,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -84,6 +84,17 @@ impl ScoredSource {
         }
     }
 
+    /// Names of the layers around its source.
+    ///
+    /// # Errors
+    /// Those of the scenario's options.
+    pub fn chain(&self, scenario: &Scenario) -> Result<Vec<String>> {
+        match self {
+            Self::Opened(opened) => Ok(opened.0.chain.clone()),
+            Self::Arena(_) => Ok(layers(scenario)?.words()),
+        }
+    }
+
     /// Seed of the arena's run.
     pub fn seed(&self) -> Option<u64> {
         match self {
@@ -104,22 +115,30 @@ impl ScoredSource {
             Self::Arena(seed) => seed,
         };
         let path = cached_run(scenario, seed, console, table)?;
-        let source = read(scenario, RecordingSource::open(path)?)?;
-        let mut run = RunSource::new(source, Some(seed));
+        let mut run = read(scenario, RecordingSource::open(path)?, Some(seed))?;
         let judge = run.judge(&scenario.judge())?;
         Ok((run, judge))
     }
 }
 
-/// The pairs of a source that the scenario asks for, with the truth that it asks for.
-fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn Source>> {
-    let source = with_files(Box::new(source), &scenario.algorithms)?;
-    let source = Limited::new(source, scenario.options.range(), None);
-    let references = scenario.options.references()?;
-    Ok(match &references[..] {
-        [] => Box::new(PlausibleSource::new(Box::new(source))),
-        references => Box::new(ReferenceSource::new(Box::new(source), references)?),
+/// The layers that the scenario asks for: its pairs, with the truth that it asks for.
+fn layers(scenario: &Scenario) -> Result<Chain> {
+    let maps = Request::default().with_maps(&scenario.algorithms).maps;
+    Ok(Chain {
+        measure: SourceMaps::default().with_files(&maps)?,
+        ..Chain::for_options(&scenario.options, false)?
     })
+}
+
+/// A run of a source, in the layers of the scenario.
+fn read(
+    scenario: &Scenario,
+    source: impl Source + 'static,
+    seed: Option<u64>,
+) -> Result<RunSource> {
+    let maps = scenario.algorithms.iter().filter_map(Algorithm::recorded);
+    refuse_topics(&maps.collect::<Vec<_>>(), &source.name())?;
+    RunSource::new(Box::new(source), layers(scenario)?, seed)
 }
 
 /// The scenario's runs. All that the user names is opened, so that an error in the last one is
@@ -184,11 +203,11 @@ pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Resul
                 )));
             };
             let scenes = Scene::find_all(&data, scenes)?;
-            RunSource::new(read(scenario, SceneSource::new(scenes))?, None)
+            read(scenario, SceneSource::new(scenes), None)?
         }
         ScenarioSource::Recording(_) => {
             let run = &scenario.recordings()?[place];
-            RunSource::from_recording(run, open(run_request(scenario, run)?, console)?)
+            RunSource::from_recording(run, open(run_request(scenario, run)?, console)?)?
         }
     };
     let judge = run.judge(&scenario.judge())?;

@@ -5,7 +5,7 @@ use super::foreign::PairStamps;
 use super::geometry;
 use super::messages::Channel;
 use super::sync::{PairGeometry, StereoSync};
-use super::{PairSource, TopicKind, images, truth};
+use super::{PairSource, StreamFacts, TopicKind, images, truth};
 use nalgebra::Matrix3x4;
 use std::collections::BTreeMap;
 use svl_core::counted;
@@ -144,6 +144,27 @@ impl PairAssembler {
         self.pairs += u64::from(frame.is_ok());
         frame.map(Some)
     }
+
+    /// The reason why there was no pair.
+    fn why_none(&self) -> String {
+        let images = |n: u64| counted(n, "image");
+        match self.images {
+            [0, 0] => "has no pairs: its recording ended before the first".to_owned(),
+            [n, 0] => format!(
+                "has no stereo pairs: {} of the left camera, none of the right",
+                images(n)
+            ),
+            [0, n] => format!(
+                "has no stereo pairs: {} of the right camera, none of the left",
+                images(n)
+            ),
+            [n, m] => format!(
+                "has no stereo pairs: no {} says which of its images, {n} left and {m} right, \
+                 belong together",
+                TopicKind::Sync.topic()
+            ),
+        }
+    }
 }
 
 impl PairSource for PairAssembler {
@@ -167,39 +188,17 @@ impl PairSource for PairAssembler {
         self.unpaired_ns.extend(left_over.map(|(stamp, _)| stamp));
     }
 
-    fn pairs(&self) -> u64 {
-        self.pairs
-    }
-
-    fn unpaired_ns(&self) -> &[u64] {
-        &self.unpaired_ns
-    }
-
-    fn topics(&self) -> [&str; 2] {
-        Side::BOTH.map(|side| TopicKind::Image(side).topic())
-    }
-
     fn stamps(&self) -> PairStamps {
         PairStamps::Synced
     }
 
-    fn why_none(&self) -> String {
-        let images = |n: u64| counted(n, "image");
-        match self.images {
-            [0, 0] => "has no pairs: its recording ended before the first".to_owned(),
-            [n, 0] => format!(
-                "has no stereo pairs: {} of the left camera, none of the right",
-                images(n)
-            ),
-            [0, n] => format!(
-                "has no stereo pairs: {} of the right camera, none of the left",
-                images(n)
-            ),
-            [n, m] => format!(
-                "has no stereo pairs: no {} says which of its images, {n} left and {m} right, \
-                 belong together",
-                TopicKind::Sync.topic()
-            ),
+    fn facts(&self) -> StreamFacts {
+        StreamFacts {
+            topics: Side::BOTH.map(|side| TopicKind::Image(side).topic().to_owned()),
+            pairs: self.pairs,
+            unpaired_ns: self.unpaired_ns.clone(),
+            why_none: self.why_none(),
+            ..StreamFacts::default()
         }
     }
 }

@@ -65,6 +65,7 @@ mod salvage;
 mod search;
 mod skew;
 mod sqlite;
+mod stream_facts;
 mod summary;
 mod sync;
 mod synced_file;
@@ -78,6 +79,7 @@ pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
     FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, SensorRole,
     SensorSelection, SensorTopic, TopicLatency, TopicPairs, UnpairedImages, VideoSummary,
+    truth_topics,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
@@ -90,6 +92,7 @@ pub use ros::{
 };
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
+pub use stream_facts::{CameraFacts, StreamFacts};
 pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;
 pub use topic_file::TopicFile;
@@ -98,9 +101,8 @@ pub use writer::Writer;
 
 use messages::Channel;
 use std::borrow::Cow;
-use svl_core::stereo::{Frame, Side, StereoCalibration};
+use svl_core::stereo::{Frame, Side};
 use svl_core::{Error, Result};
-use svl_files::BitDepth;
 
 /// Name of the attachment with the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
@@ -215,75 +217,11 @@ trait PairSource: Send {
     /// Ends the recording: there are no more messages.
     fn end(&mut self);
 
-    /// Number of readable pairs.
-    fn pairs(&self) -> u64;
-
-    /// Stamps of the images without a partner, while both cameras had images.
-    fn unpaired_ns(&self) -> &[u64];
-
-    /// Number of the unpaired images whose partner could not be read: those are reported.
-    /// `unreadable`: pairs and images that could not be read.
-    fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
-        unreadable
-    }
-
-    /// Images before the other camera's first or after its last.
-    fn outside(&self) -> u64 {
-        0
-    }
-
-    /// Images that arrived too far out of order to find a partner.
-    fn late(&self) -> u64 {
-        0
-    }
-
-    /// Topics of the left and the right images.
-    fn topics(&self) -> [&str; 2];
-
     /// The rule by which the stamps of the messages form pairs.
     fn stamps(&self) -> foreign::PairStamps;
 
-    /// Number of bits that the 16-bit images use.
-    fn depth(&self) -> BitDepth {
-        BitDepth::FULL
-    }
-
-    /// The reason why there was no pair.
-    fn why_none(&self) -> String;
-
-    /// Warnings about the pairs, a line each.
-    fn remarks(&self) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// The calibration of raw images; `None` for rectified ones.
-    ///
-    /// # Errors
-    /// The missing part of the calibrations.
-    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        None
-    }
-
-    /// The reason why the calibrations in the recording give no distances; `None` if they do, and
-    /// if there are none.
-    fn calibration_fault(&self) -> Option<String> {
-        None
-    }
-
-    /// Distortion model of the left camera, if its images are distorted.
-    fn distortion_model(&self) -> Option<&str> {
-        None
-    }
-
-    /// The coordinate frame of the left images, if they name one.
-    fn frame_id(&self) -> Option<&str> {
-        None
-    }
-
-    /// Focal lengths of the left camera along x and y, if the rig does not determine them.
-    fn focal_px(&self) -> Option<(f64, f64)> {
-        None
-    }
+    /// The facts so far.
+    fn facts(&self) -> StreamFacts;
 }
 
 /// An encoded message and its schema.

@@ -2,13 +2,13 @@
 
 use super::assembly::PairAssembler;
 use super::container::Container;
-use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic, truth_topics};
+use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
-use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
+use super::{Header, PROFILE, PairSource, Recording, StreamFacts, TopicKind, sync};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{Frame, StereoCalibration};
+use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 
 /// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in file order, with few
@@ -21,6 +21,8 @@ pub struct Reader {
     /// Index of the next file to read.
     next_file: usize,
     source: Box<dyn PairSource>,
+    /// Topics of the left and the right images.
+    topics: [String; 2],
     header: Option<Header>,
     pairs: Option<u64>,
     /// Positions of the pairs, once requested.
@@ -60,6 +62,11 @@ impl Reader {
             let why = "is for 16-bit images; recordings of svl have 8 bits";
             return Err(Error::Usage(format!("--bits {why}")));
         }
+        let source: Box<dyn PairSource> = if is_own {
+            Box::new(PairAssembler::default())
+        } else {
+            Box::new(Foreign::open(&recording, selection)?)
+        };
         let mut reader = Self {
             messages,
             next_file: 1,
@@ -69,11 +76,8 @@ impl Reader {
             } else {
                 None
             },
-            source: if is_own {
-                Box::new(PairAssembler::default())
-            } else {
-                Box::new(Foreign::open(&recording, selection)?)
-            },
+            topics: source.facts().topics,
+            source,
             index: None,
             header: recording.header().ok(),
             ahead: VecDeque::new(),
@@ -103,7 +107,10 @@ impl Reader {
         if let Some(Err(unreadable)) = self.ahead.pop_front() {
             return Err(unreadable);
         }
-        Err(Error::format(self.recording.path(), self.source.why_none()))
+        Err(Error::format(
+            self.recording.path(),
+            self.source.facts().why_none,
+        ))
     }
 
     /// The open recording.
@@ -126,42 +133,12 @@ impl Reader {
         self.pairs
     }
 
-    /// Unpaired images so far; final at the end of the recording.
-    pub fn unpaired(&self) -> u64 {
-        self.unpaired_ns().len() as u64
-    }
-
-    /// The stamps of these.
-    pub fn unpaired_ns(&self) -> &[u64] {
-        self.source.unpaired_ns()
-    }
-
-    /// Number of the unpaired images whose partner could not be read. `unreadable`: number of pairs
-    /// and images that could not be read.
-    pub fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
-        self.source.partners_of_unreadable(unreadable)
-    }
-
-    /// Images so far before the other camera's first or after its last; final at the end.
-    pub fn outside(&self) -> u64 {
-        self.source.outside()
-    }
-
-    /// Images so far that arrived after those of their time had been dropped for lack of memory:
-    /// the file is not ordered by stamp.
-    pub fn late(&self) -> u64 {
-        self.source.late()
-    }
-
-    /// Unreadable messages other than images so far, by topic: truth, calibration, colours, pose.
-    /// Their pairs are used without them.
-    pub fn broken(&self) -> &BTreeMap<String, u64> {
-        &self.broken
-    }
-
-    /// Warnings about the pairs of a recording that svl did not write, a line each.
-    pub fn remarks(&self) -> Vec<String> {
-        self.source.remarks()
+    /// The facts of the pairs so far; the counts are final at the end of the recording.
+    pub fn facts(&self) -> StreamFacts {
+        StreamFacts {
+            broken: self.broken.clone(),
+            ..self.source.facts()
+        }
     }
 
     /// The distances that a topic of the recording has.
@@ -169,56 +146,12 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] for a topic that cannot have any; [`Error::Io`].
     pub fn sensor(&self, selection: &SensorSelection) -> Result<SensorTopic> {
-        let (topics, pairs) = (self.source.topics(), self.source.stamps());
-        SensorTopic::open(&self.recording, topics, pairs, selection)
-    }
-
-    /// The topics that measure distances, decided by the first message of each: those that
-    /// [`Reader::sensor`] accepts.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`].
-    pub fn truth_topics(&self) -> Result<Vec<String>> {
-        truth_topics(&self.recording, self.source.topics())
-    }
-
-    /// Number of bits that the 16-bit images of another program's recording use.
-    pub fn bits(&self) -> Option<u8> {
-        self.source.depth().bits()
-    }
-
-    /// The coordinate frame of the left images of another program's recording, if they name one.
-    pub fn frame_id(&self) -> Option<&str> {
-        self.source.frame_id()
-    }
-
-    /// Note on the images that is not a warning.
-    pub fn note(&self) -> Option<String> {
-        self.source.depth().note()
-    }
-
-    /// The calibration that rectifies raw pairs of another program's recording, if it contains one.
-    /// If that is incomplete, a remark gives the reason.
-    pub fn calibration(&self) -> Option<StereoCalibration> {
-        self.source.calibration()?.ok()
-    }
-
-    /// The reason why the calibrations in another program's recording give no distances; `None` if
-    /// they do, and if there are none.
-    pub fn calibration_fault(&self) -> Option<String> {
-        self.source.calibration_fault()
-    }
-
-    /// Distortion model of the left camera in another program's recording of raw images, as ROS
-    /// names it.
-    pub fn distortion_model(&self) -> Option<&str> {
-        self.source.distortion_model()
-    }
-
-    /// Focal lengths of the left camera along x and y, pixels, in another program's recording: for
-    /// raw images before rectification.
-    pub fn focal_px(&self) -> Option<(f64, f64)> {
-        self.source.focal_px()
+        SensorTopic::open(
+            &self.recording,
+            &self.topics,
+            self.source.stamps(),
+            selection,
+        )
     }
 
     /// Makes [`Reader::next_pair`] return the pair at `index`, counted from 0, next. Returns false,
@@ -299,8 +232,8 @@ impl Reader {
                         let reason = format!("{topic} at {log_time} ns: {reason}");
                         Error::format(self.recording.path(), reason)
                     };
-                    let makes_pairs = self.source.topics().contains(&topic.as_str())
-                        || topic == TopicKind::Sync.topic();
+                    let makes_pairs =
+                        self.topics.contains(topic) || topic == TopicKind::Sync.topic();
                     match taken.map_err(bad) {
                         Ok(None) => {}
                         Ok(Some(frame)) => return Ok(Some(frame)),
@@ -339,7 +272,7 @@ impl Reader {
             Error::Damaged { path, reason } => (path, reason),
             other => return other,
         };
-        let pairs = self.source.pairs();
+        let pairs = self.source.facts().pairs;
         Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))
     }
 }

@@ -71,7 +71,7 @@ impl LearnedGaps {
                 continue;
             }
             let (run, judge) = run.open(scenario, console, None)?;
-            let mut run = run.registered(&scenario.name, &self.register, true);
+            let mut run = run.registered(&scenario.name, &self.register)?;
             let name = run.title(&scenario.name);
             let mut sampler = GapSampler::new(svl_core::kernel::isa()?)?;
             let frame_samples = CollectSink::new(move |judged| {

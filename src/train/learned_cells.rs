@@ -101,7 +101,7 @@ impl LearnedCells {
                 continue;
             }
             let (run, judge) = run.open(&scenario, console, None)?;
-            let mut run = run.registered(&scenario.name, &self.register, true);
+            let mut run = run.registered(&scenario.name, &self.register)?;
             self.tested_runs.push(tested);
             let (run_judge, targets) = (judge.clone(), targets.clone());
             let frame_cells = CollectSink::new(move |judged| {

@@ -63,7 +63,7 @@ pub fn windows(
         let mut frames = BTreeSet::new();
         for run in runs {
             let (run, judge) = run.open(&scenario, console, None)?;
-            let mut run = run.registered(&scenario.name, &register, true);
+            let mut run = run.registered(&scenario.name, &register)?;
             let name = run.title(&scenario.name);
             let manifest = Manifest::new(&scenario.name, &[])?;
             let read = (features, range_px);

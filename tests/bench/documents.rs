@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use svl::arena::{Arena, ArenaConfig};
 use svl::files::write_png;
+use svl::source::Chain;
 
 /// Lines with this beginning are parsed but not run, for this reason.
 const PARSED: &[(&str, &str)] = &[
@@ -620,6 +621,16 @@ fn rust_examples_are_doctests() {
             "{name}: its Rust examples are in no doctest"
         );
     }
+}
+
+#[test]
+fn the_drawn_chain_is_that_of_the_program() {
+    let page = fs::read_to_string(root().join("docs/architecture.md")).unwrap();
+    let (_, drawn) = page.split_once("in a Chain: ").unwrap();
+    let (drawn, _) = drawn.split_once("```").unwrap();
+    let is_between = |c: char| c == '·' || c.is_whitespace();
+    let drawn = drawn.split(is_between).filter(|layer| !layer.is_empty());
+    assert_eq!(drawn.collect::<Vec<_>>(), Chain::LAYERS);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::course::Course;
 use super::source::DriveSource;
 use crate::run::{Matchers, Monitor, Pace, run};
 use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, Wanted, frame_shot};
-use crate::source::{ArenaSource, Source, StressedSource};
+use crate::source::{ArenaSource, Chain, Perturbation};
 use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -65,13 +65,12 @@ impl DrivePlan<'_> {
             latency_s.unwrap_or_else(|| self.course.frame_s()),
         );
         let log = source.log();
-        let mut source: Box<dyn Source> = match self.stress {
-            None => Box::new(source),
-            Some(stress) => {
-                let seed = self.course.seed();
-                Box::new(StressedSource::new(Box::new(source), stress, seed))
-            }
+        let seed = self.course.seed();
+        let chain = Chain {
+            perturb: self.stress.map(|stress| Perturbation { stress, seed }),
+            ..Chain::default()
         };
+        let mut source = chain.over(Box::new(source))?;
         let mut matchers = Matchers::new(std::slice::from_ref(self.algorithm))?;
         let judge = Judge {
             checkpoints: Vec::new(),

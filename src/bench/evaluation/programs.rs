@@ -3,7 +3,7 @@
 
 use super::run_opener::OpenedRun;
 use super::scored_runs::RunWork;
-use crate::source::{AssumeRectified, Source};
+use crate::source::Chain;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
 use svl_report::{Row, hash_words};
@@ -72,11 +72,11 @@ impl RunWork<'_> {
 /// Matches the pairs of these rows again.
 fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<ProgramAnswer> {
     let OpenedRun {
-        source: mut run,
+        source: run,
         judge,
         files: _,
     } = opened;
-    let mut source = AssumeRectified::new(&mut run);
+    let mut source = Chain::for_matching(false).over(Box::new(run))?;
     let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
     let mut rows = rows.iter().peekable();
     while let Some(row) = rows.peek() {

@@ -4,7 +4,7 @@ use super::shard::Shard;
 use crate::console::Console;
 use crate::runs::{self, ScoredSource};
 use crate::sink::{LiveTable, Wanted};
-use crate::source::{PairRegister, RunSource};
+use crate::source::{Chain, PairRegister, RunSource};
 use std::collections::BTreeSet;
 use svl_core::Result;
 use svl_core::inputs::InputLog;
@@ -79,6 +79,15 @@ impl<'a> RunOpener<'a> {
         records.flatten().cloned().collect()
     }
 
+    /// Names of the layers around the sources of the runs.
+    pub(super) fn chain(&self) -> Result<Vec<String>> {
+        let runs = self.runs.iter().flatten();
+        let chains = runs.map(|(run, _)| run.chain(self.scenario));
+        let chains = chains.collect::<Result<Vec<_>>>()?.concat();
+        let layers = Chain::LAYERS.iter().map(|layer| (*layer).to_owned());
+        Ok(layers.filter(|layer| chains.contains(layer)).collect())
+    }
+
     pub(super) fn live(&self) -> &LiveTable {
         &self.live
     }
@@ -118,10 +127,10 @@ impl<'a> RunOpener<'a> {
         let (source, files) = opened;
         let entered = files.enter();
         let (run, mut judge) = source.open(self.scenario, self.console, Some(&self.live))?;
-        let mut run = run.registered(&self.scenario.name, &self.register, true);
+        let mut run = run.registered(&self.scenario.name, &self.register)?;
         if let Some(stress) = stress {
-            run = run.stressed(stress);
-            judge = run.judge(&self.scenario.judge())?;
+            run = run.stressed(stress)?;
+            judge.run.stress = Some(stress.to_string());
         }
         drop(entered);
         Ok(OpenedRun {

@@ -41,6 +41,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     };
     let mut manifest = plan.manifest(pace)?;
     manifest.runs = opener.records();
+    manifest.chain = opener.chain()?;
     for record in &mut manifest.algorithms {
         let mut labels = matchers.with_run_memory();
         record.has_run_memory = labels.any(|label| label == record.label);

@@ -1,7 +1,7 @@
 use super::matchers::RunMatcher;
 use super::*;
 use crate::sink::Outbox;
-use crate::source::{AlignmentMonitor, AssumeRectified};
+use crate::source::Chain;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -162,9 +162,10 @@ fn a_source_that_listens_hears_each_frame_before_the_next() {
         ..Failing::new(20)
     };
     // Through the wrappers of every run of the command line.
-    let mut rectified = AssumeRectified::new(&mut source);
-    let mut monitored = AlignmentMonitor::new(&mut rectified);
-    ran(&mut monitored, 100, 3).2.unwrap();
+    let wrapped: &mut dyn Source = &mut source;
+    let mut wrapped = Chain::for_matching(true).over(Box::new(wrapped)).unwrap();
+    ran(&mut *wrapped, 100, 3).2.unwrap();
+    drop(wrapped);
     assert_eq!(source.heard, [19, 18, 17]);
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Matchers, Monitor, Outcome, Pace, run};
 use crate::sink::{CollectSink, RunStart, Sink, finish};
-use crate::source::{AlignmentMonitor, AssumeRectified, Source};
+use crate::source::{Chain, Source};
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_score::judge::Judged;
@@ -18,20 +18,16 @@ pub fn run_through(
     sinks: &mut [Box<dyn Sink>],
     mut monitor: impl Monitor,
 ) -> (Outcome, Result<()>) {
-    let mut source = AssumeRectified::new(source);
-    let mut run = |source: &mut dyn Source| {
-        let ran = run(source, matchers, start, pace, sinks, &mut monitor);
-        (ran, source.name())
+    let chain = Chain::for_matching(start.judge.run.stress.is_none());
+    let mut source = match chain.over(Box::new(source)) {
+        Ok(source) => source,
+        Err(error) => return (Outcome::default(), Err(error)),
     };
-    let (ran, name) = match start.judge.run.stress {
-        None => run(&mut AlignmentMonitor::new(&mut source)),
-        // Perturbed pairs are misaligned on purpose.
-        Some(_) => run(&mut source),
-    };
+    let ran = run(&mut *source, matchers, start, pace, sinks, &mut monitor);
     drop(monitor);
     // The error of a truncated recording suffices: its unpaired images are those at its end.
     if ran.1.is_ok() {
-        report_losses(&name, &ran.0.losses);
+        report_losses(&source.name(), &ran.0.losses);
     }
     ran
 }

@@ -9,7 +9,7 @@ use svl_core::stereo::Frame;
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
 /// if left and right are exchanged.
 pub struct AlignmentMonitor<'a> {
-    source: &'a mut dyn Source,
+    source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
     taken: u64,
     measured: u64,
@@ -22,7 +22,7 @@ const MAX_MEASURED: u64 = 5;
 const MAX_NEGATIVE: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
-    pub fn new(source: &'a mut dyn Source) -> Self {
+    pub fn new(source: Box<dyn Source + 'a>) -> Self {
         Self {
             source,
             meter: AlignmentMeter::new(),
@@ -69,7 +69,7 @@ impl<'a> AlignmentMonitor<'a> {
 }
 
 impl Source for AlignmentMonitor<'_> {
-    wraps!(source);
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;

@@ -11,7 +11,7 @@ use svl_core::matcher::Algorithm;
 use svl_core::rectify::{Alignment, AlignmentMeter};
 use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result};
-use svl_recording::{PairGeometry, RawCamera, Reader};
+use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
 use svl_score::judge::TrueCells;
 use svl_score::plausibility::{Spread, TruthSpread};
 use svl_score::scenario::SourceOptions;
@@ -30,16 +30,14 @@ pub struct SourceFacts {
     pub size_px: (usize, usize),
     /// Number of pairs, if it is known without reading all of them.
     pub pairs: Option<u64>,
+    /// Names of the layers around the source.
+    pub chain: Vec<String>,
     pub geometry: PairGeometry,
     /// False if nothing in another program's recording says that its pairs are raw or rectified;
     /// they count as raw.
     pub is_geometry_known: bool,
-    /// Focal lengths of the left camera along x and y, pixels: of raw images before rectification.
-    pub focal_px: Option<(f64, f64)>,
-    /// Distortion model of the left camera, if its images are distorted.
-    pub distortion_model: Option<String>,
-    /// The reason why a calibration in the source cannot be used.
-    pub calibration_fault: Option<String>,
+    #[serde(flatten)]
+    pub camera: CameraFacts,
     /// The source itself, as an argument of `--calib`, if it keeps a calibration that it does not
     /// use.
     pub kept_calibration: Option<String>,
@@ -114,28 +112,32 @@ impl SourceFacts {
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
-        let Recorded {
-            focal_px,
-            topics,
-            distortion_model,
-            is_foreign,
-        } = recorded(&opened, name)?;
-        let has_calibration = distortion_model.is_some() || opened.calibration_fault.is_some();
+        let mut camera = opened.facts.camera.clone();
+        let has_calibration =
+            camera.distortion_model.is_some() || camera.calibration_fault.is_some();
+        camera.distortion_model = camera
+            .distortion_model
+            .or(raw.and_then(|raw| model(&raw.intrinsics)));
+        let raw_px = raw.map(|raw| raw.intrinsics.focal_px());
+        let rig_px = rig.map(|rig| (rig.focal_px(), rig.focal_px()));
+        camera.focal_px = raw_px.or(camera.focal_px).or(rig_px);
+        let recording = opened.recording.as_ref();
+        let is_foreign = recording.is_some_and(|recording| recording.header().is_err());
+        let topics = match recording {
+            Some(recording) => truth_topics(recording, &opened.facts.topics)?,
+            None => MapFiles::usual(Path::new(name)),
+        };
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
+            chain: opened.chain.clone(),
             is_geometry_known: !is_foreign || !is_raw || has_calibration,
             pairs: opened.source.pairs(),
-            distortion_model: distortion_model.or(raw.and_then(|raw| model(&raw.intrinsics))),
-            calibration_fault: opened.calibration_fault.clone(),
+            camera,
             kept_calibration: kept_calibration(&opened, &first),
             geometry: match raw {
                 Some(_) => PairGeometry::Raw,
                 None => PairGeometry::from(&first.geometry),
-            },
-            focal_px: match raw {
-                Some(raw) => Some(raw.intrinsics.focal_px()),
-                None => focal_px.or(rig.map(|rig| (rig.focal_px(), rig.focal_px()))),
             },
             rig,
             is_constant,
@@ -171,32 +173,6 @@ fn kept_calibration(opened: &Opened, first: &Frame) -> Option<String> {
 fn model(camera: &Intrinsics) -> Option<String> {
     let lens = camera.distortion();
     (!lens.is_none()).then(|| lens.model().to_string())
-}
-
-/// Facts of a recording alone: focal lengths, topics that measure distances, distortion model.
-#[derive(Default)]
-struct Recorded {
-    focal_px: Option<(f64, f64)>,
-    topics: Vec<String>,
-    distortion_model: Option<String>,
-    /// True if svl did not write it.
-    is_foreign: bool,
-}
-
-fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
-    let Some(recording) = &opened.recording else {
-        return Ok(Recorded {
-            topics: MapFiles::usual(Path::new(name)),
-            ..Recorded::default()
-        });
-    };
-    let reader = Reader::new(recording.clone(), &Request::new("").selection())?;
-    Ok(Recorded {
-        focal_px: reader.focal_px(),
-        topics: reader.truth_topics()?,
-        distortion_model: reader.distortion_model().map(str::to_owned),
-        is_foreign: reader.header().is_none(),
-    })
 }
 
 /// Reads as many of the first pairs as the time allows; the error of one behind the first, which

@@ -5,18 +5,34 @@ use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result, counted};
 use svl_score::scenario::PairRange;
 
+/// The first pairs that a source gives.
+pub struct FirstPairs {
+    pub(super) range: PairRange,
+    pub(super) frames: Option<u64>,
+}
+
+impl FirstPairs {
+    /// The pairs before these seconds, from the first one on, and at most that many; `None` without
+    /// a limit.
+    pub fn new(to_s: Option<f64>, frames: Option<u64>) -> Option<Self> {
+        let range = PairRange {
+            to_s,
+            ..PairRange::default()
+        };
+        (to_s.is_some() || frames.is_some()).then_some(Self { range, frames })
+    }
+}
+
 /// A source limited to a range of its pairs, and to N of these. Frames keep their
 /// sequence numbers and stamps.
-pub struct Limited {
-    source: Box<dyn Source>,
+pub struct Limited<'a> {
+    source: Box<dyn Source + 'a>,
     every: u64,
     from_ns: u64,
     to_ns: Option<u64>,
     frames: Option<u64>,
     /// The first pair's stamp, once it was read.
     start_ns: Option<u64>,
-    /// The result of reading ahead: a frame to give out next, or the error.
-    ahead: Option<Result<Option<Frame>>>,
     /// Pairs in the range that were read.
     in_range: u64,
     taken: u64,
@@ -72,8 +88,8 @@ impl RangeClock {
     }
 }
 
-impl Limited {
-    pub fn new(source: Box<dyn Source>, range: PairRange, frames: Option<u64>) -> Self {
+impl<'a> Limited<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, range: PairRange, frames: Option<u64>) -> Self {
         let ns = |seconds: f64| (seconds * 1e9) as u64;
         Self {
             source,
@@ -82,7 +98,6 @@ impl Limited {
             to_ns: range.to_s.map(ns),
             frames,
             start_ns: None,
-            ahead: None,
             in_range: 0,
             taken: 0,
             skipped: 0,
@@ -90,21 +105,43 @@ impl Limited {
         }
     }
 
-    /// The first frame, read ahead; none if the source is empty. An error is left to
-    /// [`Source::next`].
-    pub fn first(&mut self) -> Option<&Frame> {
-        if self.ahead.is_none() {
-            self.ahead = Some(self.read());
+    /// True if an image with this stamp is in the range of time.
+    fn has(&self, stamp_ns: u64) -> bool {
+        let time_ns = stamp_ns.saturating_sub(self.start_ns.unwrap_or_default());
+        time_ns >= self.from_ns && self.to_ns.is_none_or(|to_ns| time_ns < to_ns)
+    }
+
+    fn is_timed(&self) -> bool {
+        self.from_ns > 0 || self.to_ns.is_some()
+    }
+
+    /// Warns once of pairs that a clock that jumps hides.
+    fn report(&mut self, is_at_end: bool) {
+        if !self.is_timed() || std::mem::replace(&mut self.clock.is_reported, true) {
+            return;
         }
-        self.ahead.as_ref()?.as_ref().ok()?.as_ref()
+        let name = self.source.name();
+        if let Some(words) = self.clock.hidden_words() {
+            tracing::warn!("{name}: {words}");
+        }
+        if let Some((pair, ns)) = self.clock.ahead.filter(|_| is_at_end) {
+            let read = self.taken + self.skipped + 1;
+            let all = self.source.pairs().filter(|all| *all > read);
+            let behind = all.map(|all| format!(", with {} behind it", counted(all - read, "pair")));
+            tracing::warn!(
+                "{name}: the range of time ends at pair {pair}{}: its stamp is {:.3} s after that \
+                 of the pair before, by a gap or a clock that jumps; `svl info` lists both",
+                behind.unwrap_or_default(),
+                ns as f64 / 1e9
+            );
+        }
     }
+}
 
-    /// Stamp of the source's first pair, which may be before the range, once it was read.
-    pub fn start_ns(&self) -> Option<u64> {
-        self.start_ns
-    }
+impl Source for Limited<'_> {
+    wraps!();
 
-    fn read(&mut self) -> Result<Option<Frame>> {
+    fn next(&mut self) -> Result<Option<Frame>> {
         if self.frames.is_some_and(|frames| self.taken >= frames) {
             return Ok(None);
         }
@@ -141,44 +178,8 @@ impl Limited {
         Ok(None)
     }
 
-    /// True if an image with this stamp is in the range of time.
-    fn has(&self, stamp_ns: u64) -> bool {
-        let time_ns = stamp_ns.saturating_sub(self.start_ns.unwrap_or_default());
-        time_ns >= self.from_ns && self.to_ns.is_none_or(|to_ns| time_ns < to_ns)
-    }
-
-    fn is_timed(&self) -> bool {
-        self.from_ns > 0 || self.to_ns.is_some()
-    }
-
-    /// Warns once of pairs that a clock that jumps hides.
-    fn report(&mut self, is_at_end: bool) {
-        if !self.is_timed() || std::mem::replace(&mut self.clock.is_reported, true) {
-            return;
-        }
-        let name = self.source.name();
-        if let Some(words) = self.clock.hidden_words() {
-            tracing::warn!("{name}: {words}");
-        }
-        if let Some((pair, ns)) = self.clock.ahead.filter(|_| is_at_end) {
-            let read = self.taken + self.skipped + 1;
-            let all = self.source.pairs().filter(|all| *all > read);
-            let behind = all.map(|all| format!(", with {} behind it", counted(all - read, "pair")));
-            tracing::warn!(
-                "{name}: the range of time ends at pair {pair}{}: its stamp is {:.3} s after that \
-                 of the pair before, by a gap or a clock that jumps; `svl info` lists both",
-                behind.unwrap_or_default(),
-                ns as f64 / 1e9
-            );
-        }
-    }
-}
-
-impl Source for Limited {
-    wraps!(source);
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        self.ahead.take().unwrap_or_else(|| self.read())
+    fn start_ns(&self) -> Option<u64> {
+        self.source.start_ns().or(self.start_ns)
     }
 
     /// Seeks unless a range of time is requested, which is only found by reading on.
@@ -189,7 +190,6 @@ impl Source for Limited {
         let source_index = index * self.every;
         let sought = self.source.seek(source_index)?;
         if sought {
-            self.ahead = None;
             self.in_range = source_index;
         }
         Ok(sought)
@@ -292,15 +292,14 @@ mod tests {
     }
 
     #[test]
-    fn it_looks_ahead_and_knows_where_the_source_began() {
+    fn it_knows_where_the_source_began() {
         let range = PairRange {
             from_s: Some(1.0),
             ..PairRange::default()
         };
         let mut source = Limited::new(Box::new(Steady(0)), range, None);
-        assert_eq!(source.first().unwrap().sequence, 13);
-        assert_eq!(source.start_ns(), Some(5_000_000_000));
         assert_eq!(source.next().unwrap().unwrap().sequence, 13);
+        assert_eq!(source.start_ns(), Some(5_000_000_000));
         assert_eq!(source.next().unwrap().unwrap().sequence, 14);
         assert_eq!(
             source.finish(2).unreadable,
@@ -339,7 +338,6 @@ mod tests {
                 ..PairRange::default()
             };
             let mut source = Limited::new(Box::new(Steady(0)), range, None);
-            source.first();
             let sought = source.seek(2).unwrap();
             let rest = std::iter::from_fn(|| source.next().unwrap());
             (sought, rest.map(|frame| frame.sequence).collect::<Vec<_>>())
@@ -471,7 +469,6 @@ mod tests {
             ..PairRange::default()
         };
         let mut source = Limited::new(Box::new(Steady(0)), range, None);
-        assert!(source.first().is_none());
         let error = source.next().unwrap_err().to_string();
         assert_eq!(error, "steady: has no pair after 60 s");
     }

@@ -1,7 +1,7 @@
 //! Pairs with distances that another sensor or program measured, of their recording or of files.
 
 use super::{MapFiles, Source, wraps};
-use svl_core::matcher::{Algorithm, MapPlace, MapRequest};
+use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Surface, Truth};
 use svl_core::{Error, Result};
@@ -76,25 +76,6 @@ pub(super) fn topics_of(
         .collect()
 }
 
-/// The maps among these that are in files.
-///
-/// # Errors
-/// As [`MapFiles::for_maps`].
-pub(super) fn files_of(maps: &[MapRequest]) -> Result<Vec<(String, MeasuredMaps)>> {
-    let files = |map: &MapRequest| match &map.place {
-        MapPlace::Topic(_) => None,
-        MapPlace::Files {
-            pattern,
-            unit_m,
-            scale,
-        } => {
-            let files = MapFiles::for_maps(pattern, (*unit_m, *scale), map.max_skew_ns);
-            Some(files.map(|files| (map.source.clone(), MeasuredMaps::Files(Box::new(files)))))
-        }
-    };
-    maps.iter().filter_map(files).collect()
-}
-
 /// Refuses maps in topics for a source that is no recording.
 ///
 /// # Errors
@@ -110,21 +91,6 @@ pub(crate) fn refuse_topics(maps: &[MapRequest], name: &str) -> Result<()> {
             "topic:{topic}: recordings have topics, and {name} has not: name a recording"
         ))),
     }
-}
-
-/// The source with the maps in files that these algorithms report.
-///
-/// # Errors
-/// [`Error::Format`] if no file fits; [`Error::Usage`] for maps in topics.
-pub fn with_files(source: Box<dyn Source>, algorithms: &[Algorithm]) -> Result<Box<dyn Source>> {
-    let maps: Vec<_> = algorithms.iter().filter_map(Algorithm::recorded).collect();
-    refuse_topics(&maps, &source.name())?;
-    let maps = files_of(&maps)?;
-    Ok(if maps.is_empty() {
-        source
-    } else {
-        Box::new(MeasuredSource::new(source, None, maps))
-    })
 }
 
 /// The delays of the topics among these; none where log times are stamps, as in svl's recordings.
@@ -156,37 +122,57 @@ pub(super) fn delays(maps: &[(String, MeasuredMaps)]) -> Vec<TopicDelay> {
     delays
 }
 
-/// A source whose frames get the maps of other sensors and programs, and the truth of one in place
-/// of their own.
-pub struct MeasuredSource {
-    source: Box<dyn Source>,
-    truth: Option<MeasuredMaps>,
-    /// By [`RecordedMap::source`].
-    maps: Vec<(String, MeasuredMaps)>,
+/// The truth of another sensor, and maps by [`RecordedMap::source`].
+#[derive(Default)]
+pub struct SourceMaps {
+    pub truth: Option<MeasuredMaps>,
+    pub maps: Vec<(String, MeasuredMaps)>,
 }
 
-impl MeasuredSource {
-    pub fn new(
-        source: Box<dyn Source>,
-        truth: Option<MeasuredMaps>,
-        maps: Vec<(String, MeasuredMaps)>,
-    ) -> Self {
-        Self {
-            source,
-            truth,
-            maps,
+impl SourceMaps {
+    /// These with the requested maps that are in files; none without any.
+    ///
+    /// # Errors
+    /// As [`MapFiles::for_maps`].
+    pub fn with_files(mut self, maps: &[MapRequest]) -> Result<Option<Self>> {
+        for map in maps {
+            if let MapPlace::Files {
+                pattern,
+                unit_m,
+                scale,
+            } = &map.place
+            {
+                let files = MapFiles::for_maps(pattern, (*unit_m, *scale), map.max_skew_ns)?;
+                let files = MeasuredMaps::Files(Box::new(files));
+                self.maps.push((map.source.clone(), files));
+            }
         }
+        let is_any = self.truth.is_some() || !self.maps.is_empty();
+        Ok(is_any.then_some(self))
     }
 }
 
-impl Source for MeasuredSource {
-    wraps!(source);
+/// A source whose frames get the maps of other sensors and programs, and the truth of one in place
+/// of their own.
+pub struct MeasuredSource<'a> {
+    source: Box<dyn Source + 'a>,
+    measured: SourceMaps,
+}
+
+impl<'a> MeasuredSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, measured: SourceMaps) -> Self {
+        Self { source, measured }
+    }
+}
+
+impl Source for MeasuredSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let Some(mut frame) = self.source.next()? else {
             return Ok(None);
         };
-        if let Some(truth) = &mut self.truth {
+        if let Some(truth) = &mut self.measured.truth {
             let own = frame.truth.take().and_then(|own| own.surface);
             if let Some((disparity, density)) = truth.measured(&frame)? {
                 // Those of the recording's own truth are of the same pixels.
@@ -200,7 +186,7 @@ impl Source for MeasuredSource {
                 });
             }
         }
-        for (source, map) in &mut self.maps {
+        for (source, map) in &mut self.measured.maps {
             if let Some((disparity, density)) = map.measured(&frame)? {
                 frame.maps.push(RecordedMap {
                     source: source.clone(),
@@ -213,12 +199,12 @@ impl Source for MeasuredSource {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        for (_, map) in &self.maps {
+        for (_, map) in &self.measured.maps {
             if let MeasuredMaps::Files(files) = map {
                 files.warn_of_unused();
             }
         }
-        let (without_truth, jumped) = match &self.truth {
+        let (without_truth, jumped) = match &self.measured.truth {
             None => return self.source.finish(taken),
             Some(MeasuredMaps::Topic(truth)) => (truth.without(), truth.jumped()),
             Some(MeasuredMaps::Files(truth)) => (truth.without(), 0),

@@ -4,6 +4,7 @@ mod alignment_monitor;
 mod arena;
 mod board;
 mod calibration;
+mod chain;
 pub mod dataset;
 mod facts;
 mod floored;
@@ -28,31 +29,25 @@ mod stressed;
 mod usability;
 mod video;
 
-pub use alignment_monitor::AlignmentMonitor;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
+pub use chain::Chain;
 pub use facts::{NearestDistance, SourceFacts, TruthFacts};
-pub use floored::FloorSource;
 pub use folder::{FolderRequest, FolderSource, MapFiles};
-pub use limited::Limited;
+pub use limited::FirstPairs;
 pub use live::LiveSource;
 #[cfg(not(feature = "ros2"))]
 pub(crate) use live_topics::without_ros2;
 pub use live_topics::{Listen, LiveTopics};
-pub(crate) use measured::refuse_topics;
-pub use measured::{MeasuredMaps, MeasuredSource, with_files};
+pub(crate) use measured::{SourceMaps, refuse_topics};
 pub use open::{SOURCES, SourceKind, SourceOrigin, expected, open, open_arena, open_recording};
 pub use opened::{Heard, Opened};
-pub use plausible::PlausibleSource;
 pub use recording::RecordingSource;
-pub use rectified::{AssumeRectified, RectifiedSource};
-pub use reference::ReferenceSource;
-pub use registered::{PairRegister, RegisteredSource};
+pub use registered::{PairRegister, Registration};
 pub use request::Request;
-pub use resized::Resized;
 pub use runs::{RunSource, run_request};
-pub use stressed::StressedSource;
+pub use stressed::Perturbation;
 pub use usability::Usability;
 pub use video::VideoSource;
 
@@ -60,15 +55,15 @@ use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
 use svl_score::judge::Judged;
 
-/// Forwards what a wrapper does not change to the source in its field.
+/// Forwards what a wrapper does not change to the source in its field `source`.
 macro_rules! wraps {
-    ($field:tt) => {
+    () => {
         fn wrapped(&self) -> Option<&dyn Source> {
-            Some(&*self.$field)
+            Some(&*self.source)
         }
 
         fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-            Some(&mut *self.$field)
+            Some(&mut *self.source)
         }
     };
 }
@@ -113,6 +108,12 @@ pub trait Source: Send {
             .map_or(Ok(false), |source| source.seek(index))
     }
 
+    /// Stamp of the source's first pair, which may be before the range that is read, once it was
+    /// read; none without a range.
+    fn start_ns(&self) -> Option<u64> {
+        self.wrapped()?.start_ns()
+    }
+
     /// The reason why frames have no pose though the source has poses.
     fn why_no_pose(&self) -> Option<String> {
         self.wrapped()?.why_no_pose()
@@ -134,5 +135,19 @@ pub trait Source: Send {
         if let Some(source) = self.wrapped_mut() {
             source.hear(judged);
         }
+    }
+}
+
+impl Source for &mut (dyn Source + '_) {
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&**self)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut **self)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        (**self).next()
     }
 }

@@ -3,18 +3,18 @@
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
 use super::live_topics::{self, LiveTopics};
-use super::measured::{refuse_topics, topics_of};
+use super::measured::{MeasuredMaps, refuse_topics, topics_of};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, MeasuredMaps, RecordingSource,
+    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, RecordingSource, SourceMaps,
     VideoSource,
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
-use svl_recording::{Header, Recording, TRUTH_DEPTH, is_bag};
+use svl_recording::{CameraFacts, Header, Recording, StreamFacts, TRUTH_DEPTH, is_bag};
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
 use svl_sim::arena::{Arena, RandomScenes};
 
@@ -393,7 +393,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
     let reader = source.reader();
-    let truth = request.truth();
+    let (facts, truth) = (reader.facts(), request.truth());
     // A recording of svl's has its own truth, unless another is named.
     let own = reader.header().map(|_| TRUTH_DEPTH);
     let truth_topic = truth.as_ref().map(|truth| truth.topic.as_str()).or(own);
@@ -402,34 +402,26 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
         .as_ref()
         .map(|truth| reader.sensor(truth))
         .transpose()?;
-    let truth = truth.map(|truth| MeasuredMaps::Topic(Box::new(truth)));
+    let measured = SourceMaps {
+        truth: truth.map(|truth| MeasuredMaps::Topic(Box::new(truth))),
+        maps,
+    };
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
         files => files?,
     };
     let header = reader.header().cloned();
-    let header = header.unwrap_or_else(|| Header {
-        bits: reader.bits(),
-        frame_id: reader.frame_id().map(str::to_owned),
-        ..Header::new(path.display().to_string())
-    });
-    let note = reader
-        .note()
-        .map(|note| format!("{}: {note}", request.name));
+    let header = header.unwrap_or_else(|| Header::new(path.display().to_string()));
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     Ok(Opened {
         scenario: source.scenario()?,
         recording: Some(reader.recording().clone()),
         calibration,
-        own_calibration: reader.calibration(),
-        truth,
-        maps,
-        remarks: reader.remarks(),
-        calibration_fault: reader.calibration_fault(),
-        notes: note.into_iter().collect(),
+        measured,
         ..Opened::new(source, header, stem.unwrap_or("recording"))
-    })
+    }
+    .with_facts(facts))
 }
 
 fn video(request: &Request<'_>) -> Result<Opened> {
@@ -493,26 +485,34 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     let truth = truth.transpose()?;
     let header = Header {
         stamps: source.stamps(),
-        bits: source.bits(),
         ..header
     };
     let truth_note = truth.as_ref().and_then(MapFiles::note);
-    let (own_calibration, unread) = match source.calibration() {
+    let (calibration, unread) = match source.calibration() {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
     };
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
-    let note = source
-        .note()
-        .map(|note| format!("{}: {note}", request.name));
-    Ok(Opened {
-        own_calibration,
-        calibration_fault: unread.cloned(),
+    let facts = StreamFacts {
+        bits: source.bits(),
+        note: source.note(),
+        calibration,
         remarks: unread.map(lacks).into_iter().collect(),
-        notes: note.into_iter().chain(truth_note).collect(),
-        truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
+        camera: CameraFacts {
+            calibration_fault: unread.cloned(),
+            ..CameraFacts::default()
+        },
+        ..StreamFacts::default()
+    };
+    Ok(Opened {
+        notes: truth_note.into_iter().collect(),
+        measured: SourceMaps {
+            truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
+            ..SourceMaps::default()
+        },
         ..Opened::new(source, header, stem)
-    })
+    }
+    .with_facts(facts))
 }
 
 fn opened_scenes(

@@ -1,26 +1,29 @@
 //! An open source, with all that a recording of it contains.
 
+use super::Source;
 use super::calibration::{self, Calib, CalibrationFiles};
-use super::measured::{delays, files_of};
+use super::chain::Chain;
+use super::floored::LevelCamera;
+use super::measured::{SourceMaps, delays};
+use super::rectified::AppliedCalibration;
 use super::request::Request;
-use super::{
-    FloorSource, Limited, MeasuredMaps, MeasuredSource, PlausibleSource, RectifiedSource,
-    ReferenceSource, Resized, Source,
-};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{LengthUnit, StereoCalibration};
+use svl_core::stereo::LengthUnit;
 use svl_core::{Error, Result};
-use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
+use svl_recording::{
+    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
+};
 use svl_report::TopicDelay;
 use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
-use svl_score::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
 pub struct Opened {
     pub source: Box<dyn Source>,
+    /// Names of the layers around it.
+    pub chain: Vec<String>,
     pub header: Header,
     /// Text of the scenario file it came from.
     pub scenario: Option<String>,
@@ -32,22 +35,14 @@ pub struct Opened {
     pub is_live: bool,
     /// The recording that it reads.
     pub recording: Option<Recording>,
-    /// Stamp of the first pair, if pairs before the first frame were left out.
-    pub start_ns: Option<u64>,
     /// Delays of the topics that maps are read from.
     pub latency: Vec<TopicDelay>,
     /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
-    /// The calibration in a recording or folder of raw images.
-    pub(super) own_calibration: Option<StereoCalibration>,
-    /// The reason why a calibration in it cannot be used.
-    pub(super) calibration_fault: Option<String>,
-    /// The truth of another sensor, if one was requested.
-    pub(super) truth: Option<MeasuredMaps>,
-    /// The maps of topics that were requested, by their names in frames.
-    pub(super) maps: Vec<(String, MeasuredMaps)>,
-    /// Shortcomings of a folder, or of a recording that svl did not write.
-    pub(super) remarks: Vec<String>,
+    /// Facts of a folder, or of a recording that svl did not write.
+    pub(super) facts: StreamFacts,
+    /// The truth of another sensor and the maps of topics that were requested.
+    pub(super) measured: SourceMaps,
 }
 
 /// Messages of live topics, received within some seconds.
@@ -83,20 +78,17 @@ impl Opened {
     ) -> Self {
         Self {
             source: Box::new(source),
+            chain: Vec::new(),
             header,
             scenario: None,
             calibration: CalibrationFiles::new(),
             stem: stem.into(),
             is_live: false,
             recording: None,
-            start_ns: None,
             latency: Vec::new(),
             notes: Vec::new(),
-            own_calibration: None,
-            calibration_fault: None,
-            truth: None,
-            maps: Vec::new(),
-            remarks: Vec::new(),
+            facts: StreamFacts::default(),
+            measured: SourceMaps::default(),
         }
     }
 
@@ -108,39 +100,46 @@ impl Opened {
         if !changes.is_empty() {
             self.header.changes = Some(changes.join(", "));
         }
-        if range != PairRange::default() {
-            let mut limited = Limited::new(self.source, range, None);
-            // Read now: the pairs before the range are known only then.
-            limited.first();
-            self.start_ns = limited.start_ns();
-            self.source = Box::new(limited);
-        }
-        self = self.rectified(request)?.measured(request)?;
-        let references = request.options.references()?;
-        // Raw pairs calibrate cameras, and references replace the truth.
-        if !request.raw && references.is_empty() {
-            self.source = Box::new(PlausibleSource::new(self.source));
-        }
-        if window != CropScale::default() {
-            self.source = Box::new(Resized::new(self.source, window));
-        }
-        if !references.is_empty() {
-            self.source = Box::new(ReferenceSource::new(self.source, &references)?);
-        }
         let named_m = request.options.camera_height_m;
         self.header.camera_height_m = named_m.or(self.header.camera_height_m);
-        if let Some(height_m) = self.header.camera_height_m {
-            let is_named = named_m.is_some();
-            self.source = Box::new(FloorSource::new(self.source, height_m, is_named));
-        }
+        self.latency = delays(&self.measured.maps);
+        let chain = Chain {
+            rectify: self.rectification(request)?,
+            measure: std::mem::take(&mut self.measured).with_files(&request.maps)?,
+            floor: self.header.camera_height_m.map(|height_m| LevelCamera {
+                height_m,
+                is_named: named_m.is_some(),
+            }),
+            ..Chain::for_options(&request.options, request.raw)?
+        };
+        self.over(chain)
+    }
+
+    /// The same, with what its pairs say of their images.
+    pub(super) fn with_facts(mut self, facts: StreamFacts) -> Self {
+        let (name, header) = (self.source.name(), &mut self.header);
+        header.bits = header.bits.or(facts.bits);
+        header.frame_id = header.frame_id.take().or(facts.frame_id.clone());
+        let note = facts.note.iter().map(|note| format!("{name}: {note}"));
+        self.notes.splice(0..0, note);
+        Self { facts, ..self }
+    }
+
+    /// The source in further layers.
+    ///
+    /// # Errors
+    /// Those of [`Chain::over`].
+    pub fn over(mut self, chain: Chain) -> Result<Self> {
+        self.chain.extend(chain.words());
+        self.source = chain.over(self.source)?;
         Ok(self)
     }
 
-    /// Rectifies the pairs as requested.
-    fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
+    /// The calibration that rectifies the pairs as requested.
+    fn rectification(&mut self, request: &Request<'_>) -> Result<Option<AppliedCalibration>> {
         let name = self.source.name();
         let (calib, alpha) = (request.calib(), request.options.alpha);
-        let (calibration, by, files) = match (&calib, &self.own_calibration) {
+        let (calibration, by, files) = match (&calib, &self.facts.calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
                 let calibration = calibration::framed(calibration, alpha)?;
@@ -173,34 +172,21 @@ impl Opened {
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
                 if calib != Calib::Raw {
-                    let remarks = self.remarks.iter();
+                    let remarks = self.facts.remarks.iter();
                     remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
                 }
                 // A recording of raw pairs keeps what would rectify them.
                 let own = own.as_ref().map(calibration::written).transpose()?;
                 self.calibration.extend(own.unwrap_or_default());
-                return Ok(self);
+                return Ok(None);
             }
         };
-        self.source = Box::new(match calib {
-            Calib::Own => RectifiedSource::by_pairs(self.source, calibration)?,
-            _ => RectifiedSource::new(self.source, calibration)?,
-        });
         self.header.calibration = Some(by);
         self.calibration = files;
-        Ok(self)
-    }
-
-    /// Gives the pairs the truth of another sensor and the maps that were requested.
-    pub(super) fn measured(mut self, request: &Request<'_>) -> Result<Self> {
-        let mut maps = std::mem::take(&mut self.maps);
-        self.latency = delays(&maps);
-        maps.extend(files_of(&request.maps)?);
-        let truth = self.truth.take();
-        if truth.is_some() || !maps.is_empty() {
-            self.source = Box::new(MeasuredSource::new(self.source, truth, maps));
-        }
-        Ok(self)
+        Ok(Some(AppliedCalibration {
+            calibration,
+            follows_pairs: calib == Calib::Own,
+        }))
     }
 
     /// The recording at that path, which is `name` in rows, with the way in which it was opened.

@@ -13,8 +13,8 @@ const MAX_AHEAD: usize = 16;
 
 /// A source whose frames keep the possible pixels of their truth. A truth that is impossible as a
 /// whole is dropped; if all of the first ones are, the source fails with the likely unit.
-pub struct PlausibleSource {
-    source: Box<dyn Source>,
+pub struct PlausibleSource<'a> {
+    source: Box<dyn Source + 'a>,
     ahead: VecDeque<Frame>,
     /// True once a truth was possible.
     has_possible: bool,
@@ -26,8 +26,8 @@ pub struct PlausibleSource {
     failed: Option<String>,
 }
 
-impl PlausibleSource {
-    pub fn new(source: Box<dyn Source>) -> Self {
+impl<'a> PlausibleSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>) -> Self {
         Self {
             source,
             ahead: VecDeque::new(),
@@ -90,8 +90,8 @@ impl PlausibleSource {
     }
 }
 
-impl Source for PlausibleSource {
-    wraps!(source);
+impl Source for PlausibleSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         if let Some(reason) = &self.failed {

@@ -48,7 +48,7 @@ impl RecordingSource {
         }
     }
 
-    /// The reader, for its header, remarks and losses.
+    /// The reader, for its header and facts.
     pub fn reader(&self) -> &Reader {
         &self.reader
     }
@@ -90,14 +90,15 @@ impl Source for RecordingSource {
     }
 
     fn finish(&mut self, _: u64) -> Losses {
-        let reported = self.reader.partners_of_unreadable(self.unreadable);
+        let facts = self.reader.facts();
+        let reported = facts.partners_of_unreadable.unwrap_or(self.unreadable);
         Losses {
-            unpaired: self.reader.unpaired().saturating_sub(reported),
-            unpaired_ns: self.reader.unpaired_ns().to_vec(),
-            outside: self.reader.outside(),
-            late: self.reader.late(),
+            unpaired: (facts.unpaired_ns.len() as u64).saturating_sub(reported),
+            unpaired_ns: facts.unpaired_ns,
+            outside: facts.outside,
+            late: facts.late,
             unreadable: self.unreadable,
-            broken: self.reader.broken().clone(),
+            broken: facts.broken,
             ..Losses::default()
         }
     }

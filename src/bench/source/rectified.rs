@@ -1,4 +1,4 @@
-//! Rectification of a source's raw pairs.
+//! AppliedCalibration of a source's raw pairs.
 
 use super::{Source, wraps};
 use std::sync::Arc;
@@ -6,13 +6,20 @@ use svl_core::rectify::{Framing, Rectifier, bouguet};
 use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
 
+/// The calibration that rectifies raw pairs.
+pub struct AppliedCalibration {
+    pub calibration: StereoCalibration,
+    /// True if each pair is rectified by its own calibration, or by that of the pair before it if
+    /// it has none; by this one before any has.
+    pub follows_pairs: bool,
+}
+
 /// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
-pub struct RectifiedSource {
-    source: Box<dyn Source>,
+pub struct RectifiedSource<'a> {
+    source: Box<dyn Source + 'a>,
     rectifier: Rectifier,
     /// The calibration of the rectifier.
     calibration: Arc<StereoCalibration>,
-    /// True if a pair with a calibration of its own is rectified by that.
     follows_pairs: bool,
     /// Pairs that were rectified, and those that could not be.
     rectified: u64,
@@ -21,35 +28,21 @@ pub struct RectifiedSource {
     spare: [Gray; 2],
 }
 
-impl RectifiedSource {
-    /// Rectifies the raw pairs of `source` by one calibration.
-    ///
+impl<'a> RectifiedSource<'a> {
     /// # Errors
     /// [`Error::Dimensions`], and those of [`Rectifier::new`].
-    pub fn new(source: Box<dyn Source>, calibration: StereoCalibration) -> Result<Self> {
-        let (rectifier, calibration) = prepared(calibration)?;
+    pub fn new(source: Box<dyn Source + 'a>, by: AppliedCalibration) -> Result<Self> {
+        let (rectifier, calibration) = prepared(by.calibration)?;
         let (width, height) = rectifier.size();
         let blank = || Gray::filled(width, height, 0);
         Ok(Self {
             source,
             rectifier,
             calibration,
-            follows_pairs: false,
+            follows_pairs: by.follows_pairs,
             rectified: 0,
             unreadable: 0,
             spare: [blank()?, blank()?],
-        })
-    }
-
-    /// Rectifies each raw pair of `source` by its own calibration, or by that of the pair before it
-    /// if it has none; by `first` before any has.
-    ///
-    /// # Errors
-    /// As [`RectifiedSource::new`].
-    pub fn by_pairs(source: Box<dyn Source>, first: StereoCalibration) -> Result<Self> {
-        Ok(Self {
-            follows_pairs: true,
-            ..Self::new(source, first)?
         })
     }
 
@@ -97,8 +90,8 @@ impl RectifiedSource {
     }
 }
 
-impl Source for RectifiedSource {
-    wraps!(source);
+impl Source for RectifiedSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
@@ -144,29 +137,14 @@ fn prepared(calibration: StereoCalibration) -> Result<(Rectifier, Arc<StereoCali
     Ok((Rectifier::new(&calibration)?, Arc::new(calibration)))
 }
 
-/// A source whose raw pairs are declared rectified by the user (`--calib none`).
-pub struct AssumeRectified<'a>(&'a mut dyn Source);
-
-impl<'a> AssumeRectified<'a> {
-    pub fn new(source: &'a mut dyn Source) -> Self {
-        Self(source)
-    }
-}
-
-impl Source for AssumeRectified<'_> {
-    wraps!(0);
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        let mut frame = self.0.next()?;
-        if let Some(Frame {
-            geometry,
-            calibration,
-            ..
-        }) = &mut frame
-            && *geometry == Geometry::Raw
-        {
-            (*geometry, *calibration) = (Geometry::Rectified(None), None);
-        }
-        Ok(frame)
-    }
+/// The frame of a raw pair that is declared rectified by the user (`--calib none`).
+pub fn assumed(frame: Frame, _: &dyn Source) -> Result<Frame> {
+    Ok(match frame.geometry {
+        Geometry::Rectified(_) => frame,
+        Geometry::Raw => Frame {
+            geometry: Geometry::Rectified(None),
+            calibration: None,
+            ..frame
+        },
+    })
 }

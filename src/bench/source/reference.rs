@@ -14,8 +14,8 @@ use svl_score::agreement::{both, consistent, textured};
 /// A pixel has a truth where the first reference has a disparity, the pixel is textured, the right
 /// map agrees within a pixel, and so do all other references. The right map is that of the pair
 /// mirrored and swapped, which any algorithm can match.
-pub struct ReferenceSource {
-    source: Box<dyn Source>,
+pub struct ReferenceSource<'a> {
+    source: Box<dyn Source + 'a>,
     references: Vec<Reference>,
     label: String,
     without: u64,
@@ -32,10 +32,10 @@ struct Reference {
     reported: [bool; 2],
 }
 
-impl ReferenceSource {
+impl<'a> ReferenceSource<'a> {
     /// # Errors
     /// The reason why a reference cannot be built.
-    pub fn new(source: Box<dyn Source>, references: &[Algorithm]) -> Result<Self> {
+    pub fn new(source: Box<dyn Source + 'a>, references: &[Algorithm]) -> Result<Self> {
         let labels: Vec<_> = references.iter().map(Algorithm::label).collect();
         let label = labels.join(" and ");
         let reference = |algorithm: &Algorithm| {
@@ -116,8 +116,8 @@ impl Reference {
     }
 }
 
-impl Source for ReferenceSource {
-    wraps!(source);
+impl Source for ReferenceSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.source.next()?;

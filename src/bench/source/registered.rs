@@ -161,29 +161,28 @@ impl RegisteredPairs {
     }
 }
 
+/// A run to register.
+pub struct Registration {
+    pub register: PairRegister,
+    pub name: String,
+    /// Scenario and seed of the simulation that it is of.
+    pub simulated: Option<String>,
+}
+
 /// A source without the pairs that the register has already.
-pub struct RegisteredSource {
-    source: Box<dyn Source>,
+pub struct RegisteredSource<'a> {
+    source: Box<dyn Source + 'a>,
     register: PairRegister,
     run: usize,
-    seeks: bool,
     copies: BTreeMap<usize, u64>,
 }
 
-impl RegisteredSource {
-    /// A run of that name, and the name and seed of the simulation that it is of. `seeks`: false if
-    /// all pairs have to be registered, so that none may be skipped.
-    pub fn new(
-        source: Box<dyn Source>,
-        register: &PairRegister,
-        run: (String, Option<String>),
-        seeks: bool,
-    ) -> Self {
+impl<'a> RegisteredSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, run: Registration) -> Self {
         Self {
-            run: register.begin(run),
+            run: run.register.begin((run.name, run.simulated)),
             source,
-            register: register.clone(),
-            seeks,
+            register: run.register,
             copies: BTreeMap::new(),
         }
     }
@@ -207,8 +206,8 @@ impl RegisteredSource {
     }
 }
 
-impl Source for RegisteredSource {
-    wraps!(source);
+impl Source for RegisteredSource<'_> {
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         while let Some(frame) = self.source.next()? {
@@ -217,14 +216,6 @@ impl Source for RegisteredSource {
             }
         }
         Ok(None)
-    }
-
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        if self.seeks {
-            self.source.seek(index)
-        } else {
-            Ok(false)
-        }
     }
 
     fn finish(&mut self, taken: u64) -> Losses {

@@ -1,43 +1,24 @@
 //! Another source's images, cropped and shrunk.
 
-use super::{Source, wraps};
+use super::Source;
 use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_score::resize::Resizer;
 use svl_score::scenario::CropScale;
 
-/// A source whose images are cropped and shrunk.
-pub struct Resized {
-    source: Box<dyn Source>,
-    resizer: Resizer,
-}
-
-impl Resized {
-    pub fn new(source: Box<dyn Source>, window: CropScale) -> Self {
-        Self {
-            source,
-            resizer: Resizer::new(window),
-        }
-    }
-}
-
-impl Source for Resized {
-    wraps!(source);
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        let frame = self.source.next()?;
-        let name = self.source.name();
-        let resized = |mut frame: Frame| {
-            frame.keep_id();
-            self.resizer.resized(frame, &name)
-        };
-        frame.map(resized).transpose()
+/// Crops and shrinks the images of frames.
+pub fn resized(window: CropScale) -> impl FnMut(Frame, &dyn Source) -> Result<Frame> {
+    let resizer = Resizer::new(window);
+    move |mut frame, source| {
+        frame.keep_id();
+        resizer.resized(frame, &source.name())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::super::chain::Mapped;
+    use super::{CropScale, Frame, Result, Source};
     use svl_core::stereo::Losses;
     use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair, Truth, Visibility};
 
@@ -85,7 +66,9 @@ mod tests {
     }
 
     fn resized(crop: Option<[usize; 4]>, scale: Option<f64>) -> Result<Frame> {
-        let mut source = Resized::new(Box::new(One::new(8, 4)), CropScale { crop, scale });
+        let change = super::resized(CropScale { crop, scale });
+        let source: Box<dyn Source> = Box::new(One::new(8, 4));
+        let mut source = Mapped { source, change };
         assert_eq!((source.pairs(), source.finish(1).late), (Some(1), 1));
         source.next().map(Option::unwrap)
     }

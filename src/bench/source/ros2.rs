@@ -102,23 +102,14 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
             topic.name
         )
     });
-    let note = pairs.note();
-    let header = Header {
-        bits: pairs.bits(),
-        frame_id: pairs.frame_id().map(str::to_owned),
-        ..Header::new(request.name)
-    };
-    let opened = Opened {
+    let mut facts = pairs.facts();
+    facts.remarks.extend(mixed);
+    let source = TopicSource::start(receiver, first, request);
+    Ok(Opened {
         is_live: true,
-        own_calibration: pairs.calibration(),
-        remarks: pairs.remarks().into_iter().chain(mixed).collect(),
-        notes: note
-            .iter()
-            .map(|note| format!("{}: {note}", request.name))
-            .collect(),
-        ..Opened::new(TopicSource::start(receiver, first, request), header, "ros2")
-    };
-    Ok(opened)
+        ..Opened::new(source, Header::new(request.name), "ros2")
+    }
+    .with_facts(facts))
 }
 
 /// The topics, once `is_enough` and no further one was found for a while, or after a long wait.
@@ -188,7 +179,7 @@ impl Receiver {
             })?;
         }
         self.pairs.begin()?;
-        self.rectifies = self.pairs.calibration().is_some();
+        self.rectifies = self.pairs.facts().calibration.is_some();
         for (topic, at_ns, data) in ahead {
             self.take_in(topic, at_ns, &data);
         }
@@ -208,7 +199,7 @@ impl Receiver {
         if began.elapsed() < MAX_WAIT {
             return Ok(());
         }
-        let why = self.pairs.why_none();
+        let why = self.pairs.facts().why_none;
         Err(Error::camera(&self.name, format!("{why}, in {MAX_WAIT:?}")))
     }
 
@@ -263,7 +254,7 @@ impl Receiver {
 
     /// Warns of a calibration that came after svl chose not to rectify.
     fn check_rectification(&mut self) {
-        if self.formed > 0 && !self.rectifies && self.pairs.calibration().is_some() {
+        if self.formed > 0 && !self.rectifies && self.pairs.facts().calibration.is_some() {
             self.rectifies = true;
             tracing::warn!(
                 "{}: the calibration came after the first pair, and pairs are not rectified; \
@@ -454,13 +445,13 @@ impl Source for TopicSource {
             );
         }
         // Images that waited for a partner as svl stopped are no losses.
-        let (unpaired, outside) = (receiver.pairs.unpaired(), receiver.pairs.outside());
+        let facts = receiver.pairs.facts();
         // The partner of an unreadable image is reported with it; that of another unreadable one is
         // not unpaired.
         let [left, right] = receiver.unreadable_images;
         Losses {
-            unpaired: unpaired.saturating_sub(left.abs_diff(right)),
-            outside,
+            unpaired: (facts.unpaired_ns.len() as u64).saturating_sub(left.abs_diff(right)),
+            outside: facts.outside,
             unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),
             grabber: Some(receiver.report(taken)),

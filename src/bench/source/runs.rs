@@ -2,14 +2,14 @@
 
 use super::opened::Opened;
 use super::request::Request;
-use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource};
+use super::{Chain, PairRegister, Perturbation, Registration, Source, wraps};
 use std::io::ErrorKind;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_report::TopicDelay;
 use svl_score::judge::{Judge, RunPart};
 use svl_score::manifest::RunRecord;
-use svl_score::scenario::{PairRange, RecordingRun, Scenario};
+use svl_score::scenario::{RecordingRun, Scenario};
 use svl_sim::stress::Stress;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -39,10 +39,42 @@ pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Req
     Ok(request.with_maps(&scenario.algorithms))
 }
 
+/// A source whose first pair was read ahead.
+struct ReadAhead {
+    source: Box<dyn Source>,
+    /// The pair to give out next, or the error.
+    first: Option<Result<Option<Frame>>>,
+}
+
+impl ReadAhead {
+    fn new(source: Box<dyn Source>, first: Option<Result<Option<Frame>>>) -> Box<Self> {
+        Box::new(Self { source, first })
+    }
+}
+
+impl Source for ReadAhead {
+    wraps!();
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let first = self.first.take();
+        first.unwrap_or_else(|| self.source.next())
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        let sought = self.source.seek(index)?;
+        if sought {
+            self.first = None;
+        }
+        Ok(sought)
+    }
+}
+
 /// A run of a scenario. Its first frame is read ahead, so that a checkpoint that no frame could
 /// pass is found before the run.
 pub struct RunSource {
-    source: Limited,
+    source: Box<ReadAhead>,
+    /// Names of the layers around its source.
+    pub chain: Vec<String>,
     /// Seed of an arena's run.
     pub seed: Option<u64>,
     /// The recording that it reads, where it is one.
@@ -58,41 +90,37 @@ pub struct RunSource {
 }
 
 impl RunSource {
-    /// A run that is not a recording of the user's.
-    pub fn new(source: Box<dyn Source>, seed: Option<u64>) -> Self {
-        Self::ahead(source, seed, None, None)
-    }
-
-    /// A recording.
-    pub fn from_recording(run: &RecordingRun, opened: Opened) -> Self {
-        let record = opened.record(&run.name, &run.path);
-        let simulated = opened.header.simulated();
-        Self {
-            simulated,
-            latency: opened.latency,
-            ..Self::ahead(opened.source, None, Some(record), opened.start_ns)
-        }
-    }
-
-    fn ahead(
-        source: Box<dyn Source>,
-        seed: Option<u64>,
-        record: Option<RunRecord>,
-        start_ns: Option<u64>,
-    ) -> Self {
-        let mut source = Limited::new(source, PairRange::default(), None);
-        source.first();
-        let first_ns = source.start_ns().unwrap_or_default();
-        Self {
-            source,
+    /// A run that is not a recording of the user's, in these layers.
+    ///
+    /// # Errors
+    /// Those of [`Chain::over`].
+    pub fn new(source: Box<dyn Source>, chain: Chain, seed: Option<u64>) -> Result<Self> {
+        let chain_words = chain.words();
+        let mut source = chain.over(source)?;
+        let first = source.next();
+        let stamp_ns = first.iter().flatten().map(|frame| frame.stamp_ns).next();
+        Ok(Self {
+            start_ns: source.start_ns().or(stamp_ns).unwrap_or_default(),
+            source: ReadAhead::new(source, Some(first)),
+            chain: chain_words,
             seed,
-            record,
-            start_ns: start_ns.unwrap_or(first_ns),
+            record: None,
             latency: Vec::new(),
             simulated: None,
             stress: None,
             last: None,
-        }
+        })
+    }
+
+    /// A recording.
+    pub fn from_recording(run: &RecordingRun, opened: Opened) -> Result<Self> {
+        Ok(Self {
+            record: Some(opened.record(&run.name, &run.path)),
+            simulated: opened.header.simulated(),
+            latency: opened.latency,
+            chain: opened.chain,
+            ..Self::new(opened.source, Chain::default(), None)?
+        })
     }
 
     /// Its name among the runs of a scenario.
@@ -101,24 +129,29 @@ impl RunSource {
         seed.unwrap_or_else(|| self.name())
     }
 
-    /// The run without the pairs that runs before it have. `seeks`: false if all its pairs have to
-    /// be registered.
-    #[must_use]
-    pub fn registered(self, scenario: &str, register: &PairRegister, seeks: bool) -> Self {
+    /// The run without the pairs that runs before it have.
+    ///
+    /// # Errors
+    /// Those of [`Chain::over`].
+    pub fn registered(self, scenario: &str, register: &PairRegister) -> Result<Self> {
         let name = self.title(scenario);
-        let simulated = self
-            .seed
-            .map(|_| name.clone())
-            .or_else(|| self.simulated.clone());
-        let run = (name, simulated);
-        self.around(|source| Box::new(RegisteredSource::new(source, register, run, seeks)))
+        let simulated = self.seed.map(|_| name.clone());
+        let registration = Registration {
+            register: register.clone(),
+            simulated: simulated.or_else(|| self.simulated.clone()),
+            name,
+        };
+        self.over(Chain {
+            register: Some(registration),
+            ..Chain::default()
+        })
     }
 
-    /// The run with a source around its own.
-    fn around(self, wrap: impl FnOnce(Box<dyn Source>) -> Box<dyn Source>) -> Self {
-        let mut source = Limited::new(wrap(Box::new(self.source)), PairRange::default(), None);
-        source.first();
-        Self { source, ..self }
+    /// The run in layers around those that its first pair came through.
+    fn over(mut self, chain: Chain) -> Result<Self> {
+        self.chain.extend(chain.words());
+        self.source = ReadAhead::new(chain.over(self.source)?, None);
+        Ok(self)
     }
 
     /// Warns of checkpoints that end after the last pair, once all pairs were read.
@@ -130,20 +163,25 @@ impl RunSource {
     }
 
     /// The run with perturbed pairs.
-    #[must_use]
-    pub fn stressed(self, stress: Stress) -> Self {
+    ///
+    /// # Errors
+    /// Those of [`Chain::over`].
+    pub fn stressed(self, stress: Stress) -> Result<Self> {
         let mut hasher = Xxh3Default::new();
         let name = self.record.as_ref().map_or("", |record| &record.name);
         hasher.update(name.as_bytes());
         let seed = self.seed.unwrap_or(hasher.digest());
-        let run = self.around(|source| Box::new(StressedSource::new(source, stress, seed)));
-        Self {
+        let chain = Chain {
+            perturb: Some(Perturbation { stress, seed }),
+            ..Chain::default()
+        };
+        Ok(Self {
             stress: Some(stress),
-            ..run
-        }
+            ..self.over(chain)?
+        })
     }
 
-    /// The judge of its frames.
+    /// The judge of its frames, before they are perturbed.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; the error
@@ -153,18 +191,17 @@ impl RunSource {
         let run = RunPart {
             name: name.unwrap_or_default(),
             start_ns: self.start_ns,
-            stress: self.stress.map(|stress| stress.to_string()),
+            stress: None,
         };
-        match self.source.first().cloned() {
-            Some(frame) => {
+        match &self.source.first {
+            Some(Ok(Some(frame))) => {
                 let why_no_pose = || self.source.why_no_pose();
                 let mut checkpoints = judge.checkpoints.iter();
-                checkpoints.try_for_each(|checkpoint| {
-                    checkpoint.check_frame(&frame, &run, &why_no_pose)
-                })?;
+                checkpoints
+                    .try_for_each(|checkpoint| checkpoint.check_frame(frame, &run, &why_no_pose))?;
             }
             // Nothing can be scored: the reason is reported before a report is begun.
-            None => drop(self.source.next()?),
+            _ => drop(self.source.next()?),
         }
         Ok(Judge {
             run,
@@ -174,18 +211,55 @@ impl RunSource {
 }
 
 impl Source for RunSource {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&self.source)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut self.source)
-    }
+    wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         let pair = frame.as_ref().map(|frame| (frame.sequence, frame.stamp_ns));
         self.last = pair.or(self.last);
         Ok(frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
+
+    /// Pairs of which none is asked for again.
+    struct Counted(u64);
+
+    impl Source for Counted {
+        fn name(&self) -> String {
+            "counted".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            self.0 += 1;
+            let image = Gray::from_fn(40, 20, |x, y| (7 * x + 3 * y + self.0 as usize) as u8)?;
+            Ok(Some(Frame {
+                sequence: self.0,
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
+            }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            Some(self.0)
+        }
+    }
+
+    #[test]
+    fn the_first_pair_is_looked_at_once_and_given_to_all_layers() {
+        let chain = Chain {
+            check: Some(()),
+            ..Chain::default()
+        };
+        let run = RunSource::new(Box::new(Counted(0)), chain, Some(3)).unwrap();
+        let run = run.registered("arena", &PairRegister::default()).unwrap();
+        let mut run = run.stressed("noise=1".parse().unwrap()).unwrap();
+        assert_eq!(run.pairs(), Some(1));
+        assert_eq!(run.chain, ["check", "register", "perturb"]);
+        let sequences = [(); 3].map(|()| run.next().unwrap().unwrap().sequence);
+        assert_eq!(sequences, [1, 2, 3]);
     }
 }

@@ -6,23 +6,27 @@ use svl_core::stereo::{Frame, Gray, StereoPair};
 use svl_core::{Error, Result};
 use svl_sim::stress::Stress;
 
+/// The perturbation of a run's pairs.
+pub struct Perturbation {
+    pub stress: Stress,
+    /// Seed of the run, or any other number.
+    pub seed: u64,
+}
+
 /// Perturbs the pairs of another source. Sequence numbers, stamps and truth stay.
-pub struct StressedSource {
-    source: Box<dyn Source>,
-    stress: Stress,
-    seed: u64,
+pub struct StressedSource<'a> {
+    source: Box<dyn Source + 'a>,
+    by: Perturbation,
     /// Right images of the last pairs, if a pair gets an earlier one.
     earlier: VecDeque<Gray>,
     given: u64,
 }
 
-impl StressedSource {
-    /// `seed`: that of the run, or any other number.
-    pub fn new(source: Box<dyn Source>, stress: Stress, seed: u64) -> Self {
+impl<'a> StressedSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, by: Perturbation) -> Self {
         Self {
             source,
-            stress,
-            seed,
+            by,
             earlier: VecDeque::new(),
             given: 0,
         }
@@ -32,7 +36,7 @@ impl StressedSource {
     fn skewed(&mut self, pair: StereoPair) -> Result<Option<StereoPair>> {
         let [left, right] = pair.into_images();
         self.earlier.push_back(right.clone());
-        let is_full = self.earlier.len() > self.stress.earlier_frames();
+        let is_full = self.earlier.len() > self.by.stress.earlier_frames();
         let earlier = if is_full {
             self.earlier.pop_front()
         } else if self.source.listens() {
@@ -46,26 +50,30 @@ impl StressedSource {
     }
 }
 
-impl Source for StressedSource {
-    wraps!(source);
+impl Source for StressedSource<'_> {
+    wraps!();
 
     fn name(&self) -> String {
-        format!("{}, {}", self.source.name(), self.stress)
+        format!("{}, {}", self.source.name(), self.by.stress)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let frames = self.stress.earlier_frames();
+        let frames = self.by.stress.earlier_frames();
         while let Some(mut frame) = self.source.next()? {
             frame.keep_id();
             if frames > 0 && frame.name.is_some() {
                 return Err(Error::Usage(format!(
                     "stress {}: uses images of neighbouring pairs, and scenes of a data set have \
                      none",
-                    self.stress
+                    self.by.stress
                 )));
             }
             let pair = match frames {
-                0 => Some(self.stress.apply(frame.pair, self.seed, frame.sequence)?),
+                0 => Some(
+                    self.by
+                        .stress
+                        .apply(frame.pair, self.by.seed, frame.sequence)?,
+                ),
                 _ => self.skewed(frame.pair)?,
             };
             if let Some(pair) = pair {
@@ -81,7 +89,7 @@ impl Source for StressedSource {
         match self.given {
             0 if !self.earlier.is_empty() => Err(Error::Usage(format!(
                 "stress {}: {} has only {} pairs, which have no such neighbour",
-                self.stress,
+                self.by.stress,
                 self.source.name(),
                 self.earlier.len()
             ))),
@@ -91,7 +99,7 @@ impl Source for StressedSource {
 
     fn seek(&mut self, index: u64) -> Result<bool> {
         // A skew takes its right images from earlier pairs.
-        let frames = self.stress.earlier_frames() as u64;
+        let frames = self.by.stress.earlier_frames() as u64;
         let seeks = self.source.seek(index)?;
         if seeks && frames > 0 {
             self.earlier.clear();
@@ -100,7 +108,7 @@ impl Source for StressedSource {
     }
 
     fn pairs(&self) -> Option<u64> {
-        let frames = self.stress.earlier_frames() as u64;
+        let frames = self.by.stress.earlier_frames() as u64;
         self.source
             .pairs()
             .map(|pairs| pairs.saturating_sub(frames))
@@ -126,7 +134,8 @@ mod tests {
         let arena = || ArenaSource::new(Arena::new(&config, 1).unwrap(), 1);
         let plain = all(&mut arena());
         let stress = "skew=2".parse().unwrap();
-        let skewed = all(&mut StressedSource::new(Box::new(arena()), stress, 1));
+        let by = Perturbation { stress, seed: 1 };
+        let skewed = all(&mut StressedSource::new(Box::new(arena()), by));
         assert_eq!(skewed.len(), 3);
         for (frame, (own, earlier)) in skewed.iter().zip(plain[2..].iter().zip(&plain)) {
             assert_eq!(frame.sequence, own.sequence);

@@ -45,7 +45,7 @@ impl Usability {
             is_usable: is_rectified || is_calibrated,
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
-            distortion_model: facts.distortion_model.clone(),
+            distortion_model: facts.camera.distortion_model.clone(),
             is_calibrated,
             missing: missing(facts, is_rectified, &truths),
             truths,
@@ -57,7 +57,7 @@ impl Usability {
 fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<String> {
     let mut missing = Vec::new();
     if facts.rig.is_none() {
-        let what = match &facts.calibration_fault {
+        let what = match &facts.camera.calibration_fault {
             Some(fault) => format!("no calibration ({fault})"),
             None => "no calibration".to_owned(),
         };
@@ -136,6 +136,7 @@ impl Usability {
 mod tests {
     use super::*;
     use svl_core::stereo::Rig;
+    use svl_recording::CameraFacts;
     use svl_score::plausibility::Spread;
 
     /// Facts of raw pairs with distortion, a rig and one truth.
@@ -147,12 +148,14 @@ mod tests {
         };
         SourceFacts {
             size_px: (640, 480),
+            chain: Vec::new(),
             pairs: None,
             geometry: PairGeometry::Raw,
             is_geometry_known: true,
-            focal_px: None,
-            distortion_model: Some("plumb_bob".to_owned()),
-            calibration_fault: None,
+            camera: CameraFacts {
+                distortion_model: Some("plumb_bob".to_owned()),
+                ..CameraFacts::default()
+            },
             kept_calibration: None,
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
@@ -185,7 +188,7 @@ mod tests {
         );
         let rectified = SourceFacts {
             geometry: PairGeometry::Rectified,
-            distortion_model: None,
+            camera: CameraFacts::default(),
             ..without_truth
         };
         says(
@@ -218,12 +221,15 @@ mod tests {
         let expected = format!("usable: 9 raw pairs (plumb_bob), calibrated, {why}");
         says(Some(9), &facts, &expected);
         facts.rig = None;
-        facts.calibration_fault = Some("its K has 8 numbers".to_owned());
+        facts.camera.calibration_fault = Some("its K has 8 numbers".to_owned());
         let cure = "add --calib FILE";
         let fault = "no calibration (its K has 8 numbers)";
         let expected = format!("not usable yet: 9 raw pairs (plumb_bob), {fault}: {cure}");
         says(Some(9), &facts, &expected);
-        (facts.calibration_fault, facts.distortion_model) = (None, None);
+        (
+            facts.camera.calibration_fault,
+            facts.camera.distortion_model,
+        ) = (None, None);
         facts.is_geometry_known = false;
         let cure = "add --calib FILE, or --calib none if they are rectified";
         says(

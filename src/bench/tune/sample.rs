@@ -2,7 +2,7 @@
 
 use crate::run::{Matchers, Monitor, Pace, run};
 use crate::sink::{RunStart, Sink};
-use crate::source::{AssumeRectified, Source};
+use crate::source::{Chain, Source};
 use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
@@ -157,9 +157,9 @@ pub fn evaluate(
     sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,
 ) -> Result<()> {
-    let mut held = HeldFrames(frames.iter());
-    let mut source = AssumeRectified::new(&mut held);
-    run(&mut source, matchers, start, pace, sinks, monitor).1
+    let held = HeldFrames(frames.iter());
+    let mut source = Chain::for_matching(false).over(Box::new(held))?;
+    run(&mut *source, matchers, start, pace, sinks, monitor).1
 }
 
 /// `0..count`, so that the first of them are spread over all: by the bits of the index, mirrored.

@@ -20,7 +20,7 @@ fn export(recording: &Path, folder: &Path) -> Result<u64, Box<dyn Error>> {
         }
         pairs += 1;
     }
-    for remark in reader.remarks() {
+    for remark in reader.facts().remarks {
         eprintln!("{remark}");
     }
     Ok(pairs)

@@ -5,9 +5,9 @@ use super::stamp_order::ImagePairing;
 use super::transforms::Transforms;
 use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
 use crate::messages::Channel;
-use crate::{LEFT_FRAME, PairSource};
+use crate::{LEFT_FRAME, PairSource, StreamFacts};
 use svl_core::Result;
-use svl_core::stereo::{Frame, StereoCalibration};
+use svl_core::stereo::Frame;
 
 /// Limit on the bytes of images that wait for their partners: while one camera is silent, those of
 /// the other wait.
@@ -182,14 +182,9 @@ impl TopicPairs {
         self.foreign.end();
     }
 
-    /// Images without a partner, while both cameras had images.
-    pub fn unpaired(&self) -> u64 {
-        self.foreign.unpaired_ns().len() as u64
-    }
-
-    /// Images before the other camera's first or after its last.
-    pub fn outside(&self) -> u64 {
-        self.foreign.outside()
+    /// The facts of the pairs so far.
+    pub fn facts(&self) -> StreamFacts {
+        self.foreign.facts()
     }
 
     /// Images left and right.
@@ -200,36 +195,6 @@ impl TopicPairs {
     /// Jumps of the cameras' clocks back in time.
     pub fn jumps(&self) -> u64 {
         self.foreign.jumps.unwrap_or(0)
-    }
-
-    /// The reason why there was no pair.
-    pub fn why_none(&self) -> String {
-        self.foreign.why_none()
-    }
-
-    /// Warnings about the pairs, a line each.
-    pub fn remarks(&self) -> Vec<String> {
-        self.foreign.remarks()
-    }
-
-    /// The calibration that rectifies raw pairs, if the topics have one.
-    pub fn calibration(&self) -> Option<StereoCalibration> {
-        self.foreign.calibration()?.ok()
-    }
-
-    /// Number of bits that 16-bit images use.
-    pub fn bits(&self) -> Option<u8> {
-        self.foreign.depth.bits()
-    }
-
-    /// Note on the images that is not a warning.
-    pub fn note(&self) -> Option<String> {
-        self.foreign.depth.note()
-    }
-
-    /// The coordinate frame of the first left image, if it names one.
-    pub fn frame_id(&self) -> Option<&str> {
-        self.foreign.frame_id()
     }
 }
 
@@ -251,7 +216,7 @@ mod tests {
         let mut data = ros::encode_8bit(&image, stamp, "left").data;
         let name = data.windows(4).position(|bytes| bytes == b"left").unwrap();
         data[name] = 0xff;
-        assert!(!pairs.look_at(0, &data) && pairs.frame_id().is_none());
+        assert!(!pairs.look_at(0, &data) && pairs.facts().frame_id.is_none());
         let reason = pairs.take_in(0, 0, &data).unwrap_err();
         assert!(reason.starts_with("/left/image_rect: "), "{reason}");
         // Cut anywhere, it is unreadable too.

@@ -30,8 +30,8 @@ pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;
 pub use pose_summary::{FramePoses, PoseSummary};
-pub use sensor::{RawCamera, SensorRole, SensorSelection, SensorTopic, TopicLatency};
-pub(super) use sensor::{head, truth_topics};
+pub(super) use sensor::head;
+pub use sensor::{RawCamera, SensorRole, SensorSelection, SensorTopic, TopicLatency, truth_topics};
 pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
@@ -39,7 +39,7 @@ pub use video::VideoSummary;
 pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
-use super::{PairSource, Recording};
+use super::{CameraFacts, PairSource, Recording, StreamFacts};
 use baseline::BaselineSearch;
 use calibration_wait::CalibrationWait;
 use camera::Calibration;
@@ -49,9 +49,10 @@ use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
 use stamp_order::ImagePairing;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::counted;
-use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
 use svl_core::{Error, Result};
 use svl_files::BitDepth;
 use transforms::Transforms;
@@ -298,6 +299,47 @@ impl Foreign {
             );
         }
     }
+
+    /// The reason why there was no pair.
+    fn why_none(&self) -> String {
+        let [left, right] = &self.images;
+        let [lefts, rights] = self.counts;
+        let milliseconds = |ns: u64| ns as f64 / 1e6;
+        let skew = milliseconds(self.max_skew_ns);
+        let miss = match self.partners.pairing().nearest_miss_ns() {
+            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
+            None => String::new(),
+        };
+        format!(
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
+             ms of each other{miss}",
+            counted(lefts, "image")
+        )
+    }
+
+    /// Warning about the pairs. `fault`: the reason why their calibrations give no distances.
+    fn remark(&self, are_raw: bool, fault: Option<&str>) -> Option<String> {
+        if !are_raw {
+            return fault.map(|reason| format!("disparities but no distances: {reason}"));
+        }
+        let [left, right] = &self.images;
+        let cure = match fault {
+            Some(reason) => {
+                format!("it does not say how to rectify them ({reason}): --calib FILE does")
+            }
+            None => "it says how to rectify them".to_owned(),
+        };
+        Some(format!(
+            "{left} and {right}: by their calibration they are not rectified, so rows of left and \
+             right do not correspond, and there are no distances; {cure}"
+        ))
+    }
+
+    /// The coordinate frame of the left images, if they name one.
+    fn frame_id(&self) -> Option<&str> {
+        let left = self.frames[0].as_deref();
+        left.filter(|frame| !frame.is_empty())
+    }
 }
 
 impl PairSource for Foreign {
@@ -353,7 +395,7 @@ impl PairSource for Foreign {
             trigger_id: sequence,
             // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
             skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
-            drops: self.unpaired_ns().len() as u64,
+            drops: self.partners.pairing().unpaired_ns().len() as u64,
             ..Exposure::default()
         };
         let left = left.and_then(|image| self.pixels(Side::Left, image));
@@ -391,32 +433,6 @@ impl PairSource for Foreign {
         self.wait.iter_mut().for_each(CalibrationWait::end);
     }
 
-    fn pairs(&self) -> u64 {
-        self.pairs
-    }
-
-    fn unpaired_ns(&self) -> &[u64] {
-        self.partners.pairing().unpaired_ns()
-    }
-
-    /// An image with a stamp has its partner, even if its pixels cannot be read. If images of both
-    /// cameras are without, they may be partners of each other.
-    fn partners_of_unreadable(&self, _: u64) -> u64 {
-        self.without_stamp.into_iter().max().unwrap_or(0)
-    }
-
-    fn outside(&self) -> u64 {
-        self.partners.pairing().outside()
-    }
-
-    fn late(&self) -> u64 {
-        self.partners.pairing().late()
-    }
-
-    fn topics(&self) -> [&str; 2] {
-        self.images.each_ref().map(String::as_str)
-    }
-
     fn stamps(&self) -> PairStamps {
         PairStamps::Nearest {
             topics: self.images.clone(),
@@ -425,72 +441,41 @@ impl PairSource for Foreign {
         }
     }
 
-    fn depth(&self) -> BitDepth {
-        self.depth.clone()
-    }
-
-    fn why_none(&self) -> String {
-        let [left, right] = &self.images;
-        let [lefts, rights] = self.counts;
-        let milliseconds = |ns: u64| ns as f64 / 1e6;
-        let skew = milliseconds(self.max_skew_ns);
-        let miss = match self.partners.pairing().nearest_miss_ns() {
-            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
-            None => String::new(),
-        };
-        format!(
-            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
-             ms of each other{miss}",
-            counted(lefts, "image")
-        )
-    }
-
-    fn remarks(&self) -> Vec<String> {
-        let [left, right] = &self.images;
-        if self.are_raw() {
-            let why = "by their calibration they are not rectified";
-            let so = "rows of left and right do not correspond, and there are no distances";
-            let cure = match self.calibration() {
-                Some(Err(reason)) => {
-                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
-                }
-                _ => "it says how to rectify them".to_owned(),
-            };
-            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
-        }
-        let no_rig = self.rig().err();
-        no_rig
-            .map(|reason| format!("disparities but no distances: {reason}"))
-            .into_iter()
-            .collect()
-    }
-
-    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| self.stereo_calibration())
-    }
-
-    fn calibration_fault(&self) -> Option<String> {
-        if self.cameras.iter().all(Option::is_none) {
-            return None;
-        }
-        match self.calibration() {
-            Some(calibration) => calibration.err(),
+    fn facts(&self) -> StreamFacts {
+        let (pairing, are_raw) = (self.partners.pairing(), self.are_raw());
+        let raw = are_raw.then(|| self.stereo_calibration());
+        let fault = match &raw {
+            Some(calibration) => calibration.as_ref().err().cloned(),
             None => self.rig().err(),
+        };
+        let left = self.cameras[0].as_ref();
+        let raw_left = left.filter(|_| are_raw);
+        let frame_id = self.frame_id().map(str::to_owned);
+        let has_calibration = self.cameras.iter().any(Option::is_some);
+        StreamFacts {
+            topics: self.images.clone(),
+            pairs: self.pairs,
+            unpaired_ns: pairing.unpaired_ns().to_vec(),
+            // An image with a stamp has its partner, even if its pixels cannot be read. If images
+            // of both cameras are without, they may be partners of each other.
+            partners_of_unreadable: self.without_stamp.into_iter().max(),
+            outside: pairing.outside(),
+            late: pairing.late(),
+            broken: BTreeMap::new(),
+            bits: self.depth.bits(),
+            note: self.depth.note(),
+            remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
+            why_none: self.why_none(),
+            calibration: raw.and_then(std::result::Result::ok),
+            camera: CameraFacts {
+                focal_px: left.and_then(|left| left.focal_px(are_raw)),
+                distortion_model: raw_left
+                    .and_then(|left| left.distortion_model())
+                    .map(str::to_owned),
+                calibration_fault: fault.filter(|_| has_calibration),
+            },
+            frame_id,
         }
-    }
-
-    fn distortion_model(&self) -> Option<&str> {
-        let left = self.cameras[0].as_ref().filter(|_| self.are_raw())?;
-        left.distortion_model()
-    }
-
-    fn frame_id(&self) -> Option<&str> {
-        let left = self.frames[0].as_deref();
-        left.filter(|frame| !frame.is_empty())
-    }
-
-    fn focal_px(&self) -> Option<(f64, f64)> {
-        self.cameras[0].as_ref()?.focal_px(self.are_raw())
     }
 }
 

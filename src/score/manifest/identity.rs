@@ -52,6 +52,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     // Results are the same for any build; times are not.
     ("profile", OF_ONE_RUN),
     ("scenario", OF_ONE_RUN),
+    // The description and `runs` decide.
+    ("chain", NONE),
     ("bits", OF_PAIRS),
     ("times", OF_ONE_RUN),
     ("shard", NONE),

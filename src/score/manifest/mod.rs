@@ -51,6 +51,10 @@ pub struct Manifest {
     /// Description of the run: the scenario that repeats it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<serde_json::Value>,
+    /// Names of the layers that options put around its sources, from the source outwards. The pairs
+    /// of each run are registered and monitored besides.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub chain: Vec<String>,
     /// Number of bits used in the 16-bit images from which the pairs were made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bits: Option<u8>,

@@ -173,7 +173,11 @@ fn a_bad_pair_costs_only_itself() {
         .map(|r| r.as_ref().ok().map(|f| f.as_ref().unwrap().stamp_ns))
         .collect();
     assert_eq!(stamps, [Some(0), Some(1), None, Some(3)]);
-    assert_eq!(reader.unpaired(), 1, "the lonely one at the end");
+    assert_eq!(
+        reader.facts().unpaired_ns.len(),
+        1,
+        "the lonely one at the end"
+    );
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
             .chain([scan]),
     );
     let mut source = RecordingSource::open(&path).unwrap();
-    assert!(source.reader().remarks().is_empty() && source.reader().header().is_none());
+    assert!(source.reader().facts().remarks.is_empty() && source.reader().header().is_none());
     for i in 0..10 {
         let Frame {
             sequence,
@@ -104,13 +104,13 @@ fn raw_images_are_called_so() {
     let (_folder, path) = write_bag(infos.into_iter().chain([left, right]));
     let mut reader = Reader::open(&path).unwrap();
     assert_eq!(reader.next_pair().unwrap().unwrap().rig().copied(), None);
-    let remarks = reader.remarks();
+    let remarks = reader.facts().remarks;
     assert!(
         remarks.len() == 1 && remarks[0].contains("not rectified"),
         "{remarks:?}"
     );
     let (_folder, path) = write_bag(pair(0, 0));
-    let remarks = Reader::open(&path).unwrap().remarks();
+    let remarks = Reader::open(&path).unwrap().facts().remarks;
     assert!(
         remarks.len() == 1 && remarks[0].contains("no calibration of both cameras"),
         "{remarks:?}"
@@ -123,7 +123,7 @@ fn a_calibration_is_of_the_images_that_it_says() {
         let (_folder, path) = write_bag(infos.into_iter().chain(pair(0, 0)));
         let mut reader = Reader::open(&path).unwrap();
         (
-            reader.remarks(),
+            reader.facts().remarks,
             reader.next_pair().unwrap().unwrap().rig().copied(),
         )
     };
@@ -174,9 +174,12 @@ fn a_calibration_is_of_the_images_that_it_says() {
                 .chain(pair(0, 0)),
         );
         let mut reader = Reader::open(&path).unwrap();
-        assert_eq!(reader.broken(), &[("/cam0/camera_info".into(), 1)].into());
+        assert_eq!(
+            reader.facts().broken,
+            [("/cam0/camera_info".into(), 1)].into()
+        );
         let pair = reader.next_pair().unwrap().unwrap();
-        assert!(pair.rig().is_none() && reader.remarks().len() == 1);
+        assert!(pair.rig().is_none() && reader.facts().remarks.len() == 1);
     }
 }
 
@@ -202,7 +205,7 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
         let (_folder, path) = write_bag(infos.into_iter().chain(images));
         let mut reader = Reader::open(&path).unwrap();
         (
-            reader.calibration().is_some(),
+            reader.facts().calibration.is_some(),
             reader.next_pair().unwrap().unwrap().rig().is_some(),
         )
     };
@@ -369,12 +372,12 @@ fn the_unpaired_are_counted_and_the_skew_is_bounded() {
         let stamps = std::iter::from_fn(|| reader.next_pair().unwrap())
             .map(|frame| (frame.stamp_ns, frame.exposure));
         let stamps = stamps.collect::<Vec<_>>();
+        let facts = reader.facts();
         assert_eq!(
-            reader.outside(),
-            1,
+            facts.outside, 1,
             "the last image, which may have no partner"
         );
-        (stamps, reader.unpaired())
+        (stamps, facts.unpaired_ns.len() as u64)
     };
     let (wide, unpaired) = pairs(7_000_000);
     assert_eq!((wide.len(), unpaired), (28, 6));
@@ -530,7 +533,7 @@ fn real_bags_hold_the_images_of_their_data_set() {
             }
             assert_eq!(frame.exposure.skew_ns, Some(0));
         }
-        let remarks = Reader::open(folder.join(bag)).unwrap().remarks();
+        let remarks = Reader::open(folder.join(bag)).unwrap().facts().remarks;
         assert!(
             remarks.len() == 1 && remarks[0].contains("not rectified"),
             "{remarks:?}"

@@ -75,8 +75,9 @@ fn pairs_have_the_calibration_that_comes_after_them() {
         assert_eq!(frame.pair.left(), &image(SIZE, 2 * i));
         assert!((frame.rig().unwrap().baseline_m() - 0.1).abs() < 1e-9);
     }
+    let facts = pairs.facts();
     assert_eq!(
-        (pairs.counts(), pairs.unpaired(), pairs.outside()),
+        (pairs.counts(), facts.unpaired_ns.len(), facts.outside),
         ([3, 2], 0, 1)
     );
 }
@@ -99,14 +100,14 @@ fn the_frame_is_that_of_the_left_images() {
             pairs.look_at(topic, &header(["left", "right"][topic]));
         }
         pairs.begin().unwrap();
-        assert_eq!(pairs.frame_id(), Some(expected));
+        assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
         // A later frame changes nothing.
         drop(pairs.take_in(0, 0, &header("other")));
-        assert_eq!(pairs.frame_id(), Some(expected));
+        assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
     }
     let mut pairs = pairs();
     pairs.look_at(0, &header(""));
-    assert_eq!(pairs.frame_id(), None);
+    assert_eq!(pairs.facts().frame_id, None);
 }
 
 /// As in a bag, calibrations without a baseline have that of the static transforms.
@@ -184,7 +185,7 @@ fn a_baseline_that_is_missing_has_its_reason() {
     for (at, message) in order.into_iter().zip(&first) {
         late.take_in(at, 0, &message.data).unwrap();
     }
-    assert!(late.remarks()[0].contains("disparities but no distances"));
+    assert!(late.facts().remarks[0].contains("disparities but no distances"));
 }
 
 fn late_place(pairs: &TopicPairs, topic: &str) -> usize {
@@ -204,7 +205,7 @@ fn a_silent_camera_does_not_fill_the_memory() {
         assert!(drain(&mut pairs).is_empty());
     }
     // At most 128 MB of the 400 wait; the others were before any image of the right camera.
-    let dropped = pairs.outside();
+    let dropped = pairs.facts().outside;
     assert!((68..80).contains(&dropped), "{dropped}");
 }
 

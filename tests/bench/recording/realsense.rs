@@ -5,7 +5,7 @@ use super::frames::{image, read};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use std::path::Path;
-use svl::recording::{Reader, SensorRole, SensorSelection};
+use svl::recording::{Reader, SensorRole, SensorSelection, truth_topics};
 use svl::stereo::{Frame, MapDensity, Truth};
 
 const SIZE: (usize, usize) = (64, 48);
@@ -132,10 +132,9 @@ fn strings_are_calibration_and_depth_is_truth() {
     let folder = tempfile::tempdir().unwrap();
     for (unit, unit_m) in [("0.001000", 0.001), ("0.000100", 0.0001)] {
         let path = bag::write_sqlite(folder.path(), &messages(unit));
-        assert_eq!(
-            Reader::open(&path).unwrap().truth_topics().unwrap(),
-            [DEPTH]
-        );
+        let reader = Reader::open(&path).unwrap();
+        let topics = truth_topics(reader.recording(), &reader.facts().topics);
+        assert_eq!(topics.unwrap(), [DEPTH]);
         check(&with_truth(&path, DEPTH), unit_m);
         std::fs::remove_file(path).unwrap();
     }

@@ -319,7 +319,8 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
         &["no focal length"],
     );
     let (_folder, path) = write_bag(all().chain([disparities(5.0, 656.0)]));
-    let topics = svl::recording::Reader::open(&path).unwrap().truth_topics();
+    let reader = svl::recording::Reader::open(&path).unwrap();
+    let topics = svl::recording::truth_topics(reader.recording(), &reader.facts().topics);
     assert_eq!(topics.unwrap(), ["/disparity"]);
 }
 

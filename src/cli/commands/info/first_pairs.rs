@@ -11,7 +11,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<FactLine> {
     let SourceFacts {
         size_px: (width, height),
         geometry,
-        focal_px,
+        camera,
         rig,
         is_constant,
         vertical_misalignment,
@@ -25,7 +25,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<FactLine> {
         " (the first pair; others have another size or calibration)"
     };
     let mut lines = vec![fact!("images", "{width}x{height} px{others}")];
-    let focal = focal_px.map(|(fx, fy)| {
+    let focal = camera.focal_px.map(|(fx, fy)| {
         if (fy / fx - 1.0).abs() < HALF_PER_MILLE {
             format!("{fx:.2} px")
         } else {

@@ -11,8 +11,8 @@ use svl::losses::RunEnding;
 use svl::outputs::Outputs;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::{Outcome, complete};
-use svl::scenario::{PairRange, SourceOptions};
-use svl::source::{Limited, Request, Source, SourceKind};
+use svl::scenario::SourceOptions;
+use svl::source::{Chain, FirstPairs, Opened, Request, SourceKind};
 
 /// Record pairs to an MCAP file
 ///
@@ -101,7 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let claim =
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
-    let mut opened = source::open(request(args, source), quiet)?;
+    let opened = limited(source::open(request(args, source), quiet)?, args)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
         Some(claimed) => claimed,
         None => {
@@ -111,7 +111,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     };
     outputs.set_aside()?;
-    opened.source = Box::new(limited(opened.source, args));
     if args.source.is_none() && !quiet {
         say_default(opened.source.pairs());
     }
@@ -170,8 +169,7 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
         let cure = "pipe it to a program, or name a file with -o FILE.mcap";
         return Err(usage::wrong(format!("-o - writes binary pairs; {cure}")));
     }
-    let mut opened = source::open(request(args, source), quiet)?;
-    opened.source = Box::new(limited(opened.source, args));
+    let opened = limited(source::open(request(args, source), quiet)?, args)?;
     let pairs = opened.source.pairs();
     let (outcome, ran) = recordings::stream(opened, quiet);
     ran?;
@@ -196,12 +194,11 @@ fn request<'a>(args: &'a Args, source: &'a str) -> Request<'a> {
 }
 
 /// The pairs of the source from the first one that is taken.
-fn limited(source: Box<dyn Source>, args: &Args) -> Limited {
-    let duration = PairRange {
-        to_s: args.duration,
-        ..PairRange::default()
-    };
-    Limited::new(source, duration, args.frames)
+fn limited(opened: Opened, args: &Args) -> svl::Result<Opened> {
+    opened.over(Chain {
+        take: FirstPairs::new(args.duration, args.frames),
+        ..Chain::default()
+    })
 }
 
 fn format(args: &Args) -> RecordingFormat {

@@ -25,7 +25,7 @@ use svl::sink::{
     CollectSink, Outbox, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest,
     Sinks, ViewerRequest,
 };
-use svl::source::{Opened, PairRegister, RegisteredSource, Request, SourceKind};
+use svl::source::{Chain, Opened, PairRegister, Registration, Request, SourceKind};
 use svl::train::with_filters;
 
 /// Pairs that may wait for matching while results are published.
@@ -72,13 +72,21 @@ impl<'a> Plan<'a> {
         let algorithms = with_filters(algorithms, &args.filters.models()?);
         let matchers = Matchers::new(&algorithms)?;
         warn_of_own_reference(&args.options, &algorithms)?;
-        let run = (opened.source.name(), opened.header.simulated());
-        let register = PairRegister::new(&algorithms)?;
-        opened.source = Box::new(RegisteredSource::new(opened.source, &register, run, true));
+        let registration = Registration {
+            register: PairRegister::new(&algorithms)?,
+            name: opened.source.name(),
+            simulated: opened.header.simulated(),
+        };
+        let chain = opened.chain.clone();
+        let opened = opened.over(Chain {
+            register: Some(registration),
+            ..Chain::default()
+        })?;
 
         outputs.set_aside()?;
         let mut manifest = Manifest {
             bits: opened.header.bits,
+            chain,
             description: Some(described.to_json()?),
             ..Manifest::new(opened.title(), &algorithms)?
         };

@@ -10,8 +10,8 @@ use svl::losses::Missing;
 use svl::outputs::Outputs;
 use svl::recording::RecordingFormat;
 use svl::report::REPORT;
-use svl::scenario::{PairRange, ScenarioKind, SourceOptions};
-use svl::source::{Limited, Request, SourceKind};
+use svl::scenario::{ScenarioKind, SourceOptions};
+use svl::source::{Chain, FirstPairs, Request, SourceKind};
 
 /// Live topics as recordings.
 pub(super) struct LiveRecordings {
@@ -113,13 +113,12 @@ fn record(
         live_s: Some(to_s),
         ..Request::new(name.as_str())
     };
-    let mut opened = source::open(request, quiet)?;
+    let opened = source::open(request, quiet)?;
     let path = recordings::free_name(&opened.stem)?;
-    let range = PairRange {
-        to_s: Some(to_s),
-        ..PairRange::default()
-    };
-    opened.source = Box::new(Limited::new(opened.source, range, None));
+    let opened = opened.over(Chain {
+        take: FirstPairs::new(Some(to_s), None),
+        ..Chain::default()
+    })?;
     let (outcome, ran) = recordings::record(opened, &path, RecordingFormat::default(), quiet);
     ran?;
     *name = path.display().to_string();

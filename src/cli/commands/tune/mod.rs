@@ -217,7 +217,7 @@ fn open<'a>(args: &'a Args, algorithms: &[Algorithm], quiet: bool) -> anyhow::Re
     let (run, judge) = open_first(quiet)?;
     let title = run.name();
     let register = PairRegister::new(algorithms)?;
-    let run = run.registered(&scenario.name, &register, true);
+    let run = run.registered(&scenario.name, &register)?;
     let again = move || Ok(Box::new(open_first(true)?.0) as Box<dyn Source>);
     Ok(Tuned {
         name: title,

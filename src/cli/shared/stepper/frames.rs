@@ -149,6 +149,14 @@ impl<'a> FrameStore<'a> {
         matches!(self.reads, Reads::Live(_))
     }
 
+    /// As [`Source::start_ns`].
+    pub(crate) fn start_ns(&self) -> Option<u64> {
+        match &self.reads {
+            Reads::Recorded { source, .. } => source.start_ns(),
+            Reads::Live(_) => None,
+        }
+    }
+
     /// Number of frames, where that is known.
     pub(crate) fn count(&self) -> Option<u64> {
         self.count

@@ -149,6 +149,11 @@ impl<'a> Stepper<'a> {
         &self.frame
     }
 
+    /// Stamp of the source's first pair, which may be before its range.
+    pub(crate) fn start_ns(&self) -> u64 {
+        self.store.start_ns().unwrap_or(self.frame.stamp_ns)
+    }
+
     /// Name of the source.
     pub(crate) fn name(&self) -> &str {
         &self.name

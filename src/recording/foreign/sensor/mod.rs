@@ -84,10 +84,10 @@ pub struct SensorTopic {
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`].
-pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Vec<String>> {
+pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<String>> {
     let channels = recording.channels()?;
     let is_candidate = |channel: &&&Channel| {
-        !pairs.contains(&channel.topic.as_str())
+        !pairs.contains(&channel.topic)
             && !topics::is_copy(channel, &channels)
             // ZED's confidence map has the pixel format of its depth image.
             && !channel.topic.contains("confidence")
@@ -130,7 +130,7 @@ impl SensorTopic {
     /// clock, or several pairs or measurements share one.
     pub(crate) fn open(
         recording: &Recording,
-        topics: [&str; 2],
+        topics: &[String; 2],
         pairs: PairStamps,
         selection: &SensorSelection,
     ) -> Result<Self> {
@@ -152,7 +152,7 @@ impl SensorTopic {
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
-        let setup = SensorSetup::find(recording, &channels, topics[0], topic, kind)?;
+        let setup = SensorSetup::find(recording, &channels, &topics[0], topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
@@ -166,7 +166,7 @@ impl SensorTopic {
             }
         };
         let measurements = Measurements::find(
-            recording, selection, topics[0], sensor, kind, pairs, &mut look,
+            recording, selection, &topics[0], sensor, kind, pairs, &mut look,
         )?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
@@ -182,7 +182,7 @@ impl SensorTopic {
                 max_skew_ns: 0,
                 role: SensorRole::Truth,
             };
-            let (left, any) = (topics[0], ("", None));
+            let (left, any) = (&topics[0], ("", None));
             Measurements::find(
                 recording,
                 &selection,

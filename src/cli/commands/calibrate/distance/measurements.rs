@@ -13,10 +13,10 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace, complete, run_through};
 use svl::runs::open_recording;
-use svl::scenario::{PairRange, SourceOptions};
+use svl::scenario::SourceOptions;
 use svl::score::{Judge, Judged};
 use svl::sink::{self, CollectSink, RunStart, Sink};
-use svl::source::{Limited, Request, Source};
+use svl::source::{Chain, FirstPairs, Request};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
 /// Largest number of measurements; more do not improve a curve.
@@ -196,7 +196,11 @@ impl Measuring<'_> {
             ..Request::new(name)
         };
         let opened = open_recording(&request, &Terminal { quiet: self.quiet })?;
-        let mut source = Limited::new(opened.source, PairRange::default(), Some(MAX_FRAMES));
+        let chain = Chain {
+            take: FirstPairs::new(None, Some(MAX_FRAMES)),
+            ..Chain::default()
+        };
+        let mut source = chain.over(opened.source)?;
         let algorithms = [self.algorithm.clone()];
         let grid = |judged: &Judged| {
             let estimate = judged.estimates.first();
@@ -210,7 +214,7 @@ impl Measuring<'_> {
         let start = RunStart::new(&manifest, None, &judge);
         let watch = Watch::new(&Terminal { quiet: self.quiet }, name, source.pairs(), None);
         let (outcome, ran) = run_through(
-            &mut source,
+            &mut *source,
             &mut Matchers::new(&algorithms)?,
             &start,
             Pace::Asap,

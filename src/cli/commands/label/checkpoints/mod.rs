@@ -116,7 +116,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
              name one with --calib"
         );
     }
-    let run = file.run(opened.start_ns.unwrap_or(stepper.frame().stamp_ns));
+    let run = file.run(stepper.start_ns());
     let (draft_file, found) = DraftFile::open(file.path(), name)?;
     let shown = args.rerun.target().cloned();
     let shown = shown.map(|target| viewer()?.steps(target)).transpose()?;
