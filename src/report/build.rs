@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
-use svl_files::outputs::{FolderRule, remove_links, write, write_json};
+use svl_files::outputs::{FolderRule, remove_no_files, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
@@ -69,7 +69,8 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
         )));
     }
     // Another file is not written through a link in the place of one of the report's.
-    remove_links(folder, &REPORT)?;
+    remove_no_files(folder, &REPORT)?;
+    units.remove_links()?;
     let (plan, sessions) = (units.plan()?, units.sessions()?);
     let runs = plan.runs.iter().map(|run| {
         RunUnits::read(&units, &plan, run, &sessions, |file| {

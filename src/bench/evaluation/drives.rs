@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
 use svl_report::CoursePlan;
 use svl_report::units::{
-    BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter, remove_file,
+    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter, remove_file,
 };
 use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
@@ -51,6 +51,56 @@ fn missing_units(
         .enumerate()
         .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
     units.map(|(_, unit)| unit).filter(is_missing).collect()
+}
+
+/// Ends a drive after its first pair.
+struct FirstPair;
+
+impl Monitor for FirstPair {
+    fn go_on(&mut self, _: u64) -> bool {
+        false
+    }
+}
+
+/// Matches the first pair of each drive again by each program that results are kept of, and
+/// forgets them if an answer is another, or if it failed on a pair.
+fn check_programs(
+    plan: &EvaluationPlan<'_>,
+    session: &mut EvaluationSession,
+    runs: &[(usize, Option<Stress>)],
+) -> Result<()> {
+    let ScenarioSource::Drive { seeds, .. } = &plan.scenario.source else {
+        return Ok(());
+    };
+    let algorithms = plan.scenario.algorithms.iter();
+    for algorithm in algorithms.filter(|own| own.spec().is_program()) {
+        let label = algorithm.label();
+        for run in &mut session.runs {
+            run.retain(|own, _, unit| own != label || !unit.has_failures());
+        }
+        for (i, (course, stress)) in runs.iter().enumerate() {
+            let first = session.runs[i].unit(label, 0).map(StoredUnit::first_row);
+            let Some(row) = first.transpose()?.flatten() else {
+                continue;
+            };
+            let drive = DrivePlan {
+                scenario: plan.scenario,
+                manifest: &session.list.manifest,
+                course: &Arc::new(Course::for_scenario(plan.scenario, seeds[*course])?),
+                algorithm,
+                latency_ms: None,
+                stress: *stress,
+                recording: None,
+            };
+            let driven = drive.drive(&mut FirstPair)?;
+            let hash = driven.rows.first().map(|row| &row.result_hash);
+            if hash != Some(&row.result_hash) {
+                session.forget_algorithm(label, row.sequence);
+                break;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The name of a drive's recording in its report.
@@ -97,6 +147,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     };
     let keys = runs.iter().map(key).collect();
     let mut session = EvaluationSession::open(plan, manifest, keys)?;
+    check_programs(plan, &mut session, &runs)?;
     session.begin()?;
     let todo = missing_units(plan, &session, &runs);
     if todo.is_empty() {

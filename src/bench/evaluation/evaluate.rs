@@ -5,9 +5,10 @@ use super::session::{EvaluationSession, MeasuredUnits};
 use super::{drives, scored_runs};
 use crate::console::Console;
 use svl_core::{Result, counted, joined};
-use svl_files::outputs::{Outputs, remove_links};
+use svl_files::outputs::{Outputs, remove_no_files};
 use svl_report::units::{RunUnits, Units};
 use svl_report::{BuildOptions, BuiltReport, REPORT, build};
+use svl_score::notice::NoticeLog;
 use svl_score::scenario::ScenarioSource;
 
 /// An evaluation that is over.
@@ -28,8 +29,12 @@ impl EvaluationPlan<'_> {
     /// the run are reported, see [`Evaluation::ran`].
     pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
         let units = Units::for_report(self.folder);
-        remove_links(self.folder, &REPORT)?;
-        units.remove_links()?;
+        {
+            // A notice of the folder is none of the report.
+            let _entered = NoticeLog::default().enter();
+            remove_no_files(self.folder, &REPORT)?;
+            units.remove_links()?;
+        }
         let measure = match &self.scenario.source {
             ScenarioSource::Drive { .. } => drives::measure,
             _ => scored_runs::measure,

@@ -7,7 +7,6 @@ use crate::source::Chain;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
 use svl_report::{Row, hash_words};
-use svl_score::notice::Notice;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {
@@ -51,12 +50,7 @@ impl RunWork<'_> {
             match answers(algorithm, opened, &rows)? {
                 ProgramAnswer::Same => {}
                 ProgramAnswer::Other(sequence) => {
-                    let text = format!(
-                        "its result of pair {sequence} is another than before: all its pairs are \
-                         matched again"
-                    );
-                    Notice::new([label], text).warn();
-                    self.session.forget_algorithm(label);
+                    self.session.forget_algorithm(label, sequence);
                     return Ok(());
                 }
                 ProgramAnswer::OtherPairs => {

@@ -6,6 +6,7 @@ use crate::runs::{self, ScoredSource};
 use crate::sink::{LiveTable, Wanted};
 use crate::source::{Chain, PairRegister, RunSource};
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use svl_core::Result;
 use svl_core::inputs::InputLog;
 use svl_report::units::{BLOCK, ReportRun, RunUnits};
@@ -77,6 +78,19 @@ impl<'a> RunOpener<'a> {
     pub(super) fn records(&self) -> Vec<RunRecord> {
         let records = self.identities.iter().map(|(record, _)| record);
         records.flatten().cloned().collect()
+    }
+
+    /// The files that were opened for each of them so far.
+    pub(super) fn opened_files(&self) -> Vec<Vec<PathBuf>> {
+        let paths = |files: &InputLog| {
+            let stamps = files.stamps().into_iter();
+            stamps.map(|file| file.path().to_owned()).collect()
+        };
+        self.runs
+            .iter()
+            .flatten()
+            .map(|(_, files)| paths(files))
+            .collect()
     }
 
     /// Names of the layers around the sources of the runs.

@@ -11,6 +11,7 @@ use crate::sink::{
 };
 use crate::source::{RunSource, Source};
 use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use svl_core::inputs::FileChange;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
@@ -36,6 +37,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     warn_of_unstressed(scenario);
+    let references = scenario.options.references()?;
     let pace = Pace::Measured {
         rounds: plan.rounds,
     };
@@ -60,11 +62,24 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
         matchers,
         pace,
+        opened: opener.opened_files(),
+        source: source_digest(&plan.description),
+        has_program_truth: references.iter().any(|own| own.spec().is_program()),
         pairs: RunPairs::default(),
     };
     work.compare_changed()?;
     work.check_programs()?;
     work.run(opener)
+}
+
+/// Digest of the description of a source. Its files are known by what was opened.
+fn source_digest(description: &serde_json::Value) -> String {
+    let mut source = description["source"].clone();
+    if let Some(keys) = source.as_object_mut() {
+        keys.remove("files");
+        keys.remove("seeds");
+    }
+    hash(&source.to_string())
 }
 
 /// Warns of the maps that others computed, which are not those of perturbed pairs.
@@ -91,6 +106,12 @@ pub(super) struct RunWork<'a> {
     /// Algorithms whose results depend on all earlier pairs of a run.
     pub(super) run_memory: BTreeSet<String>,
     pace: Pace,
+    /// Per run of the scenario the files that opening it opened.
+    opened: Vec<Vec<PathBuf>>,
+    /// Digest of the description of the source.
+    source: String,
+    /// True if a program computes the truth.
+    has_program_truth: bool,
     /// The pairs of the run under way.
     pairs: RunPairs,
 }
@@ -117,15 +138,19 @@ impl RunWork<'_> {
         hash(&before.collect::<Vec<_>>().join("\n"))
     }
 
-    /// True if the files of a run are those that were read, so that its pairs are known.
+    /// True if the files of a run are those that were read, so that its pairs are known. The answers
+    /// of a program that is the truth are not.
     fn is_known(&self, i: usize) -> bool {
         let facts = &self.session.runs[i].facts;
         // svl's own recording of a simulation is that of its description.
-        let is_cached =
-            |path| self.are_simulated() && std::path::Path::starts_with(path, RECORDINGS);
+        let is_cached = |path| self.are_simulated() && Path::starts_with(path, RECORDINGS);
         let mut files = facts.files.iter();
+        let is_named = |path: &PathBuf| facts.files.iter().any(|file| file.path() == path);
         facts.losses.is_some()
+            && facts.source == self.source
             && facts.after == self.after(i)
+            && !self.has_program_truth
+            && self.opened[self.runs[i].1].iter().all(is_named)
             && files.all(|file| match file.change() {
                 FileChange::Unchanged => true,
                 FileChange::Recent | FileChange::Gone => is_cached(file.path()),
@@ -314,6 +339,7 @@ impl RunWork<'_> {
     ) -> RunPass {
         let mut pass = RunPass {
             facts: RunFacts {
+                source: self.source.clone(),
                 after: self.after(i),
                 ..RunFacts::default()
             },

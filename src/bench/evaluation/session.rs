@@ -8,7 +8,7 @@ use svl_report::units::{
     ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file, unit_format,
 };
 use svl_score::manifest::{Manifest, Purpose};
-use svl_score::notice::NoticeLog;
+use svl_score::notice::{Notice, NoticeLog};
 
 /// The units of a report as a session finds them, and as it leaves them.
 pub(super) struct EvaluationSession {
@@ -67,7 +67,9 @@ impl EvaluationSession {
             if is_union && known.has_runs_of(&list) {
                 let labels: Vec<_> = list.labels().into_iter().map(str::to_owned).collect();
                 let earlier = known.manifest.algorithms.iter();
-                let earlier = earlier.filter(|own| !labels.contains(&own.label));
+                // A program that is not asked for cannot be asked if its answers are the same.
+                let earlier =
+                    earlier.filter(|own| !labels.contains(&own.label) && !own.is_program());
                 list.manifest.algorithms.extend(earlier.cloned());
             }
         }
@@ -98,6 +100,10 @@ impl EvaluationSession {
                 "{}: was cut or edited: its pairs are matched again",
                 file.display()
             );
+        }
+        if session.shard.is_none() {
+            let unusable = session.units.unusable(&session.sessions)?;
+            session.unusable.extend(unusable);
         }
         Ok(session)
     }
@@ -220,8 +226,12 @@ impl EvaluationSession {
         first.map_or_else(String::new, |first| first.manifest.run_id.clone())
     }
 
-    /// Forgets all results of an algorithm, which answers otherwise now.
-    pub(super) fn forget_algorithm(&mut self, label: &str) {
+    /// Forgets all results of an algorithm, which answers otherwise on that pair now.
+    pub(super) fn forget_algorithm(&mut self, label: &str, pair: u64) {
+        let text = format!(
+            "its result of pair {pair} is another than before: all its pairs are matched again"
+        );
+        Notice::new([label], text).warn();
         for run in &mut self.runs {
             let own = run.units(label);
             let paths = own.map(|(_, unit)| unit.path().to_owned());

@@ -115,7 +115,13 @@ impl UnitSink {
         let frame = &judged.frame;
         let Frame { name, pose, .. } = frame;
         let input = hash_words(judged.input_hash());
-        let key = (frame.sequence, name, pose, self.start_ns);
+        // Programs may get the colours that the pair is the luma of.
+        let colors = frame.color.as_ref();
+        let colors = colors.map(|own| {
+            own.each_ref()
+                .map(|own| hash_bytes(&own.pixels().flatten().collect::<Vec<_>>()))
+        });
+        let key = (frame.sequence, name, pose, self.start_ns, colors);
         let maps = frame.maps.iter().map(|map| {
             let pixels = map.disparity.pixels();
             let bytes: Vec<u8> = pixels.flat_map(f32::to_le_bytes).collect();

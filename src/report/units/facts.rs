@@ -16,6 +16,8 @@ pub struct RunFacts {
     pub record: Option<RunRecord>,
     /// The files that were opened, as they were: they only decide if the pairs are decoded again.
     pub files: Vec<FileStamp>,
+    /// Digest of the description of its source, with paths.
+    pub source: String,
     /// Digest of the runs whose pairs were registered before, which it has no copies of.
     pub after: String,
     /// The pairs, in their order.
@@ -61,11 +63,14 @@ impl RunFacts {
         of_run.for_each(|notice| notice.add_to(&mut self.warnings));
     }
 
-    /// Adds the warnings that are known of the same pairs.
+    /// Adds the warnings of algorithms on the same pairs. Those of the run itself are known to all
+    /// who read it.
     pub fn join(&mut self, other: &Self) {
-        for warning in &other.warnings {
-            warning.clone().add_to(&mut self.warnings);
-        }
+        let of_algorithms = other
+            .warnings
+            .iter()
+            .filter(|own| !own.algorithms.is_empty());
+        of_algorithms.for_each(|warning| warning.clone().add_to(&mut self.warnings));
     }
 }
 

@@ -20,17 +20,37 @@ pub fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Makes a folder; a link in its place is removed, not followed.
+/// Makes a folder; a link or a file in its place is removed.
 pub(super) fn make_real_folder(folder: &Path) -> Result<()> {
-    if folder.is_symlink() {
+    if folder.is_symlink() || folder.is_file() {
         remove_file(folder)?;
     }
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
 }
 
 pub(super) fn copy(from: &Path, to: &Path) -> Result<()> {
-    let bytes = std::fs::read(from).map_err(|e| Error::io(from, e))?;
+    let bytes = read(from)?;
     write_whole(to, &[&bytes])
+}
+
+/// The extension of a file that is being written, behind the number of its process.
+const PART: &str = "part";
+
+/// True for a file that [`write_whole`] began.
+pub(super) fn is_part(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut words = name.rsplit('.');
+    let is_number = |word: &str| word.parse::<u32>().is_ok();
+    words.next() == Some(PART) && words.next().is_some_and(is_number)
+}
+
+/// Reads a regular file: a pipe would never end.
+pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if !metadata.is_file() {
+        return Err(Error::format(path, "is no file"));
+    }
+    std::fs::read(path).map_err(|e| Error::io(path, e))
 }
 
 /// Writes a file under another name, and renames it once it is on the disk.
@@ -39,7 +59,7 @@ pub(super) fn copy(from: &Path, to: &Path) -> Result<()> {
 /// [`Error::Io`] with the file.
 pub(super) fn write_whole(path: &Path, parts: &[&[u8]]) -> Result<()> {
     // Another process may write the same file.
-    let begun = path.with_extension(format!("{}.part", std::process::id()));
+    let begun = path.with_extension(format!("{}.{PART}", std::process::id()));
     let write = || {
         let _ = std::fs::remove_file(&begun);
         let mut file = OpenOptions::new()
@@ -77,7 +97,7 @@ pub(super) fn write_checked(path: &Path, value: &impl Serialize) -> Result<()> {
 }
 
 pub(super) fn read_checked<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = read(path)?;
     let checked = serde_json::from_slice::<CheckedJson<'_>>(&bytes).ok();
     let content = checked.filter(|own| hash(own.content.get()) == own.checksum);
     let value = content.and_then(|own| serde_json::from_str(own.content.get()).ok());

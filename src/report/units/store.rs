@@ -3,7 +3,8 @@
 use super::BLOCK;
 use super::facts::{PairFacts, RunFacts};
 use super::io::{
-    copy, entries, files, make_real_folder, read_checked, read_or_warn, remove_file, write_checked,
+    copy, entries, files, is_part, make_real_folder, read_checked, read_or_warn, remove_file,
+    write_checked,
 };
 use super::plan::{ReportPlan, ReportRun};
 use super::unit::{StoredUnit, unit_format};
@@ -52,6 +53,13 @@ struct PlanVersion {
 struct StoredFacts<R> {
     run: String,
     facts: R,
+}
+
+/// True for the folder of a run, by its name.
+fn is_run(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let digest = name.rsplit_once('-').map_or("", |(_, digest)| digest);
+    path.is_dir() && digest.len() == 16 && digest.bytes().all(|c| c.is_ascii_hexdigit())
 }
 
 impl Units {
@@ -235,10 +243,10 @@ impl Units {
         }
         let folders: BTreeSet<_> = kept.iter().filter_map(|path| path.parent()).collect();
         for path in entries(&self.folder)? {
-            if path.is_symlink() || !path.is_dir() {
-                remove_file(&path)?;
-            } else if !folders.contains(&*path) {
-                std::fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
+            if !folders.contains(&*path) {
+                if is_run(&path) {
+                    std::fs::remove_dir_all(&path).map_err(|e| Error::io(&path, e))?;
+                }
             } else {
                 let mut others = entries(&path)?;
                 others.retain(|path| !kept.contains(path));
@@ -248,24 +256,53 @@ impl Units {
         Ok(())
     }
 
-    /// Removes links in the place of folders: what they lead to is neither written nor taken.
+    /// Removes links in the place of folders and files: what they lead to is neither written nor
+    /// taken.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn remove_links(&self) -> Result<()> {
-        let below = entries(&self.folder)?;
-        for path in below
-            .iter()
-            .chain([&self.folder])
-            .filter(|path| path.is_symlink())
-        {
-            tracing::warn!(
-                "{}: is a link, which svl does not follow: removed",
-                path.display()
-            );
-            remove_file(path)?;
+        let remove = |path: &PathBuf| {
+            let is_link = path.is_symlink();
+            if is_link {
+                tracing::warn!(
+                    "{}: is a link, which svl does not follow: removed",
+                    path.display()
+                );
+                remove_file(path)?;
+            }
+            Ok(is_link)
+        };
+        if !remove(&self.folder)? {
+            for folder in entries(&self.folder)? {
+                if !remove(&folder)? {
+                    entries(&folder)?
+                        .iter()
+                        .try_for_each(|path| remove(path).map(drop))?;
+                }
+            }
         }
         Ok(())
+    }
+
+    /// The files that killed processes left, and those in the place of sessions that are none.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn unusable(&self, sessions: &[StoredSession]) -> Result<Vec<PathBuf>> {
+        let mut paths = entries(&self.report)?;
+        for folder in entries(&self.folder)? {
+            paths.extend(entries(&folder)?);
+        }
+        let known = sessions
+            .iter()
+            .map(|own| format!("{}.json", own.manifest.run_id));
+        let known: BTreeSet<_> = known
+            .map(|name| self.sessions_folder().join(name))
+            .collect();
+        let is_session = |path: &PathBuf| path.parent() == Some(&*self.sessions_folder());
+        paths.retain(|path| is_part(path) || is_session(path) && !known.contains(path));
+        Ok(paths)
     }
 
     /// The number of folders of other runs than those of the report.
@@ -273,12 +310,10 @@ impl Units {
     /// # Errors
     /// [`Error::Io`].
     pub fn other_runs(&self, plan: &ReportPlan) -> Result<usize> {
-        let own: BTreeSet<_> = plan.runs.iter().map(ReportRun::folder).collect();
+        let own = plan.runs.iter().map(|run| self.folder.join(run.folder()));
+        let own: BTreeSet<_> = own.collect();
         let mut paths = entries(&self.folder)?;
-        paths.retain(|path| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            path.is_dir() && name != "sessions" && !own.contains(&*name)
-        });
+        paths.retain(|path| is_run(path) && !own.contains(path));
         Ok(paths.len())
     }
 

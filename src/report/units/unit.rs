@@ -4,7 +4,7 @@
 //! the tables, as CSV, and the pictures.
 
 use super::facts::PairFacts;
-use super::io::{json, write_whole};
+use super::io::{json, read, write_whole};
 use super::pictures::BlockPictures;
 use crate::csv_rows::{RowReader, csv_error};
 use crate::drives::{CoursePlan, DriveRow, TrackRow};
@@ -281,10 +281,10 @@ impl StoredUnit {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is not the unit of its run and its name.
     pub fn read(path: &Path, run: &str) -> Result<Option<Self>> {
-        let bytes = match std::fs::read(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            bytes => bytes.map_err(|e| Error::io(path, e))?,
-        };
+        if !path.exists() {
+            return Ok(None);
+        }
+        let bytes = read(path)?;
         let damaged = || Error::format(path, "is damaged");
         let (checksum, text) = split_line(&bytes).ok_or_else(damaged)?;
         let checksum = String::from_utf8_lossy(checksum).into_owned();

@@ -164,6 +164,11 @@ impl AlgorithmRecord {
         matcher::find(&self.name).is_ok_and(matcher::MatcherSpec::is_recorded)
     }
 
+    /// True if another program matches for it.
+    pub fn is_program(&self) -> bool {
+        matcher::find(&self.name).is_ok_and(matcher::MatcherSpec::is_program)
+    }
+
     /// Warnings about its program for the user, available at the end of the run.
     pub fn warnings(&self) -> impl Iterator<Item = Notice> {
         let of_program = self.program.iter().flat_map(ProgramRecord::warnings);

@@ -5,7 +5,9 @@
 use super::fixture::{Fixture, assert_says};
 use super::losses::write_bag;
 use std::collections::{BTreeMap, BTreeSet};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::time::Duration;
 
 /// A table without the columns of times and of what belongs to a session.
 fn untimed(text: &str) -> String {
@@ -163,6 +165,21 @@ fn write_pairs(fixture: &Fixture, folder: &str) {
     }
 }
 
+const CALIB: &str = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\n\
+                     doffs=0\nbaseline=100\nwidth=40\nheight=24\nndisp=16\n";
+
+/// A program that answers each pair of this size with the file `answer`.
+fn write_program(fixture: &Fixture, (width, height): (usize, usize)) {
+    let text = format!(
+        "#!/bin/sh\nwhile read -r line; do\n  head -c {} > /dev/null\n  seq=$(echo \"$line\" | sed \
+         's/.*\"seq\":\\([0-9]*\\).*/\\1/')\n  echo '{{\"seq\":'$seq',\"millis\":1}}'\n  cat answer\ndone\n",
+        2 * width * height
+    );
+    let path = fixture.write("answers.sh", text);
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    fixture.write("answer", 3_f32.to_le_bytes().repeat(width * height));
+}
+
 fn change_pixels(bytes: &mut Vec<u8>) {
     let pixels = bytes.len() - SIZE.0 * SIZE.1;
     bytes[pixels..].rotate_right(1);
@@ -292,9 +309,84 @@ const CASES: &[Case] = &[
         line: "score p --algo bm:max_disparity=8",
         history: |fixture, line| {
             fixture.run(&format!("{line} -o r"));
-            let calib = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\n\
-                         doffs=0\nbaseline=100\nwidth=40\nheight=24\nndisp=16\n";
-            fixture.write("p/calib.txt", calib);
+            fixture.write("p/calib.txt", CALIB);
+        },
+        code: 0,
+    },
+    Case {
+        name: "another recording of the same name",
+        prepare: |fixture| {
+            for (folder, seed) in [("a", 0), ("b", 7)] {
+                std::fs::create_dir(fixture.path(folder)).unwrap();
+                write_bag(fixture, &format!("{folder}/bag.mcap"), 0..20, 0..20, seed);
+            }
+        },
+        line: "score b/bag.mcap --algo bm:max_disparity=8",
+        history: |fixture, line| {
+            let other = line.replace("b/bag", "a/bag");
+            fixture.run(&format!("{other} -o r"));
+        },
+        code: 0,
+    },
+    Case {
+        name: "another calibration",
+        prepare: |fixture| {
+            write_pairs(fixture, "p");
+            fixture.write("calib.txt", CALIB);
+            fixture.write("wide.txt", CALIB.replace("baseline=100", "baseline=150"));
+        },
+        line: "score p --algo bm:max_disparity=8 --calib wide.txt",
+        history: |fixture, line| {
+            for other in ["calib.txt", "none"] {
+                let line = line.replace("wide.txt", other);
+                fixture.run(&format!("{line} -o r"));
+                fixture.run(&format!("{line} -o of-{other}"));
+                assert_same_report(fixture, ["r", &format!("of-{other}")], other);
+            }
+        },
+        code: 0,
+    },
+    Case {
+        name: "warnings and losses of files that are gone",
+        prepare: |fixture| write_pairs(fixture, "p"),
+        line: "score p --algo bm:max_disparity=8",
+        history: |fixture, line| {
+            let files = ["p/left/7.pgm", "p/right/7.pgm", "p/left/9.pgm"];
+            for file in files {
+                fixture.write(file, "no image");
+            }
+            fixture
+                .svl(&format!("{line} -o r"))
+                .failed(4, &["1 pair could not be read"]);
+            for file in files {
+                std::fs::remove_file(fixture.path(file)).unwrap();
+            }
+        },
+        code: 0,
+    },
+    Case {
+        name: "a program that is the truth",
+        prepare: |fixture| {
+            write_pairs(fixture, "p");
+            write_program(fixture, SIZE);
+        },
+        line: "score p --algo bm:max_disparity=8 --reference exec:command=./answers.sh",
+        history: |fixture, line| {
+            fixture.run(&format!("{line} -o r"));
+            fixture.write("answer", 5_f32.to_le_bytes().repeat(SIZE.0 * SIZE.1));
+        },
+        code: 0,
+    },
+    Case {
+        name: "a program at the wheel",
+        prepare: |fixture| {
+            fixture.write("small.toml", super::drive::courses(""));
+            write_program(fixture, (80, 60));
+        },
+        line: "score small.toml --drives none --seeds 1 --algo p=exec:command=./answers.sh",
+        history: |fixture, line| {
+            fixture.run(&format!("{line} -o r"));
+            fixture.write("answer", 40_f32.to_le_bytes().repeat(80 * 60));
         },
         code: 0,
     },
@@ -339,6 +431,8 @@ const CASES: &[Case] = &[
 fn check(case: &Case) {
     let fixture = Fixture::new();
     (case.prepare)(&fixture);
+    // Files are taken by their times once these are older than two seconds.
+    std::thread::sleep(Duration::from_millis(2100));
     let line = format!("{} --rerun none -q", case.line);
     (case.history)(&fixture, &line);
     let score = |report: &str| {

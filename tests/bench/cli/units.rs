@@ -165,6 +165,9 @@ fn a_program_that_answers_otherwise_is_matched_again() {
         &["net: its result of pair 0 is another than before"],
     );
     assert_eq!(score(&fixture, &[]).0, 1);
+    // What it answers now is not known where it is not asked for.
+    fixture.run("score pairs --rerun none -o r --algo bm:max_disparity=8");
+    assert!(!fixture.text("r/summary.csv").contains("net"));
 }
 
 #[test]
@@ -248,7 +251,7 @@ fn a_damaged_file_costs_its_unit_never_the_folder() {
         found.last().unwrap_or_else(|| format!("r/{pattern}"))
     };
     type Damage = fn(&Fixture, &str);
-    let kinds: [(&str, Damage); 4] = [
+    let kinds: [(&str, Damage); 5] = [
         ("cut", |fixture, file| {
             let bytes = fixture.bytes(file);
             fixture.write(file, &bytes[..bytes.len() / 2]);
@@ -258,6 +261,13 @@ fn a_damaged_file_costs_its_unit_never_the_folder() {
             let middle = bytes.len() / 2;
             bytes[middle] ^= 4;
             fixture.write(file, bytes);
+        }),
+        ("a pipe", |fixture, file| {
+            std::fs::remove_file(fixture.path(file)).unwrap();
+            let made = std::process::Command::new("mkfifo")
+                .arg(fixture.path(file))
+                .status();
+            assert!(made.unwrap().success());
         }),
         ("another file", |fixture, file| {
             fixture.write(file, "mine");
@@ -288,6 +298,8 @@ fn a_damaged_file_costs_its_unit_never_the_folder() {
         }
     }
     assert_eq!(score(&fixture, &[]).0, 1 + 70);
+    score(&fixture, &[]);
+    assert!(!fixture.text("r/manifest.json").contains("is damaged"));
     // A file of another stays where it is.
     fixture.write("r/notes.txt", "mine");
     assert_eq!(score(&fixture, &["--prune"]).1, Some(0));

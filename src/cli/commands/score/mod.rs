@@ -374,12 +374,13 @@ fn matched_line(report: &BuiltReport, session: Option<&str>) -> String {
         .iter()
         .filter(|(_, counts)| own(counts) < all(counts));
     let kept = kept.map(|(label, counts)| format!("{label} ({})", all(counts) - own(counts)));
-    let kept: Vec<_> = kept.collect();
-    format!(
-        "matched  {}; in the report already {}\n",
-        matched.collect::<Vec<_>>().join(", "),
-        kept.join(", ")
-    )
+    let [matched, kept] = [matched.collect::<Vec<_>>(), kept.collect()].map(|own| own.join(", "));
+    let matched = if matched.is_empty() {
+        "nothing"
+    } else {
+        &matched
+    };
+    format!("matched  {matched}; in the report already {kept}\n")
 }
 
 /// Which drives are kept as recordings.
