@@ -22,8 +22,15 @@ const PACKAGES: [Package; 15] = [
     Package {
         root: "core/lib.rs",
         layers: &[
-            &["error", "interrupt", "timing", "words", "statistics"],
-            &["bounded", "inputs", "stereo"],
+            &[
+                "error",
+                "inputs",
+                "interrupt",
+                "timing",
+                "words",
+                "statistics",
+            ],
+            &["bounded", "stereo"],
             &["kernel"],
             &["depth", "filter"],
             &["matcher", "rectify"],
@@ -53,6 +60,7 @@ const PACKAGES: [Package; 15] = [
                 "ffmpeg",
                 "jpeg",
                 "npz",
+                "outputs",
                 "overlay",
                 "pairing",
                 "pfm",

@@ -266,7 +266,7 @@ mod tests {
             let _entered = log.enter();
             open(&a).unwrap();
             assert!(!is_file(&none));
-            assert_eq!(list(&folder).unwrap(), [a.clone()]);
+            assert_eq!(list(&folder).unwrap(), std::slice::from_ref(&a));
         }
         std::fs::write(&b, "b").unwrap();
         open(&b).unwrap();

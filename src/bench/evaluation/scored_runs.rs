@@ -138,8 +138,8 @@ impl RunWork<'_> {
         hash(&before.collect::<Vec<_>>().join("\n"))
     }
 
-    /// True if the files of a run are those that were read, so that its pairs are known. The answers
-    /// of a program that is the truth are not.
+    /// True if the files of a run are those that were read, so that its pairs are known. Those of a
+    /// truth that a program computes are not.
     fn is_known(&self, i: usize) -> bool {
         let facts = &self.session.runs[i].facts;
         // svl's own recording of a simulation is that of its description.
@@ -162,10 +162,10 @@ impl RunWork<'_> {
     /// those that results are kept of.
     fn compare_changed(&mut self) -> Result<()> {
         let mut changed = vec![false; self.runs.len()];
-        for i in 0..self.runs.len() {
+        for (i, changed) in changed.iter_mut().enumerate() {
             if !self.is_known(i) {
-                changed[i] = self.session.runs[i].all().next().is_some();
-                if !changed[i] {
+                *changed = self.session.runs[i].all().next().is_some();
+                if !*changed {
                     // With nothing to compare, it is read as it is matched.
                     self.session.runs[i].facts = RunFacts::default();
                 }
@@ -184,8 +184,8 @@ impl RunWork<'_> {
         let mut opener = RunOpener::new(scenario, self.console, &LiveTable::default())?;
         let manifest = self.session.manifest();
         let nothing = RunUnits::default();
-        for i in 0..self.runs.len() {
-            if !changed[i] && !self.are_recordings() {
+        for (i, changed) in changed.iter().enumerate() {
+            if !changed && !self.are_recordings() {
                 continue;
             }
             let begun = opener.begin(self.runs[i]);

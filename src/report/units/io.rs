@@ -44,13 +44,12 @@ pub(super) fn is_part(path: &Path) -> bool {
     words.next() == Some(PART) && words.next().is_some_and(is_number)
 }
 
-/// Reads a regular file: a pipe would never end.
+/// Most bytes of a file of units.
+const MAX_BYTES: u64 = 1 << 40;
+
+/// Reads a file, which is a regular one.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
-    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-    if !metadata.is_file() {
-        return Err(Error::format(path, "is no file"));
-    }
-    std::fs::read(path).map_err(|e| Error::io(path, e))
+    svl_core::bounded::read_bounded(path, MAX_BYTES)
 }
 
 /// Writes a file under another name, and renames it once it is on the disk.

@@ -136,7 +136,7 @@ pub(super) fn replace_with_time(path: &Path, bytes: &[u8]) {
 }
 
 /// Changes every file of a folder, and keeps sizes and times.
-fn change_all(fixture: &Fixture, folder: &str, change: impl Fn(&mut Vec<u8>)) {
+fn change_all(fixture: &Fixture, folder: &str, change: impl Fn(&mut [u8])) {
     for file in std::fs::read_dir(fixture.path(folder)).unwrap().flatten() {
         let mut bytes = std::fs::read(file.path()).unwrap();
         change(&mut bytes);
@@ -168,24 +168,29 @@ fn write_pairs(fixture: &Fixture, folder: &str) {
 const CALIB: &str = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\n\
                      doffs=0\nbaseline=100\nwidth=40\nheight=24\nndisp=16\n";
 
+const ANSWERS: &str = r#"#!/bin/sh
+while read -r line; do
+  head -c BYTES > /dev/null
+  seq=$(echo "$line" | sed 's/.*"seq":\([0-9]*\).*/\1/')
+  echo '{"seq":'$seq',"millis":1}'
+  cat answer
+done
+"#;
+
 /// A program that answers each pair of this size with the file `answer`.
 fn write_program(fixture: &Fixture, (width, height): (usize, usize)) {
-    let text = format!(
-        "#!/bin/sh\nwhile read -r line; do\n  head -c {} > /dev/null\n  seq=$(echo \"$line\" | sed \
-         's/.*\"seq\":\\([0-9]*\\).*/\\1/')\n  echo '{{\"seq\":'$seq',\"millis\":1}}'\n  cat answer\ndone\n",
-        2 * width * height
-    );
+    let text = ANSWERS.replace("BYTES", &(2 * width * height).to_string());
     let path = fixture.write("answers.sh", text);
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
     fixture.write("answer", 3_f32.to_le_bytes().repeat(width * height));
 }
 
-fn change_pixels(bytes: &mut Vec<u8>) {
+fn change_pixels(bytes: &mut [u8]) {
     let pixels = bytes.len() - SIZE.0 * SIZE.1;
     bytes[pixels..].rotate_right(1);
 }
 
-fn change_map(bytes: &mut Vec<u8>) {
+fn change_map(bytes: &mut [u8]) {
     let pixels = bytes.len() - 4 * SIZE.0 * SIZE.1;
     bytes[pixels..].copy_from_slice(&3.9_f32.to_le_bytes().repeat(SIZE.0 * SIZE.1));
 }

@@ -247,8 +247,8 @@ fn a_damaged_file_costs_its_unit_never_the_folder() {
         let parts: Vec<_> = pattern.split('*').collect();
         let fits = |file: &String| parts.iter().all(|part| file.contains(part));
         let units = unit_files(&fixture, "r", "").into_iter();
-        let found = units.filter(|file| pattern.contains("units/") && fits(file));
-        found.last().unwrap_or_else(|| format!("r/{pattern}"))
+        let mut found = units.filter(|file| pattern.contains("units/") && fits(file));
+        found.next_back().unwrap_or_else(|| format!("r/{pattern}"))
     };
     type Damage = fn(&Fixture, &str);
     let kinds: [(&str, Damage); 5] = [

@@ -137,7 +137,7 @@ fn live_results_are_published_and_proved_by_a_recording() {
     );
 }
 
-/// All of the published topics, once `names` are among them, and the first wanted message of the first name.
+/// All published topics, once `names` are among them, and the first wanted message of the first.
 fn heard(
     address: &str,
     names: &[&str],
