@@ -21,7 +21,7 @@ use svl_files::BuildInfo;
 /// The version of the files of a report: `schema` in `manifest.json` and `summary.json`.
 ///
 /// Within one version, columns and keys keep their names, units and meanings; new ones may be
-/// added, in tables after the others. Renaming, removing or redefining one increments it.
+/// added anywhere. Renaming, removing or redefining one increments it.
 pub const SCHEMA: u32 = 1;
 
 /// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
