@@ -11,7 +11,7 @@ pub struct TestCase {
     pub result: TestResult,
 }
 
-/// Its result, with the values or the reason in words.
+/// Result of a test case, with the values or the reason in words.
 pub enum TestResult {
     Passed(String),
     Failed(String),

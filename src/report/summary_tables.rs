@@ -382,7 +382,7 @@ impl Results {
 
     fn marks_column(&self) -> Option<TableColumn> {
         let names = self.checkpoint_names();
-        // As wide as the marks: longer numbers would not be above them.
+        // The column is as wide as the marks: longer numbers would not be above them.
         let number = |(i, (number, _)): (usize, &(u32, &str))| match number {
             0..10 => number.to_string(),
             _ => ((i + 1) % 10).to_string(),

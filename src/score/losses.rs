@@ -15,7 +15,7 @@ pub enum LossLimit {
     Percent(f64),
 }
 
-/// Its form in a scenario.
+/// Form of a limit in a scenario.
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,

@@ -233,7 +233,7 @@ impl Checked {
 #[derive(Clone, Debug, Default)]
 struct CheckComparison {
     matches: usize,
-    /// Those that are right.
+    /// Matches that are right.
     good: usize,
     own: KeptMatches,
     symmetric: KeptMatches,
@@ -245,7 +245,7 @@ struct CheckComparison {
 #[derive(Clone, Debug, Default)]
 struct KeptMatches {
     matches: usize,
-    /// Those whose truth is known,
+    /// Matches whose truth is known.
     known: usize,
     /// and those that are right.
     good: usize,

@@ -432,7 +432,7 @@ mod tests {
         assert_eq!((taken, words.is_some()), (vec![101, 101, 102], true));
         // Without a range of time, all are used.
         assert_eq!(in_range(&stamps, None, None).0, stamps);
-        // Those before --from are not hidden by a jump.
+        // Pairs before --from are not hidden by a jump.
         assert_eq!(in_range(&[100, 101, 102], Some(0.2), None).1, None);
     }
 

@@ -46,7 +46,7 @@ impl PairRegister {
     /// An empty one, which warns of pairs that these algorithms were fitted to.
     ///
     /// # Errors
-    /// Those of [`Algorithm::fitted`].
+    /// The errors of [`Algorithm::fitted`].
     pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
         let learned = algorithms.iter().map(|algorithm| {
             Ok(LearnedNumbers {

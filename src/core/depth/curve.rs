@@ -102,7 +102,7 @@ impl DistanceCurve {
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
-    /// Its coefficients for disparities in pixels, lowest power first, the reverse order of
+    /// Coefficients for disparities in pixels, lowest power first, the reverse order of
     /// MATLAB's `polyfit`.
     pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
         // t = slope·d + offset, expanded by Horner's rule.
