@@ -184,7 +184,7 @@ fn count(scenario: &Scenario) -> Result<usize> {
     })
 }
 
-/// The run at index `i`.
+/// The run at index `place`.
 pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Result<ScoredSource> {
     let mut run = match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),

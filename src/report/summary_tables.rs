@@ -615,7 +615,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
     let title = format!("Stress: {}, {}: {numbers}", kind.name, kind.unit);
     let heads = heads.chain(["breaks at".to_owned()]);
     let mut table = Table::new(title, "algorithm").with_columns(heads);
-    // By size: a perturbation to either side breaks at its smallest.
+    // Levels by magnitude: an algorithm breaks at the smallest one that it fails, to either side.
     let mut by_size = levels.clone();
     by_size.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
     for algorithm in algorithms {

@@ -247,7 +247,7 @@ struct KeptMatches {
     matches: usize,
     /// Matches whose truth is known.
     known: usize,
-    /// and those that are right.
+    /// Matches that are right.
     good: usize,
     ln_ssdpi: Vec<f64>,
 }

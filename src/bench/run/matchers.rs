@@ -166,6 +166,7 @@ impl Matchers {
 
 /// Maps that the sinks no longer need, with the labels of their algorithms.
 pub(super) type Spent = Vec<(String, DisparityMap)>;
+
 impl RunMatcher {
     /// Matches a pair. A decision of cells other than the median is part of the measured time; the
     /// median costs nothing beside a matcher.

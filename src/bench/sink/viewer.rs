@@ -113,14 +113,14 @@ pub struct CellNote {
     /// Column and row.
     pub at: (usize, usize),
     pub text: String,
-    /// True if the cell is the one that the user has selected.
+    /// True if the user has selected the cell.
     pub is_picked: bool,
 }
 
 /// Target of a viewer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RerunTarget {
-    /// A new file, by custom `*.rrd`.
+    /// A new file `*.rrd`.
     File(PathBuf),
     /// A viewer: the one listening on Rerun's default port, else a new one.
     Spawn,

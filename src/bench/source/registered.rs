@@ -1,5 +1,5 @@
-//! Pairs that a command has taken, each once: the one register of copies, and of pairs that
-//! learned files were fitted to.
+//! Register of the pairs that a command has read, each once: it finds copies, and pairs that learned
+//! files were fitted to.
 
 use super::{Source, wraps};
 use parking_lot::Mutex;

@@ -124,12 +124,13 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
     Ok(algorithm)
 }
 
-/// The name of a file with one of these extensions. Two numbers with a character between them.
+/// Two numbers with a character between them.
 pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
     let (first, second) = text.split_once(between)?;
     Some((first.parse().ok()?, second.parse().ok()?))
 }
 
+/// The name of a file with one of these extensions.
 pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
 }

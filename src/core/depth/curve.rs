@@ -8,9 +8,8 @@
 //! is arbitrary, but the thesis's table contains it for every disparity from 1 on.
 //!
 //! Even inside the range, where annex B's measurements are far apart, the curve oscillates: it
-//! passes within
-//! 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm at 70 px. The
-//! pinhole model does not oscillate.
+//! passes within 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm
+//! at 70 px. The pinhole model does not oscillate.
 
 use crate::error::{Error, Result};
 use nalgebra::{SMatrix, SVector};

@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(left[3..5], [41.0, 5.0]);
         // Without a rig, a negative disparity may be one of a cropped image.
         let (check, left) = checked(&values, false);
-        // Matches of a cropped image are those of the images.
+        // Matches outside the right image are impossible.
         assert_eq!((check.removed, left[1], left[3]), (2, -1.0, f32::INFINITY));
     }
 
