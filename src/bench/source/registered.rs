@@ -1,5 +1,5 @@
-//! Register of the pairs that a command has read, each once: it finds copies, and pairs that learned
-//! files were fitted to.
+//! Register of the pairs that a command has read, each once: it finds copies, and pairs that
+//! learned files were fitted to.
 
 use super::{Source, wraps};
 use parking_lot::Mutex;
