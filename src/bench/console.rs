@@ -25,7 +25,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Its name, for several.
+    /// Plural name of the unit.
     pub fn words(self) -> &'static str {
         match self {
             Self::Pairs => "pairs",

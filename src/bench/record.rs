@@ -98,11 +98,11 @@ const MIN_ABANDONED_AGE: Duration = Duration::from_secs(60);
 /// The recording of an arena scenario with a seed in the cache `folder`, made first if the cache
 /// does not have it.
 ///
-/// Its file is named after everything that its pixels depend on, and gets that name only when it is
+/// The file is named after everything that its pixels depend on, and gets that name only when it is
 /// complete.
 ///
 /// # Errors
-/// Those of [`open_arena`] and [`record`]; [`Error::Format`] where the file with that name is
+/// The errors of [`open_arena`] and [`record`]; [`Error::Format`] where the file with that name is
 /// another recording; [`Error::Invalid`] when the monitor ends the run.
 pub fn cached_run(
     folder: &Path,

@@ -87,7 +87,7 @@ impl ScoredSource {
     /// Names of the layers around its source.
     ///
     /// # Errors
-    /// Those of the scenario's options.
+    /// The errors of the scenario's options.
     pub fn chain(&self, scenario: &Scenario) -> Result<Vec<String>> {
         match self {
             Self::Opened(opened) => Ok(opened.0.chain.clone()),
@@ -184,7 +184,7 @@ fn count(scenario: &Scenario) -> Result<usize> {
     })
 }
 
-/// The run at index `i`.
+/// The run at index `place`.
 pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Result<ScoredSource> {
     let mut run = match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),
@@ -220,7 +220,7 @@ pub const RECORDINGS: &str = "recordings";
 /// The recording of an arena scenario with a seed, made first unless the cache has it.
 ///
 /// # Errors
-/// As [`record::cached_run`]; [`Error::Interrupted`].
+/// The errors of [`record::cached_run`]; [`Error::Interrupted`].
 pub fn cached_run(
     scenario: &Scenario,
     seed: u64,
@@ -252,7 +252,7 @@ pub fn cached_run(
 /// Opens a source, with a progress bar if that takes long, and prints its notes.
 ///
 /// # Errors
-/// As [`source::open`].
+/// The errors of [`source::open`].
 pub fn open(request: Request<'_>, console: &dyn Console) -> Result<Opened> {
     // Most sources open at once and show no bar.
     let bar = OnceLock::new();
@@ -275,7 +275,7 @@ pub fn open(request: Request<'_>, console: &dyn Console) -> Result<Opened> {
 /// Opens a recording, and prints its notes.
 ///
 /// # Errors
-/// As [`source::open_recording`].
+/// The errors of [`source::open_recording`].
 pub fn open_recording(request: &Request<'_>, console: &dyn Console) -> Result<Opened> {
     let request = Request {
         host: Host {

@@ -195,7 +195,7 @@ pub unsafe extern "C" fn svl_cells(
 }
 
 /// # Safety
-/// As [`svl_cells`].
+/// The conditions of [`svl_cells`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn svl_disparities(
     handle: *mut Handle,

@@ -33,7 +33,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// As `SVL_OPTIONS` of the header.
+    /// Values of `SVL_OPTIONS` in the header.
     fn default() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -186,7 +186,7 @@ impl Options {
     }
 
     /// # Safety
-    /// As [`Options::open`].
+    /// The conditions of [`Options::open`].
     unsafe fn optics(&self) -> Result<Optics, Error> {
         // SAFETY: as the caller promised.
         let calibration = unsafe { self.calibration()? };
@@ -211,7 +211,7 @@ impl Options {
     }
 
     /// # Safety
-    /// As [`Options::open`].
+    /// The conditions of [`Options::open`].
     unsafe fn calibration(&self) -> Result<Option<StereoCalibration>, Error> {
         let (texts, count) = (self.calibration_texts, self.calibration_text_count);
         // SAFETY: as the caller promised.

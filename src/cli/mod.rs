@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_synonym_is_of_commands_and_is_none_itself() {
+    fn a_synonym_names_existing_commands_and_is_no_command() {
         let program = Cli::command();
         for (synonym, commands) in usage::SYNONYMS {
             assert!(program.find_subcommand(synonym).is_none(), "{synonym}");

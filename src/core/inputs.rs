@@ -52,7 +52,7 @@ impl Drop for EnteredLog {
 /// Opens a file to be read.
 ///
 /// # Errors
-/// As [`File::open`].
+/// The errors of [`File::open`].
 pub fn open(path: &Path) -> Result<File> {
     let file = File::open(path);
     note(path, || match &file {
@@ -65,7 +65,7 @@ pub fn open(path: &Path) -> Result<File> {
 /// The entries of a folder, in the order of their names.
 ///
 /// # Errors
-/// As [`std::fs::read_dir`].
+/// The errors of [`std::fs::read_dir`].
 pub fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let listed = std::fs::read_dir(folder).and_then(|entries| {
         let paths: Result<Vec<_>> = entries.map(|entry| Ok(entry?.path())).collect();

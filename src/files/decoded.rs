@@ -82,7 +82,7 @@ impl DecodedImage {
         }
     }
 
-    /// Its left and its right half.
+    /// The left and the right half of the image.
     ///
     /// # Errors
     /// [`Error::Invalid`] for an odd width.
@@ -187,7 +187,7 @@ impl BitDepth {
         Ok((StereoPair::new(left, right)?, color))
     }
 
-    /// As 8-bit grey, with the original colours.
+    /// The image as 8-bit grey, with the original colours.
     pub fn grey(&mut self, image: DecodedImage) -> (Gray, Option<Rgb>) {
         let bits = u32::from(self.bits.unwrap_or(16));
         if let Some(largest) = image.largest().filter(|v| u32::from(*v) >> bits > 0)

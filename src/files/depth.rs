@@ -19,7 +19,7 @@ const MILLIMETRE: f32 = 0.001;
 pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
     let (values, is_integer) = values(path, false)?;
     Ok(values.map(|value| {
-        // As in messages, where integers are millimetres.
+        // Integers are millimetres by default, as in messages.
         let depth = if is_integer {
             value / 1000.0 * unit_m.map_or(1.0, |unit_m| unit_m / MILLIMETRE)
         } else {
@@ -37,7 +37,7 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
 /// times the disparity. `has_zeros`: false where 0 is none.
 ///
 /// # Errors
-/// As [`read_depth`].
+/// The errors of [`read_depth`].
 pub fn read_disparity_steps(path: &Path, scale: f32, has_zeros: bool) -> Result<Plane<f32>> {
     let (values, _) = values(path, true)?;
     Ok(values.map(|value| {

@@ -22,7 +22,7 @@ const MAX_SAID: u64 = 4096;
 /// [`Error::Program`] where it is missing; [`Error::Io`] without a temporary file.
 pub fn start(program: &'static str, command: &mut Command) -> Result<(Child, File)> {
     let temporary = |e| Error::io(std::env::temp_dir(), e);
-    // Its name ends with this function, the file with its last user.
+    // The name of the file ends with this function, the file with its last user.
     let stderr = tempfile::NamedTempFile::new().map_err(temporary)?;
     let said = stderr.reopen().map_err(temporary)?;
     let stderr = stderr.as_file().try_clone().map_err(temporary)?;

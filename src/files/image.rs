@@ -89,7 +89,7 @@ fn gray(image: DynamicImage) -> Result<Gray> {
 /// Reads a mask with Middlebury's codes: 255 visible in both cameras, 128 occluded, else unknown.
 ///
 /// # Errors
-/// As [`read_gray`].
+/// The errors of [`read_gray`].
 pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
     Ok(read_gray(path)?.map(Visibility::from_code))
 }
@@ -97,7 +97,7 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
 /// Reads KITTI's object map: true for pixels of an object; 0 is the background.
 ///
 /// # Errors
-/// As [`read_gray`].
+/// The errors of [`read_gray`].
 pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     let image = decode(path)?.into_luma16();
     let (width, height) = (image.width() as usize, image.height() as usize);
@@ -150,7 +150,7 @@ pub(super) fn encode(
 /// Writes [`encode_png`] to `path`.
 ///
 /// # Errors
-/// Those of [`encode_png`]; [`Error::Io`].
+/// The errors of [`encode_png`]; [`Error::Io`].
 pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
     std::fs::write(path, encode_png(width, height, pixels)?).map_err(|e| Error::io(path, e))
 }

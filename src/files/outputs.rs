@@ -85,7 +85,7 @@ impl Outputs {
         Self::claim_locked(path, rule, File::try_lock)
     }
 
-    /// As [`Outputs::claim_folder`], together with other processes that claim it so.
+    /// [`Outputs::claim_folder`], together with other processes that claim it so.
     pub fn claim_shared_folder(path: &Path, rule: &'static FolderRule) -> Result<Self> {
         Self::claim_locked(path, rule, File::try_lock_shared)
     }
@@ -448,7 +448,7 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
 /// names in words.
 ///
 /// # Errors
-/// As [`Outputs::claim`]; [`Error::Io`].
+/// The errors of [`Outputs::claim`]; [`Error::Io`].
 pub fn write_with_page(path: &Path, toml: &str, markdown: &str) -> Result<String> {
     let page = path.with_extension("md");
     if let Some(there) = [path, page.as_path()]

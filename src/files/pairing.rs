@@ -5,9 +5,9 @@
 pub enum Nearest {
     /// It and the earliest image of the other camera are a pair.
     Pair,
-    /// Its nearest image of the other camera exceeds the largest skew.
+    /// The nearest image of the other camera exceeds the largest skew.
     TooFar,
-    /// Its nearest image is nearer to the next image of its own camera.
+    /// The nearest image of the other camera is nearer to the next image of this camera.
     Overtaken,
     /// The next image of its own camera, which has not arrived, may be nearer.
     Unknown,

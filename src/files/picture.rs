@@ -119,7 +119,7 @@ pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
 /// Same as [`encode_jpeg`], in colour.
 ///
 /// # Errors
-/// As [`encode_jpeg`].
+/// The errors of [`encode_jpeg`].
 pub fn encode_color_jpeg(image: &Rgb, width: usize) -> Result<Vec<u8>> {
     jpeg::<image::Rgb<u8>>(
         image.size(),

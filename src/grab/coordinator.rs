@@ -228,7 +228,7 @@ impl Coordinator {
             match camera.phase {
                 // It still has its order: a second one would only make it start over.
                 Phase::Arming => camera.enter(Phase::Arming, now_ns),
-                // Its pulse was lost: it joins the other camera's current order.
+                // The pulse was lost: the camera joins the other camera's current order.
                 Phase::Armed | Phase::Exposing => self.send_order(side, self.planned.0),
             }
         }

@@ -27,7 +27,7 @@ pub struct Driver {
     pub can_be_triggered: bool,
     /// Seed of the images if they depend on one.
     pub default_seed: Option<u64>,
-    /// Its functions, or how to get an svl that has them.
+    /// Functions of the driver, or how to get an svl that has them.
     pub functions: std::result::Result<DriverFunctions, &'static str>,
 }
 
@@ -96,7 +96,7 @@ pub struct CameraPair {
 /// A connected camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ListedCamera {
-    /// Its name in a source.
+    /// Name of the camera in a source.
     pub name: String,
     pub description: String,
     /// A line for each kind of images that it offers.
@@ -107,7 +107,7 @@ impl CameraRequest<'_> {
     /// The trigger controller, if it is the trigger source.
     ///
     /// # Errors
-    /// Those of [`SerialTrigger::open`].
+    /// The errors of [`SerialTrigger::open`].
     pub fn controller(&self) -> Result<Option<SerialTrigger>> {
         let TriggerSource::Serial(device) = self.trigger else {
             return Ok(None);

@@ -136,7 +136,7 @@ impl Grabber {
     /// [`Grabber::next_pair`], or `None` once `stopped` returns true, which is polled meanwhile.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Grabber::next_pair`].
     pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
             let latency_ns = self.clock.now_ns().saturating_sub(stamp_ns);

@@ -53,7 +53,7 @@ impl Unpaired {
         Unpaired::Unready,
     ];
 
-    /// Its name in the metadata of recordings.
+    /// Name in the metadata of recordings.
     pub fn name(self) -> &'static str {
         match self {
             Unpaired::Missed => "missed",

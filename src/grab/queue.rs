@@ -115,7 +115,7 @@ impl<T> Queue<T> {
     /// [`Queue::pop_unless`] that waits forever.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Queue::pop_unless`].
     pub fn pop(&self) -> Result<Option<T>> {
         self.pop_unless(|| false)
     }

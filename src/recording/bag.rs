@@ -64,7 +64,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// The only file of the recording at `path`.
 ///
 /// # Errors
-/// As [`files`]; also [`Error::Format`] for a bag of several files, which lists them.
+/// The errors of [`files`]; also [`Error::Format`] for a bag of several files, which lists them.
 pub fn only_file(path: &Path) -> Result<PathBuf> {
     match &files(path)?[..] {
         [file] => Ok(file.clone()),

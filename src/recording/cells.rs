@@ -113,7 +113,7 @@ impl Recording {
     /// an earlier version did.
     ///
     /// # Errors
-    /// As [`Recording::results`].
+    /// The errors of [`Recording::results`].
     pub fn cells(&self) -> Result<Vec<AlgorithmCells>> {
         self.json_messages(SCHEMA)
     }

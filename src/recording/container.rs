@@ -65,7 +65,7 @@ impl Container {
         }
     }
 
-    /// Its messages from the start, unpacked if they were compressed on their own.
+    /// Messages from the start, unpacked if they were compressed on their own.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is neither MCAP nor a bag.

@@ -26,7 +26,7 @@ pub enum ImageFormat {
 
 /// Pixel type of an image.
 pub(super) trait Pixel: Copy {
-    /// Its name in ROS and Foxglove.
+    /// Name in ROS and Foxglove.
     const ENCODING: &'static str;
     const BYTES: u32;
     const PNG: ExtendedColorType;

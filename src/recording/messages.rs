@@ -321,7 +321,7 @@ impl Messages {
     /// Advances to the next readable record, and returns its opcode; see [`Messages::record`].
     ///
     /// # Errors
-    /// As [`Messages::next`].
+    /// The errors of [`Messages::next`].
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
         loop {
             if self.records.has_ended() {
@@ -413,7 +413,7 @@ impl Messages {
                 if !channels.contains_key(id)
                     && !before.is_some_and(|before| before.channels.contains_key(id))
                 {
-                    // Its topic was in a corrupt part, so the message is unusable.
+                    // The topic was in a corrupt part, so the message is unusable.
                     return Err("a message belongs to an undeclared channel".to_owned());
                 }
                 *self.found.messages.entry(header.channel_id).or_default() += 1;

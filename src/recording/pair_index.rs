@@ -37,7 +37,7 @@ impl PairIndex {
         let mut before = None;
         for chunk in &contents.chunks {
             let start = chunk.chunk_start_offset;
-            // Its images may be in the chunk before the one that ends it.
+            // The images may be in the chunk before the one that ends the pair.
             let from = before.replace(start).unwrap_or(start);
             for id in &channels {
                 let Some(&offset) = chunk.message_index_offsets.get(id) else {
@@ -66,7 +66,7 @@ impl PairIndex {
     /// The messages of the file, starting before a pair.
     ///
     /// # Errors
-    /// As [`Messages::open`].
+    /// The errors of [`Messages::open`].
     pub(super) fn messages(&self, file: &McapFile, place: PairPlace) -> Result<Messages> {
         Messages::from(file, place.chunk, self.declared.clone())
     }

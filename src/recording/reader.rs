@@ -51,8 +51,8 @@ impl Reader {
     /// Reads the first pair of an open recording, from the selected topics if svl did not write it.
     ///
     /// # Errors
-    /// As [`Reader::open`]; [`Error::Format`] also if the topics of the cameras are missing or
-    /// ambiguous.
+    /// The errors of [`Reader::open`]; [`Error::Format`] also if the topics of the cameras are
+    /// missing or ambiguous.
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;

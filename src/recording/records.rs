@@ -65,7 +65,7 @@ pub(super) struct Records {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Extent {
     All,
-    /// Those outside of chunks: neither messages nor the damage among them.
+    /// Records outside of chunks: neither messages nor the damage among them.
     Beside,
     /// The summary section.
     Summary,

@@ -69,7 +69,7 @@ impl Recording {
     /// Reads the results in the order of the recording, pair by pair.
     ///
     /// # Errors
-    /// As [`Recording::results`].
+    /// The errors of [`Recording::results`].
     pub fn stored_results(&self) -> Result<StoredResults> {
         Ok(StoredResults {
             events: self.only_file()?.messages()?,

@@ -54,7 +54,7 @@ impl RecordSearch {
     /// The first position in `range` where a proven record begins.
     ///
     /// # Errors
-    /// Those of reading the file.
+    /// The errors of reading the file.
     pub(super) fn next(&mut self, range: Range<u64>) -> io::Result<Option<u64>> {
         let mut window = Vec::new();
         let mut at = range.start;

@@ -40,7 +40,7 @@ impl SqliteFile {
     /// The channels in the order of their topics.
     ///
     /// # Errors
-    /// As [`SqliteFile::messages`].
+    /// The errors of [`SqliteFile::messages`].
     pub(super) fn channels(&self) -> Result<Vec<Channel>> {
         let mut channels: Vec<_> = self.messages()?.channels.into_values().collect();
         channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));

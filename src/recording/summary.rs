@@ -77,7 +77,7 @@ pub struct RecordingSummary {
     pub skew: Option<SkewSummary>,
     /// Unpaired images, as counted by the recorder.
     pub drops: u64,
-    /// Those before the first pair.
+    /// Unpaired images before the first pair.
     pub drops_before: u64,
     /// Images without a partner in another program's recording.
     pub unpaired: Option<UnpairedImages>,
@@ -86,7 +86,7 @@ pub struct RecordingSummary {
     pub repeated_images: [u64; 2],
     /// The poses in another program's recording, if it has any.
     pub poses: Option<PoseSummary>,
-    /// Its topics of videos, by name.
+    /// Topics of videos, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub videos: BTreeMap<String, VideoSummary>,
 }

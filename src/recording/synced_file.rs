@@ -58,7 +58,7 @@ impl SyncedFile {
     /// Locks the file for `act`.
     ///
     /// # Errors
-    /// Those of `act`; the error of the thread's last sync, once.
+    /// The errors of `act`; the error of the thread's last sync, once.
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut AppendFile) -> Result<T>) -> Result<T> {
         let mut shared = self.shared.lock();
         std::mem::replace(&mut shared.synced, Ok(()))?;

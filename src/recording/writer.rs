@@ -203,7 +203,7 @@ impl Writer {
     /// live topics have.
     ///
     /// # Errors
-    /// As [`Writer::write`].
+    /// The errors of [`Writer::write`].
     pub fn write_result(&mut self, frame: &Frame, result: &PairResult) -> Result<()> {
         let stamp = RosStamp::new(frame.stamp_ns)?;
         // Labels may contain paths (exec), and slashes would create namespaces.

@@ -98,7 +98,7 @@ pub(super) struct RangeErrors {
     relative: f64,
     resting: u64,
     flickers: u64,
-    /// Those known in both pairs, and their squared differences of successive errors.
+    /// Cells known in both pairs, and their squared differences of successive errors.
     known: u64,
     squares: f64,
 }
@@ -192,7 +192,7 @@ impl AccuracyTally {
         }
     }
 
-    /// As [`AccuracyTally::add`], for the cells of one algorithm; returns the errors that they add,
+    /// [`AccuracyTally::add`] for the cells of one algorithm; returns the errors that they add,
     /// by [`AreaChoice`].
     pub(super) fn take_pair(&mut self, stamp_ns: u64, cells: &[CellRow]) -> PairErrors {
         self.add(stamp_ns, cells);

@@ -104,7 +104,7 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
 /// The results of the checkpoints so far, as Markdown.
 ///
 /// # Errors
-/// As [`build`].
+/// The errors of [`build`].
 pub fn checkpoint_results(folder: &Path) -> Result<String> {
     let units = Units::for_report(folder);
     let (plan, sessions) = (units.plan()?, units.sessions()?);

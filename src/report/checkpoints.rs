@@ -12,7 +12,7 @@ pub(crate) struct RunTallies<'a> {
 }
 
 impl<'a> RunTallies<'a> {
-    /// Those of these algorithms.
+    /// Empty tallies of these algorithms.
     pub(crate) fn new(labels: Vec<&'a str>, checkpoints: &'a [Checkpoint]) -> Self {
         let tallies = vec![CheckpointTally::default(); labels.len()];
         Self {

@@ -26,10 +26,10 @@ impl<R: Record> RowReader<R> {
         Self::new(path, Box::new(file))
     }
 
-    /// As [`RowReader::open`], of the text that `file` gives.
+    /// [`RowReader::open`] on the text that `file` gives.
     ///
     /// # Errors
-    /// As [`RowReader::open`].
+    /// The errors of [`RowReader::open`].
     pub fn new(path: &Path, file: Box<dyn Read + Send>) -> Result<Self> {
         let mut reader = csv::Reader::from_reader(file);
         let places = ColumnPlaces::new(reader.headers().map_err(|e| csv_error(path, e))?);

@@ -86,7 +86,7 @@ pub const METRIC_NAMES: TableDescription = TableDescription {
 };
 
 impl TableDescription {
-    /// Its columns with types, units and meanings.
+    /// Columns of the table with types, units and meanings.
     pub fn table(&self) -> Table {
         let heads = ["type", "heading", "unit", "meaning"];
         let mut table = Table::new(self.name, "column").with_texts(heads);

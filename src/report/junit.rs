@@ -11,7 +11,7 @@ pub struct TestCase {
     pub result: TestResult,
 }
 
-/// Its result, with the values or the reason in words.
+/// Result of a test case, with the values or the reason in words.
 pub enum TestResult {
     Passed(String),
     Failed(String),
@@ -19,7 +19,7 @@ pub enum TestResult {
     Skipped(String),
 }
 
-/// A document of one suite. Of equal names the later ones have a number.
+/// A document of one suite. A number follows a name that an earlier case has.
 pub fn junit(suite: &str, cases: &[TestCase]) -> String {
     let count = |is_counted: fn(&TestResult) -> bool| {
         cases.iter().filter(|case| is_counted(&case.result)).count()

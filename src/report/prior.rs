@@ -29,7 +29,7 @@ record! {
         area: Option<CellArea>,
         /// Median true disparity.
         true_median_px: Option<f64>,
-        /// Its distance.
+        /// Distance at the median true disparity.
         true_distance_m: Option<f64>,
         /// A quarter is an obstacle; absent if that is unknown.
         is_obstacle: Option<bool>,

@@ -93,7 +93,7 @@ pub struct ReportTables {
     pub rows: Vec<Row>,
     pub failures: Vec<FailureRow>,
     pub checkpoints: Vec<CheckpointRow>,
-    /// Of cells, where they are asked for.
+    /// Accuracy of cells, where they are asked for.
     pub accuracy: Vec<AccuracyRow>,
     pub reliability: Vec<ReliabilityRow>,
     /// The rows of the prior, where cells are scored by distances.
@@ -338,7 +338,7 @@ impl AlgorithmSummary {
         counts.sum::<Option<f64>>().map(|cells| cells as u64)
     }
 
-    /// As [`Self::scored`], the cells that a metric is of.
+    /// [`Self::scored`], with the number of the cells that a metric is of.
     pub fn scored_for(&self, metric: &Metric, area: AreaChoice) -> Option<(u64, u64)> {
         let (pairs, cells) = self.scored()?;
         let of_area = || self.cells_in(area).unwrap_or_default();
@@ -351,7 +351,7 @@ impl AlgorithmSummary {
         self.value_in(metric, self.totals.area())
     }
 
-    /// As [`Self::value`], of the cells of an area.
+    /// [`Self::value`] over the cells of an area.
     pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } => {
@@ -392,7 +392,7 @@ impl Results {
     /// The results of these tables.
     ///
     /// # Errors
-    /// As [`Results::from_rows`].
+    /// The errors of [`Results::from_rows`].
     pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
         let sums = Self::from_rows(&tables.rows, &tables.checkpoints)?;
         let prior: Vec<_> = tables.prior.iter().collect();
@@ -527,7 +527,7 @@ impl Results {
         self.value_in(label, metric, checkpoint, self.basis.area)
     }
 
-    /// As [`Self::value`], of the cells of an area.
+    /// [`Self::value`] over the cells of an area.
     pub fn value_in(
         &self,
         label: &str,

@@ -238,7 +238,7 @@ record! {
 }
 
 impl Row {
-    /// Its pair in words.
+    /// The pair of the row in words.
     pub(super) fn origin_words(&self) -> String {
         let seed = self.seed.map(|seed| format!("seed {seed}, "));
         let run = self.run.as_ref().map(|run| format!("{run}, "));

@@ -47,7 +47,7 @@ pub fn for_runs(
 /// The two seconds before the fastest collision of each algorithm, in the order of the labels.
 ///
 /// # Errors
-/// As [`for_runs`].
+/// The errors of [`for_runs`].
 pub fn for_drives(
     labels: &[&str],
     runs: &[RunUnits],
@@ -59,7 +59,7 @@ pub fn for_drives(
             let is_hit = row.event.as_deref() == Some("collision");
             row.algorithm == *label && row.stress.is_none() && is_hit
         });
-        // Of equal speeds the first.
+        // The first of equal speeds.
         let fastest = hits.reduce(|best, row| {
             if row.speed_m_per_s > best.speed_m_per_s {
                 row
@@ -89,7 +89,7 @@ pub(super) struct LeftImages {
 }
 
 impl LeftImages {
-    /// Those of a report's folder; none without units of this version of svl.
+    /// The images of a report's folder; none without units of this version of svl.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file.
@@ -120,7 +120,7 @@ impl LeftImages {
     /// The image of the row's pair, which the report has under that name of the recording.
     ///
     /// # Errors
-    /// As [`LeftImages::find`].
+    /// The errors of [`LeftImages::find`].
     pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
         let key = (row.seed, run.map(str::to_owned), row.sequence);
         let unit = self.units.get(&key);
@@ -135,7 +135,7 @@ type PlaceInRuns = (usize, u64);
 /// The pictures of the runs so far.
 struct ChosenPictures {
     checkpoints: Vec<Checkpoint>,
-    /// Those that are chosen from, by checkpoint and algorithm, with run and place.
+    /// Shots that are chosen from, by checkpoint and algorithm, with run and place.
     shots: BTreeMap<(u32, String), Vec<(PlaceInRuns, CheckpointShot)>>,
     samples: BTreeMap<PlaceInRuns, CheckpointFigure>,
     scenes: BTreeMap<PlaceInRuns, SceneFigure>,
@@ -236,9 +236,9 @@ impl ChosenPictures {
     }
 }
 
-/// Those that are spread evenly over each run, and, if these are too many, over all runs.
+/// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
 fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
-    // Of a run that was interrupted, as many as are known.
+    // A run that was interrupted has as many pairs as are known.
     let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
     let on_stride = |(run, place): &PlaceInRuns| place.is_multiple_of(stride(pairs(*run), limit));
     let kept: Vec<_> = all

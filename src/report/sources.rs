@@ -26,13 +26,13 @@ struct SummaryFile {
 }
 
 impl Sources {
-    /// Those of the report in a folder; none of an incomplete one.
+    /// The files of the report in a folder; none of an incomplete one.
     pub fn read(folder: &Path) -> Option<Self> {
         let summary: SummaryFile = read_json(&folder.join(SUMMARY)).ok()?;
         Some(summary.made_of)
     }
 
-    /// Those of a folder whose tables are written, of the units with that digest.
+    /// The files of a folder whose tables are written, of the units with that digest.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].

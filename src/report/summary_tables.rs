@@ -382,7 +382,7 @@ impl Results {
 
     fn marks_column(&self) -> Option<TableColumn> {
         let names = self.checkpoint_names();
-        // As wide as the marks: longer numbers would not be above them.
+        // The column is as wide as the marks: longer numbers would not be above them.
         let number = |(i, (number, _)): (usize, &(u32, &str))| match number {
             0..10 => number.to_string(),
             _ => ((i + 1) % 10).to_string(),
@@ -615,7 +615,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
     let title = format!("Stress: {}, {}: {numbers}", kind.name, kind.unit);
     let heads = heads.chain(["breaks at".to_owned()]);
     let mut table = Table::new(title, "algorithm").with_columns(heads);
-    // By size: a perturbation to either side breaks at its smallest.
+    // Levels by magnitude: an algorithm breaks at the smallest one that it fails, to either side.
     let mut by_size = levels.clone();
     by_size.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
     for algorithm in algorithms {

@@ -32,7 +32,7 @@ struct Parquet<R> {
     path: PathBuf,
     writer: BatchedWriter<CheckedFile>,
     failed: Arc<Mutex<Option<std::io::Error>>>,
-    /// Those of the group that is not written yet.
+    /// Rows of the group that is not written yet.
     rows: Vec<R>,
 }
 
@@ -233,7 +233,7 @@ impl Results {
     /// each as `.csv` and `.parquet`, into a folder that exists.
     ///
     /// # Errors
-    /// As [`TableWriter::push`].
+    /// The errors of [`TableWriter::push`].
     pub fn write_tables(&self, folder: &Path) -> Result<()> {
         let mut algorithms = TableWriter::create_both(folder, "summary")?;
         algorithms.push(self.algorithms.iter().cloned())?;

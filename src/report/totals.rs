@@ -11,7 +11,7 @@ impl Results {
     /// Sums up the rows of a run; those of perturbed pairs in [`Results::stress`].
     ///
     /// # Errors
-    /// Those of a perturbation that svl does not know.
+    /// The errors of a perturbation that svl does not know.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let sums = |stress: Option<&str>| {
             let own = rows.iter().filter(|row| row.stress.as_deref() == stress);

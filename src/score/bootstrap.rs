@@ -131,7 +131,7 @@ fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] 
 pub enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
     Ratio(Vec<[f64; 2]>),
-    /// As a ratio; the value is its square root.
+    /// Numerator and denominator; the value is the square root of the ratio of their sums.
     Root(Vec<[f64; 2]>),
     /// The value is the sum.
     Count(Vec<f64>),

@@ -15,7 +15,7 @@ pub enum LossLimit {
     Percent(f64),
 }
 
-/// Its form in a scenario.
+/// Form of a limit in a scenario.
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn each_algorithm_may_fail_on_so_many() {
+    fn the_limit_of_losses_applies_to_each_algorithm() {
         let losses = Losses::default;
         let few = missing(200, losses(), &[(200, 2), (200, 2), (200, 2)]);
         assert_eq!(state(&few, Some("1%")), RunState::Complete);

@@ -32,7 +32,7 @@ pub struct Condition {
 pub struct Quantity {
     pub name: String,
     pub unit: &'static str,
-    /// As in the thesis; `None` if it gives none.
+    /// Number in the thesis; `None` if it gives none.
     pub thesis: Option<String>,
     /// `None` if there was nothing to measure.
     pub ours: Option<f64>,

@@ -46,9 +46,9 @@ use svl_score::scenario::Scenario;
 
 /// One of the thesis's figures or tables, and svl's experiment for it.
 pub struct Experiment {
-    /// Its name on the command line, then other figures of the same experiment.
+    /// Name on the command line, then other figures of the same experiment.
     pub figures: &'static [&'static str],
-    /// Its place in the thesis, as a heading.
+    /// Place in the thesis, as a heading.
     pub place: &'static str,
     pub title: &'static str,
     /// The thesis's claim, with its section.
@@ -99,7 +99,7 @@ pub fn find(figure: &str) -> Result<&'static Experiment> {
 }
 
 impl Experiment {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn figure(&self) -> &'static str {
         self.figures[0]
     }
@@ -184,7 +184,8 @@ impl<'a> Context<'a> {
     /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
     ///
     /// # Errors
-    /// Those of the run; [`Error::Invalid`] if an algorithm fails or the monitor ends the work.
+    /// The errors of the run; [`Error::Invalid`] if an algorithm fails or the monitor ends the
+    /// work.
     fn run(
         &mut self,
         source: &mut dyn Source,
@@ -226,7 +227,7 @@ impl<'a> Context<'a> {
     /// The frames with their scored estimates, in the order of the algorithms.
     ///
     /// # Errors
-    /// As [`Context::run`].
+    /// The errors of [`Context::run`].
     fn judged(
         &mut self,
         frames: Vec<Frame>,

@@ -233,7 +233,7 @@ impl Checked {
 #[derive(Clone, Debug, Default)]
 struct CheckComparison {
     matches: usize,
-    /// Those that are right.
+    /// Matches that are right.
     good: usize,
     own: KeptMatches,
     symmetric: KeptMatches,
@@ -245,9 +245,9 @@ struct CheckComparison {
 #[derive(Clone, Debug, Default)]
 struct KeptMatches {
     matches: usize,
-    /// Those whose truth is known,
+    /// Matches whose truth is known.
     known: usize,
-    /// and those that are right.
+    /// Matches that are right.
     good: usize,
     ln_ssdpi: Vec<f64>,
 }

@@ -56,7 +56,7 @@ impl LearnedGaps {
     /// Adds the gaps of a share of a scenario's runs.
     ///
     /// # Errors
-    /// Those of the runs; [`Error::Invalid`] for frames without truth, [`Error::Usage`] for
+    /// The errors of the runs; [`Error::Invalid`] for frames without truth, [`Error::Usage`] for
     /// recordings that share pairs.
     pub fn learn(
         &mut self,

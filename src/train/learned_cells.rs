@@ -75,7 +75,7 @@ impl LearnedCells {
     /// Adds the cells of a share of the runs of a scenario, which is in the file at `path`.
     ///
     /// # Errors
-    /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from,
+    /// The errors of the runs; [`Error::Invalid`] for a scenario without cells to learn from,
     /// [`Error::Usage`] for recordings that share pairs.
     pub fn learn(
         &mut self,

@@ -57,7 +57,7 @@ const MIN_CELLS: usize = 20;
 /// `settings` train another. `with`: v5 with the model in a file.
 ///
 /// # Errors
-/// Those of the runs; [`Error::Invalid`] for too few cells or runs, [`Error::Interrupted`].
+/// The errors of the runs; [`Error::Invalid`] for too few cells or runs, [`Error::Interrupted`].
 pub fn train_v5(
     scenarios: Vec<TrainingScenario>,
     base: V5Model,

@@ -29,7 +29,7 @@ impl RerunBoard {
     /// Opens `target` for boards of `columns` corners in a row.
     ///
     /// # Errors
-    /// As [`svl_bench::sink::Viewer::run`].
+    /// The errors of [`svl_bench::sink::Viewer::run`].
     pub(crate) fn new(target: RerunTarget, columns: usize) -> Result<Self> {
         let image = |side: &str| {
             LayoutView::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into()

@@ -92,7 +92,7 @@ pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthI
 /// that of the nearest obstacle.
 ///
 /// # Errors
-/// As [`files::encode_classes_png`], like the next ones.
+/// The errors of [`files::encode_classes_png`].
 pub(crate) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
     let codes = no_depth_classes(map, rig);
     let png = files::encode_classes_png(&codes, &[[0; 4], UNKNOWN])?;

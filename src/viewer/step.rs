@@ -27,7 +27,7 @@ impl RerunSteps {
     /// Opens `target`.
     ///
     /// # Errors
-    /// As [`svl_bench::sink::Viewer::run`].
+    /// The errors of [`svl_bench::sink::Viewer::run`].
     pub(crate) fn new(target: RerunTarget) -> Result<Self> {
         let image = LayoutView::new("2D", "left", "step/left", ["+ $origin/**"]).into();
         let state = LayoutView::new("TextDocument", "state", "step/state", ["+ $origin"]).into();

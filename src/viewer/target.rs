@@ -29,7 +29,7 @@ fn missing() -> Error {
 /// Checks that a viewer is listening, or that the one on the PATH can be started.
 ///
 /// # Errors
-/// As [`find_program`].
+/// The errors of [`find_program`].
 pub(crate) fn find_viewer() -> Result<()> {
     let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
     match TcpStream::connect_timeout(&listening, CONNECT) {
@@ -95,7 +95,7 @@ impl ViewStream {
     /// Opens `target` for a recording with that name and layout.
     ///
     /// # Errors
-    /// As [`svl_bench::sink::Viewer::run`].
+    /// The errors of [`svl_bench::sink::Viewer::run`].
     pub(crate) fn open(target: RerunTarget, name: &str, root: &LayoutNode) -> Result<Self> {
         let target = Destination(target);
         let stream = target.open(RecordingStreamBuilder::new(APPLICATION).recording_name(name))?;

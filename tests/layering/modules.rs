@@ -10,7 +10,7 @@ pub(crate) type Id = Vec<String>;
 
 /// One file.
 pub(crate) struct Module {
-    /// Its text without comments, literals and test code.
+    /// Text without comments, literals and test code.
     pub(crate) code: String,
     uses: Vec<Use>,
 }

@@ -157,6 +157,37 @@ fn names_say_what_they_name() {
     at_most(0, &found, "unclear names");
 }
 
+/// The words that no comment begins with: a comment begins with its subject.
+const NO_SUBJECTS: [&str; 5] = ["Those", "Likewise", "Its", "As", "Of"];
+
+/// The text of a line that is a comment.
+fn comment(line: &str) -> Option<&str> {
+    let text = line.trim_start().strip_prefix("//")?;
+    Some(text.strip_prefix(['/', '!']).unwrap_or(text).trim())
+}
+
+#[test]
+fn a_comment_begins_with_its_subject() {
+    let mut found = Vec::new();
+    for file in ["src", "tests"]
+        .iter()
+        .flat_map(|folder| rust(&root().join(folder)))
+    {
+        let text = fs::read_to_string(&file).unwrap();
+        // True after code, an empty line and a heading.
+        let mut begins = true;
+        for (i, line) in text.lines().enumerate() {
+            let comment = comment(line);
+            let first = comment.and_then(|text| text.split(|c: char| !c.is_alphanumeric()).next());
+            if begins && first.is_some_and(|first| NO_SUBJECTS.contains(&first)) {
+                found.push(format!("{}:{}: {}", short(&file), i + 1, line.trim()));
+            }
+            begins = comment.is_none_or(|text| text.is_empty() || text.starts_with('#'));
+        }
+    }
+    at_most(0, &found, "comments begin without a subject");
+}
+
 #[test]
 fn every_test_file_is_in_a_program_and_programs_are_few() {
     let tests = root().join("tests");

@@ -63,7 +63,7 @@ fn assert_as_in_the_bench(algorithm: &str, mut ranger: Ranger, rectifier: Option
         let rectified = RectifiedPair::assume(&pair);
         matcher.compute(rectified, &context, &mut output).unwrap();
         let map = output.disparity.disparity();
-        // As the judge makes them.
+        // The cells as the judge makes them.
         let made = || depth::cells(map, pair.left(), settings, rule, rig.as_ref());
         let grid = output.grid.clone().unwrap_or_else(made);
         assert_eq!(cells.len(), grid.shape().cells());

@@ -36,7 +36,7 @@ impl Course {
     /// A random layout, without a route.
     ///
     /// # Errors
-    /// Those of [`ArenaWorld::unpainted`].
+    /// The errors of [`ArenaWorld::unpainted`].
     pub(super) fn draw(
         arena: &ArenaConfig,
         drive: &DriveConfig,

@@ -40,7 +40,7 @@ impl Course {
     /// A course of a scenario.
     ///
     /// # Errors
-    /// As [`Course::new`]; [`Error::Invalid`] for a scenario of another kind.
+    /// The errors of [`Course::new`]; [`Error::Invalid`] for a scenario of another kind.
     pub fn for_scenario(scenario: &Scenario, seed: u64) -> Result<Self> {
         match &scenario.source {
             ScenarioSource::Drive { config, drive, .. } => {

@@ -30,7 +30,7 @@ pub struct DrivePlan<'a> {
     pub latency_ms: Option<f64>,
     /// The perturbation of its pairs, if any.
     pub stress: Option<Stress>,
-    /// Its recording, if it is recorded; the file is new.
+    /// Recording of the drive, if it is recorded; the file is new.
     pub recording: Option<&'a Path>,
 }
 
@@ -57,7 +57,7 @@ impl DrivePlan<'_> {
     /// Drives.
     ///
     /// # Errors
-    /// Those of the algorithm's build, of rendering, and of the recording.
+    /// The errors of the algorithm's build, of rendering, and of the recording.
     pub fn drive(&self, monitor: &mut dyn Monitor) -> Result<DriveResult> {
         let latency_s = self.latency_ms.map(|ms| 1.0e-3 * ms);
         let source = DriveSource::new(

@@ -357,7 +357,7 @@ mod tests {
                 log.skipped(),
                 skipped.iter().filter(|is| **is).count() as u64
             );
-            // As far as it drove, along the route.
+            // The route advances by the distance that was driven.
             assert!((log.route_m - log.driven_m()).abs() < 0.05, "{periods}");
         }
     }

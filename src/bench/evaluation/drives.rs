@@ -248,7 +248,7 @@ impl DriveWork<'_> {
         let name = recording_name(self.scenario, seed, unit);
         let path = self.folder.join(name);
         let recording = self.keep.then_some(&path);
-        // Of a drive that is driven again.
+        // An earlier recording of this drive.
         remove_file(&path)?;
         let algorithm = &self.scenario.algorithms[unit.algorithm];
         let plan = DrivePlan {

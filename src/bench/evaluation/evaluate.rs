@@ -25,8 +25,8 @@ impl EvaluationPlan<'_> {
     /// Runs the evaluation into the folder, which `outputs` claims.
     ///
     /// # Errors
-    /// Those of sources, algorithms and files that leave no report. Results before an error during
-    /// the run are reported, see [`Evaluation::ran`].
+    /// The errors of sources, algorithms and files that leave no report. Results before an error
+    /// during the run are reported, see [`Evaluation::ran`].
     pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
         let units = Units::for_report(self.folder);
         {

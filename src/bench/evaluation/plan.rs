@@ -44,7 +44,7 @@ pub struct EvaluationPlan<'a> {
 /// The results in the folder that are matched again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Again {
-    /// Those that are missing.
+    /// Results that are missing.
     #[default]
     Missing,
     /// Also those of blocks whose times are of several sessions.

@@ -37,7 +37,7 @@ impl RunWork<'_> {
         let has_memory = self.run_memory.contains(label);
         for i in 0..self.runs.len() {
             let units = self.session.runs[i].units(label);
-            // Of later blocks, results depend on all earlier pairs.
+            // With a memory of the run, results of later blocks depend on all earlier pairs.
             let units = units.filter(|(block, _)| *block == 0 || !has_memory);
             let rows = units.map(|(_, unit)| unit.first_row());
             let rows: Vec<Row> = rows.filter_map(Result::transpose).collect::<Result<_>>()?;

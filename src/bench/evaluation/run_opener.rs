@@ -36,7 +36,7 @@ pub(super) struct RunOpener<'a> {
     live: LiveTable,
     /// The recording of each run, or its seed.
     identities: Vec<(Option<RunRecord>, Option<u64>)>,
-    /// Those that were not opened yet: perturbed, a run is opened anew.
+    /// The runs that were not opened yet: perturbed, a run is opened anew.
     runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
     register: PairRegister,
@@ -48,7 +48,7 @@ impl<'a> RunOpener<'a> {
     /// first is scored.
     ///
     /// # Errors
-    /// As [`runs::runs`].
+    /// The errors of [`runs::runs`].
     pub(super) fn new(
         scenario: &'a Scenario,
         console: &'a dyn Console,
@@ -128,7 +128,7 @@ impl<'a> RunOpener<'a> {
     /// Opens a run, recorded first if the cache does not have it.
     ///
     /// # Errors
-    /// Those of its source, and of checkpoints that no frame of it could pass.
+    /// The errors of its source, and of checkpoints that no frame of it could pass.
     pub(super) fn open(&mut self, (stress, place): RunPlace) -> Result<OpenedRun> {
         if self.stress != stress {
             // The user was warned of what was fitted to.

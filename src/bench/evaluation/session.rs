@@ -36,7 +36,8 @@ impl EvaluationSession {
     /// written.
     ///
     /// # Errors
-    /// Those of the units' files; [`Error::Invalid`] for a shard of another run than the folder's.
+    /// The errors of the units' files; [`Error::Invalid`] for a shard of another run than the
+    /// folder's.
     pub(super) fn open(
         plan: &EvaluationPlan<'_>,
         mut manifest: Manifest,
@@ -127,7 +128,7 @@ impl EvaluationSession {
         run
     }
 
-    /// Its identifier.
+    /// Identifier of the session.
     pub(super) fn id(&self) -> &str {
         &self.list.manifest.run_id
     }
@@ -187,10 +188,10 @@ impl EvaluationSession {
         Ok(())
     }
 
-    /// As [`Self::set_facts`], and writes them.
+    /// [`Self::set_facts`], and writes them.
     ///
     /// # Errors
-    /// As [`Self::set_facts`].
+    /// The errors of [`Self::set_facts`].
     pub(super) fn store_facts(&mut self, i: usize, facts: RunFacts) -> Result<()> {
         // Another shard may have written its own.
         let _lock = self.shard.as_ref().and_then(|_| self.units.lock());
@@ -240,7 +241,7 @@ impl EvaluationSession {
         }
     }
 
-    /// Its manifest as it begins.
+    /// Manifest of the session as it begins.
     pub(super) fn manifest(&self) -> Manifest {
         let mut manifest = Manifest {
             shard: self.shard.clone(),
@@ -254,7 +255,7 @@ impl EvaluationSession {
     /// Writes what is known of the session itself.
     ///
     /// # Errors
-    /// As [`Self::begin`].
+    /// The errors of [`Self::begin`].
     pub(super) fn write(&mut self, manifest: &Manifest) -> Result<()> {
         self.units.write_session(manifest)?;
         self.sessions = self.units.sessions()?;
@@ -264,7 +265,7 @@ impl EvaluationSession {
     /// Completes the list: of the algorithms of earlier commands those with all results stay.
     ///
     /// # Errors
-    /// As [`Self::begin`].
+    /// The errors of [`Self::begin`].
     pub(super) fn finish(&mut self) -> Result<()> {
         let (list, runs) = (&self.list, &self.runs);
         let is_whole = |label: &str| {

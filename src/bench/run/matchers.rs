@@ -81,7 +81,7 @@ impl Matchers {
     /// Puts an algorithm in the place of the one with its label; the others keep their memory.
     ///
     /// # Errors
-    /// As [`Matchers::new`].
+    /// The errors of [`Matchers::new`].
     pub fn replace(&mut self, algorithm: &Algorithm) -> Result<()> {
         let label = algorithm.label();
         if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
@@ -121,7 +121,7 @@ impl Matchers {
         self
     }
 
-    /// Those whose results depend on all earlier pairs of a run.
+    /// Labels of the algorithms whose results depend on all earlier pairs of a run.
     pub fn with_run_memory(&self) -> impl Iterator<Item = &str> {
         let entries = self.0.iter();
         let entries = entries.filter(|entry| entry.matcher.has_run_memory());
@@ -166,6 +166,7 @@ impl Matchers {
 
 /// Maps that the sinks no longer need, with the labels of their algorithms.
 pub(super) type Spent = Vec<(String, DisparityMap)>;
+
 impl RunMatcher {
     /// Matches a pair. A decision of cells other than the median is part of the measured time; the
     /// median costs nothing beside a matcher.

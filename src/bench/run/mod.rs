@@ -38,14 +38,14 @@ pub trait Monitor {
 /// Speed at which frames are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// As soon as the previous one is done.
+    /// Each frame as soon as the previous one is done.
     Asap,
     /// At their stamps, that many times faster.
     Times(f64),
-    /// As soon as possible, and measured: frames are read in batches, matched while nothing else of
-    /// svl runs, then scored and passed to the sinks. The times of a pair are those of its median
-    /// matching of `rounds`, which must have equal results; matchings that set up the memory for a
-    /// size of images do not count.
+    /// Each frame as soon as possible, and measured: frames are read in batches, matched while
+    /// nothing else of svl runs, then scored and passed to the sinks. The times of a pair are those
+    /// of its median matching of `rounds`, which must have equal results; matchings that set up the
+    /// memory for a size of images do not count.
     Measured { rounds: usize },
 }
 

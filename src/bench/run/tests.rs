@@ -44,7 +44,7 @@ impl Source for Failing {
             .left
             .checked_sub(1)
             .ok_or_else(|| Error::Invalid("source failed".into()))?;
-        // As the arena renders: rayon must work in this thread, not in the pool of the caller,
+        // Rayon must work in this thread, as it does for the arena, not in the pool of the caller,
         // whose only thread waits for this one.
         let in_pool = rayon::current_thread_index().is_some();
         assert!(in_pool || !self.in_pool, "rayon would use another pool");
@@ -273,7 +273,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
 #[test]
 fn the_time_of_a_pair_holds_the_decision_of_its_cells() {
     for decision in [CellDecision::Median, CellDecision::Safe] {
-        // Its own time is that of matching alone.
+        // The matcher's own time is that of matching alone.
         let mut entry = RunMatcher::new(&"blind".parse().unwrap()).unwrap();
         let grid = GridSettings {
             decision,

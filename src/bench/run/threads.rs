@@ -96,11 +96,11 @@ pub(super) fn side_by_side(
     })
 }
 
-/// Limits of a batch of a measured run: frames,
+/// Limit on the frames of a batch of a measured run.
 const MAX_BATCH_FRAMES: usize = 32;
-/// bytes of frames and maps,
+/// Limit on the bytes of a batch's frames and maps.
 const MAX_BATCH_BYTES: usize = 256 << 20;
-/// and the time to match it, so that a slow program's results are written soon.
+/// Limit on the time to match a batch, so that a slow program's results are written soon.
 const MAX_BATCH_TIME: Duration = Duration::from_secs(1);
 
 /// Matches waiting frames, for a time. The result is false if the user ended it.

@@ -35,7 +35,7 @@ pub fn run_through(
 /// Runs a source through the algorithms, and returns what the sink collects.
 ///
 /// # Errors
-/// Those of the run; [`Error::Invalid`] for one that was interrupted.
+/// The errors of the run; [`Error::Invalid`] for one that was interrupted.
 pub fn frames_through<T: Send + 'static>(
     source: &mut dyn Source,
     matchers: &mut Matchers,

@@ -56,7 +56,7 @@ pub trait Sink: Send {
     /// A run begins.
     ///
     /// # Errors
-    /// As [`Sink::take`].
+    /// The errors of [`Sink::take`].
     fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
         Ok(())
     }
@@ -70,7 +70,7 @@ pub trait Sink: Send {
     /// Waits until its threads have done what it gave them: measured matching begins.
     ///
     /// # Errors
-    /// As [`Sink::take`].
+    /// The errors of [`Sink::take`].
     fn settle(&mut self) -> Result<()> {
         Ok(())
     }
@@ -78,7 +78,7 @@ pub trait Sink: Send {
     /// The run is over, complete or not.
     ///
     /// # Errors
-    /// As [`Sink::take`].
+    /// The errors of [`Sink::take`].
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
         Ok(())
     }
@@ -86,7 +86,7 @@ pub trait Sink: Send {
     /// Completes the output, after the last run.
     ///
     /// # Errors
-    /// As [`Sink::take`].
+    /// The errors of [`Sink::take`].
     fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
     }
@@ -170,7 +170,7 @@ pub struct ViewerRequest {
 
 /// Live topics for results.
 pub struct PublishRequest<'a> {
-    /// As `ros2:/PREFIX`.
+    /// The topics' prefix as `ros2:/PREFIX`.
     pub address: &'a str,
     pub options: ResultOptions,
 }

@@ -32,7 +32,7 @@ pub(super) struct BlockShots {
     start_ns: u64,
     /// True if the pairs are perturbed, so that none is shown.
     is_perturbed: bool,
-    /// Those of leading frames, by checkpoint and algorithm.
+    /// Tallies of leading frames, by checkpoint and algorithm.
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
     samples: Vec<(u64, CheckpointFigure)>,
     scenes: Vec<(u64, SceneFigure)>,
@@ -66,7 +66,7 @@ fn encoded(picture: &Picture) -> Result<Vec<u8>> {
 }
 
 impl BlockShots {
-    /// Those of a run.
+    /// The empty pictures of a run.
     pub(super) fn new(start: &RunStart<'_>) -> Self {
         Self {
             checkpoints: start.judge.checkpoints.clone(),
@@ -258,7 +258,7 @@ pub(crate) fn frame_shot(
     raw_shot(identity, judged, scored, left_image(&judged.frame)?).encoded()
 }
 
-/// As [`frame_shot`], with the left image, encoded.
+/// [`frame_shot`] with the left image, encoded.
 fn raw_shot(
     identity: &RunIdentity,
     judged: &Judged,

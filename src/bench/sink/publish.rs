@@ -35,7 +35,7 @@ struct Publication {
     prefix: String,
     options: ResultOptions,
     declared: BTreeSet<String>,
-    /// Of the last pair.
+    /// Label of the last pair's algorithm.
     algorithm: String,
     /// The last status and the last pair.
     since: Instant,

@@ -28,7 +28,7 @@ impl TableSink {
     /// in `outbox`.
     ///
     /// # Errors
-    /// As [`TableWriter::create`].
+    /// The errors of [`TableWriter::create`].
     pub fn new(
         rows: Option<&Path>,
         cells: Option<&Path>,

@@ -30,19 +30,19 @@ pub trait Viewer: Sync {
     /// one they had.
     ///
     /// # Errors
-    /// As [`Viewer::run`].
+    /// The errors of [`Viewer::run`].
     fn tuning(&self, target: RerunTarget, info: &RunInfo) -> Result<Box<dyn Sink>>;
 
     /// Pairs of a calibration board of `columns` corners in a row.
     ///
     /// # Errors
-    /// As [`Viewer::run`].
+    /// The errors of [`Viewer::run`].
     fn board(&self, target: RerunTarget, columns: usize) -> Result<Box<dyn BoardView>>;
 
     /// The frames that a person steps through.
     ///
     /// # Errors
-    /// As [`Viewer::run`].
+    /// The errors of [`Viewer::run`].
     fn steps(&self, target: RerunTarget) -> Result<Box<dyn StepView>>;
 
     /// Writes the layout for the recording `file` of svl with those topics to `layout`, a file
@@ -88,7 +88,7 @@ pub trait BoardView {
     /// Waits until all is written or sent.
     ///
     /// # Errors
-    /// As [`BoardView::show`].
+    /// The errors of [`BoardView::show`].
     fn finish(&self) -> Result<()>;
 }
 
@@ -103,7 +103,7 @@ pub trait StepView {
     /// Waits until all is written or sent.
     ///
     /// # Errors
-    /// As [`StepView::show`].
+    /// The errors of [`StepView::show`].
     fn finish(&self) -> Result<()>;
 }
 
@@ -113,14 +113,14 @@ pub struct CellNote {
     /// Column and row.
     pub at: (usize, usize),
     pub text: String,
-    /// True if the cell is the one that the user has selected.
+    /// True if the user has selected the cell.
     pub is_picked: bool,
 }
 
 /// Target of a viewer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RerunTarget {
-    /// A new file, by custom `*.rrd`.
+    /// A new file `*.rrd`.
     File(PathBuf),
     /// A viewer: the one listening on Rerun's default port, else a new one.
     Spawn,
@@ -180,10 +180,10 @@ impl std::fmt::Display for RerunTarget {
 /// frames, and SSDPI for some, as no other map is as large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
-    /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of the first
+    /// Maps of every 30th frame, of every 10th of those that show a checkpoint, and of the first
     /// 64 scenes.
     Light,
-    /// Those of all frames.
+    /// Maps of all frames.
     #[default]
     Full,
 }

@@ -14,7 +14,7 @@ pub struct BoardSource {
 
 impl BoardSource {
     /// # Errors
-    /// As [`MovingBoard::new`].
+    /// The errors of [`MovingBoard::new`].
     pub fn new(seed: u64) -> Result<Self> {
         Ok(Self {
             board: MovingBoard::new(seed)?,

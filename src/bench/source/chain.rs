@@ -33,7 +33,8 @@ macro_rules! chain {
             /// The source in these layers.
             ///
             /// # Errors
-            /// Those of a calibration that cannot rectify, and of a reference that cannot be built.
+            /// The errors of a calibration that cannot rectify, and of a reference that cannot be
+            /// built.
             pub fn over<'a>(self, source: Box<dyn Source + 'a>) -> Result<Box<dyn Source + 'a>> {
                 $(let source = match self.$layer {
                     None => source,
@@ -94,7 +95,7 @@ impl Chain {
     /// The layers that options alone describe. `is_raw`: the pairs calibrate cameras.
     ///
     /// # Errors
-    /// Those of [`SourceOptions::references`].
+    /// The errors of [`SourceOptions::references`].
     pub fn for_options(options: &SourceOptions, is_raw: bool) -> Result<Self> {
         let (range, window) = (options.range(), options.window());
         let references = options.references()?;

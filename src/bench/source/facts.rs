@@ -63,7 +63,8 @@ pub struct NearestDistance {
 /// A ground truth, and the number of first pairs and cells that it would score.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TruthFacts {
-    /// Its topic, or the pattern of its files in a folder; none of a truth that the source has.
+    /// Topic of the truth, or the pattern of its files in a folder; none of a truth that the source
+    /// has.
     pub topic: Option<String>,
     /// True if it has to be asked for (`--truth TOPIC`).
     pub is_asked_for: bool,
@@ -86,7 +87,7 @@ impl SourceFacts {
     /// Reads the first pairs of a source; `is_recording`: as a recording.
     ///
     /// # Errors
-    /// Those of [`open`] and [`open_recording`]; the error of the first pair.
+    /// The errors of [`open`] and [`open_recording`]; the error of the first pair.
     pub fn read(request: &Request<'_>, is_recording: bool) -> Result<Self> {
         let name = request.name;
         let mut opened = if is_recording {
@@ -207,7 +208,7 @@ impl NearestDistance {
 }
 
 impl TruthFacts {
-    /// Its topic or pattern, or where it is.
+    /// Topic or pattern of the truth, or where it is.
     pub fn name(&self) -> &str {
         self.topic.as_deref().unwrap_or("the folder")
     }

@@ -5,7 +5,7 @@ use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result, counted};
 use svl_score::scenario::PairRange;
 
-/// The first pairs that a source gives.
+/// Limit on the first pairs of a source: by time and by number.
 pub struct FirstPairs {
     pub(super) range: PairRange,
     pub(super) frames: Option<u64>,
@@ -23,8 +23,8 @@ impl FirstPairs {
     }
 }
 
-/// A source limited to a range of its pairs, and to N of these. Frames keep their
-/// sequence numbers and stamps.
+/// A source limited to a range of time, to every n-th pair in it, and to the first N of these.
+/// Frames keep their sequence numbers and stamps.
 pub struct Limited<'a> {
     source: Box<dyn Source + 'a>,
     every: u64,
@@ -432,7 +432,7 @@ mod tests {
         assert_eq!((taken, words.is_some()), (vec![101, 101, 102], true));
         // Without a range of time, all are used.
         assert_eq!(in_range(&stamps, None, None).0, stamps);
-        // Those before --from are not hidden by a jump.
+        // Pairs before --from are not hidden by a jump.
         assert_eq!(in_range(&[100, 101, 102], Some(0.2), None).1, None);
     }
 

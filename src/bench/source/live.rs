@@ -29,7 +29,7 @@ impl LiveSource {
     /// grab.
     ///
     /// # Errors
-    /// Those of [`grab::open`].
+    /// The errors of [`grab::open`].
     pub fn open(name: &str, request: &GrabRequest, host: Host<'_>) -> Result<Self> {
         let mut source = Self::new(name, grab::open(name, request, host)?, host.stopped);
         let default_seed = grab::driver(name).and_then(|driver| driver.default_seed);

@@ -47,7 +47,7 @@ impl MeasuredMaps {
 /// The maps among these that are in topics of the recording.
 ///
 /// # Errors
-/// As [`Reader::sensor`]; [`Error::Usage`] for the topic of the truth.
+/// The errors of [`Reader::sensor`]; [`Error::Usage`] for the topic of the truth.
 pub(super) fn topics_of(
     maps: &[MapRequest],
     reader: &Reader,
@@ -133,7 +133,7 @@ impl SourceMaps {
     /// These with the requested maps that are in files; none without any.
     ///
     /// # Errors
-    /// As [`MapFiles::for_maps`].
+    /// The errors of [`MapFiles::for_maps`].
     pub fn with_files(mut self, maps: &[MapRequest]) -> Result<Option<Self>> {
         for map in maps {
             if let MapPlace::Files {
@@ -175,7 +175,7 @@ impl Source for MeasuredSource<'_> {
         if let Some(truth) = &mut self.measured.truth {
             let own = frame.truth.take().and_then(|own| own.surface);
             if let Some((disparity, density)) = truth.measured(&frame)? {
-                // Those of the recording's own truth are of the same pixels.
+                // Surfaces of the recording's own truth are of the same pixels.
                 let surface = match own.filter(|own| own.size() == disparity.size()) {
                     Some(own) => Some(own),
                     None => truth.surfaces(&frame, &disparity)?,

@@ -102,7 +102,7 @@ pub trait Source: Send {
     /// read on: it gives then what it would have given.
     ///
     /// # Errors
-    /// As [`Source::next`].
+    /// The errors of [`Source::next`].
     fn seek(&mut self, index: u64) -> Result<bool> {
         self.wrapped_mut()
             .map_or(Ok(false), |source| source.seek(index))

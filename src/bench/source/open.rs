@@ -20,11 +20,11 @@ use svl_sim::arena::{Arena, RandomScenes};
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
-    /// Its syntax.
+    /// Syntax of the source on the command line.
     pub name: &'static str,
-    /// Its name in a sentence.
+    /// Name in a sentence.
     pub noun: &'static str,
-    /// Its description, for help texts.
+    /// Description for help texts.
     pub help: &'static str,
     pub origin: SourceOrigin,
     /// Keys of the options that it accepts, besides those that all accept.
@@ -299,7 +299,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
 /// Opens a recording, or live topics; the pairs are rectified as requested.
 ///
 /// # Errors
-/// As [`open`].
+/// The errors of [`open`].
 pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     refuse_others(request)?;
     if SourceKind::are_topics(request.name) {

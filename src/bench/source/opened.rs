@@ -128,7 +128,7 @@ impl Opened {
     /// The source in further layers.
     ///
     /// # Errors
-    /// Those of [`Chain::over`].
+    /// The errors of [`Chain::over`].
     pub fn over(mut self, chain: Chain) -> Result<Self> {
         self.chain.extend(chain.words());
         self.source = chain.over(self.source)?;
@@ -214,7 +214,7 @@ impl Opened {
     /// Creates a recording of this source: header, manifest, scenario and calibration.
     ///
     /// # Errors
-    /// Those of [`Writer::create`] and [`Writer::attach`].
+    /// The errors of [`Writer::create`] and [`Writer::attach`].
     pub fn writer(
         &self,
         path: &Path,

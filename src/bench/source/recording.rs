@@ -21,7 +21,7 @@ impl RecordingSource {
     /// Opens a recording.
     ///
     /// # Errors
-    /// As [`Reader::open`].
+    /// The errors of [`Reader::open`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Self::new(Recording::open(path)?, &Selection::default())
     }
@@ -29,7 +29,7 @@ impl RecordingSource {
     /// The pairs of an open recording, of the selected topics where svl did not write it.
     ///
     /// # Errors
-    /// As [`Reader::new`].
+    /// The errors of [`Reader::new`].
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         Reader::new(recording, selection).map(|reader| Self {
             reader,
@@ -84,7 +84,7 @@ impl Source for RecordingSource {
     }
 
     fn why_no_pose(&self) -> Option<String> {
-        // Of a bag of several files, the reason is not looked for.
+        // The reason is not looked for in a bag of several files.
         let summary = self.reader.recording().summary().ok()?;
         summary.poses?.unusable
     }

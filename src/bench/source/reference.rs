@@ -87,7 +87,8 @@ impl<'a> ReferenceSource<'a> {
 }
 
 impl Reference {
-    /// Its left-right consistent disparities, `+∞` elsewhere; none if it fails on the pair.
+    /// Left-right consistent disparities of the reference, `+∞` elsewhere; none if it fails on the
+    /// pair.
     fn sure(&mut self, frame: &Frame) -> Option<Plane<f32>> {
         let (label, sequence) = (&self.label, frame.sequence);
         let mut failed = |which: usize, what: &str, error: &Error| {

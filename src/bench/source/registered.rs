@@ -1,4 +1,4 @@
-//! Pairs that a command has taken, each once: the one register of copies, and of pairs that
+//! Register of the pairs that a command has read, each once: it finds copies, and pairs that
 //! learned files were fitted to.
 
 use super::{Source, wraps};
@@ -46,7 +46,7 @@ impl PairRegister {
     /// An empty one, which warns of pairs that these algorithms were fitted to.
     ///
     /// # Errors
-    /// Those of [`Algorithm::fitted`].
+    /// The errors of [`Algorithm::fitted`].
     pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
         let learned = algorithms.iter().map(|algorithm| {
             Ok(LearnedNumbers {

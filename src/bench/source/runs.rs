@@ -93,7 +93,7 @@ impl RunSource {
     /// A run that is not a recording of the user's, in these layers.
     ///
     /// # Errors
-    /// Those of [`Chain::over`].
+    /// The errors of [`Chain::over`].
     pub fn new(source: Box<dyn Source>, chain: Chain, seed: Option<u64>) -> Result<Self> {
         let chain_words = chain.words();
         let mut source = chain.over(source)?;
@@ -123,7 +123,7 @@ impl RunSource {
         })
     }
 
-    /// Its name among the runs of a scenario.
+    /// Name of the run among the runs of a scenario.
     pub fn title(&self, scenario: &str) -> String {
         let seed = self.seed.map(|seed| format!("{scenario} seed {seed}"));
         seed.unwrap_or_else(|| self.name())
@@ -132,7 +132,7 @@ impl RunSource {
     /// The run without the pairs that runs before it have.
     ///
     /// # Errors
-    /// Those of [`Chain::over`].
+    /// The errors of [`Chain::over`].
     pub fn registered(self, scenario: &str, register: &PairRegister) -> Result<Self> {
         let name = self.title(scenario);
         let simulated = self.seed.map(|_| name.clone());
@@ -165,7 +165,7 @@ impl RunSource {
     /// The run with perturbed pairs.
     ///
     /// # Errors
-    /// Those of [`Chain::over`].
+    /// The errors of [`Chain::over`].
     pub fn stressed(self, stress: Stress) -> Result<Self> {
         let mut hasher = Xxh3Default::new();
         let name = self.record.as_ref().map_or("", |record| &record.name);

@@ -319,7 +319,7 @@ impl TunedSetting {
     /// The same with the value that a person typed.
     ///
     /// # Errors
-    /// As [`TunedSetting::with`]; what the range expects.
+    /// The errors of [`TunedSetting::with`]; what the range expects.
     pub fn typed(&self, knob: &Knob, text: &str) -> Result<Self> {
         let value = knob.range.parse(text).ok_or_else(|| {
             let (name, range) = (knob.name, knob.range);

@@ -148,7 +148,7 @@ impl Source for HeldFrames<'_> {
 /// Runs frames through the algorithms into the sinks.
 ///
 /// # Errors
-/// As [`run`].
+/// The errors of [`run`].
 pub fn evaluate(
     frames: &[Arc<Frame>],
     matchers: &mut Matchers,

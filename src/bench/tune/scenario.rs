@@ -9,7 +9,7 @@ use svl_score::scenario::{Scenario, ScenarioFilter};
 /// `scenario` without its limits, which are for other algorithms. `filters` replace its own.
 ///
 /// # Errors
-/// Those of [`Scenario::to_toml`], and for a label that is not an algorithm.
+/// The errors of [`Scenario::to_toml`], and for a label that is not an algorithm.
 pub fn scenario_toml(
     scenario: &Scenario,
     algorithms: &[String],

@@ -52,12 +52,12 @@ pub const MAX_VIEWS: usize = 60;
 const BLUR: (f64, f64) = (2.0, 0.003);
 /// Least difference of dark and bright squares, grey levels.
 const FAINT: f64 = 25.0;
-/// A board that moves less than this from pair to pair is held still: pixels, or fraction of the
+/// Largest motion from pair to pair of a board that is held still: pixels, or fraction of the
 /// image's width.
 const STILL: (f64, f64) = (1.0, 0.0025);
-/// Pairs whose boards are farther apart than this, in widths of the image, are not consecutive,
+/// Largest motion of the board between consecutive pairs, in widths of the image.
 const JUMP: f64 = 0.08;
-/// nor are those farther apart in time.
+/// Longest interval between consecutive pairs.
 const FOLLOWING_NS: u64 = 300_000_000;
 
 /// Least difference of unrelated images, as a fraction of that for pairs of a stream: they were

@@ -9,7 +9,7 @@ const FOCAL: f64 = 0.85;
 /// Approximate position, orientation and distance of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RoughPose {
-    /// Its centre relative to the centre of the image, in widths of the image.
+    /// The board's centre relative to the centre of the image, in widths of the image.
     middle: Vector2<f64>,
     /// The board's normal, pointing away from the camera.
     normal: Unit<Vector3<f64>>,

@@ -150,7 +150,7 @@ pub struct PairDetector([Detector; 2]);
 
 impl PairDetector {
     /// # Errors
-    /// As [`Detector::new`].
+    /// The errors of [`Detector::new`].
     pub fn new(board: Board) -> Result<Self> {
         Ok(Self([Detector::new(board)?, Detector::new(board)?]))
     }

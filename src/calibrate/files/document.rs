@@ -149,7 +149,7 @@ impl Document {
     }
 
     /// # Errors
-    /// Those of [`Document::numbers`], and for another count.
+    /// The errors of [`Document::numbers`], and for another count.
     pub(super) fn array<const N: usize>(&self, key: &str) -> Result<[f64; N]> {
         let numbers = self.numbers(key)?;
         numbers.try_into().map_err(|n: Vec<f64>| {
@@ -158,7 +158,7 @@ impl Document {
     }
 
     /// # Errors
-    /// Those of [`Document::array`].
+    /// The errors of [`Document::array`].
     pub(super) fn number(&self, key: &str) -> Result<f64> {
         Ok(self.array::<1>(key)?[0])
     }
@@ -166,7 +166,7 @@ impl Document {
     /// Numbers under numbered keys: `rot0`, `rot1` and so on.
     ///
     /// # Errors
-    /// Those of [`Document::array`].
+    /// The errors of [`Document::array`].
     pub(super) fn counted<const N: usize>(&self, key: &str) -> Result<[f64; N]> {
         let mut numbers = [0.0; N];
         for (i, number) in numbers.iter_mut().enumerate() {
@@ -178,7 +178,7 @@ impl Document {
     /// Width and height under separate keys.
     ///
     /// # Errors
-    /// Those of [`Document::number`], and for an invalid image size.
+    /// The errors of [`Document::number`], and for an invalid image size.
     pub(super) fn size(&self, width: &str, height: &str) -> Result<(usize, usize)> {
         let side = |key: &str| self.side(key, self.number(key)?);
         Ok((side(width)?, side(height)?))
@@ -187,7 +187,7 @@ impl Document {
     /// Width and height under one key.
     ///
     /// # Errors
-    /// Those of [`Document::size`].
+    /// The errors of [`Document::size`].
     pub(super) fn size_of(&self, key: &str) -> Result<(usize, usize)> {
         let [width, height] = self.array(key)?;
         Ok((self.side(key, width)?, self.side(key, height)?))
@@ -206,7 +206,7 @@ impl Document {
     /// A 3 x 3 matrix, row by row.
     ///
     /// # Errors
-    /// Those of [`Document::array`].
+    /// The errors of [`Document::array`].
     pub(super) fn matrix(&self, key: &str) -> Result<Matrix3<f64>> {
         Ok(Matrix3::from_row_slice(&self.array::<9>(key)?))
     }
@@ -214,13 +214,13 @@ impl Document {
     /// A projection matrix, row by row.
     ///
     /// # Errors
-    /// Those of [`Document::array`].
+    /// The errors of [`Document::array`].
     pub(super) fn projection(&self, key: &str) -> Result<Matrix3x4<f64>> {
         Ok(Matrix3x4::from_row_slice(&self.array::<12>(key)?))
     }
 
     /// # Errors
-    /// Those of [`Document::array`], and if the matrix is not a rotation.
+    /// The errors of [`Document::array`], and if the matrix is not a rotation.
     pub(super) fn rotation(&self, key: &str) -> Result<Rotation3<f64>> {
         stereo::rotation(&self.matrix(key)?).map_err(|e| self.error(format!("'{key}': {e}")))
     }

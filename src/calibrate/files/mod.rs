@@ -46,7 +46,7 @@ pub const FORMATS: &[CalibrationFormat] = &[
 /// Reads a calibration: a file, two files separated by a comma, or a folder with two.
 ///
 /// # Errors
-/// Those of [`read_with`].
+/// The errors of [`read_with`].
 pub fn read(path: &Path) -> Result<StereoCalibration> {
     read_with(path, &Hints::default()).map(|found| found.calibration)
 }
@@ -66,7 +66,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
 /// is called `calibration`.
 ///
 /// # Errors
-/// As [`read_with`].
+/// The errors of [`read_with`].
 pub fn parse(texts: &[&str], hints: &Hints) -> Result<LoadedCalibration> {
     let names: &[&str] = match texts.len() {
         1 => &["calibration"],
@@ -154,7 +154,7 @@ fn parse_files(
 /// cannot represent, a line each.
 ///
 /// # Errors
-/// Those of [`write_as`].
+/// The errors of [`write_as`].
 pub fn write(path: &Path, calibration: &StereoCalibration) -> Result<Vec<&'static str>> {
     write_as(path, written_as(path)?, calibration)
 }

@@ -32,7 +32,7 @@ impl ImageCorners {
 /// One view in the images of all cameras.
 #[derive(Clone, Debug)]
 pub(super) struct PosedView {
-    /// Its index among the given views.
+    /// Index among the given views.
     pub id: usize,
     pub images: Vec<ImageCorners>,
     /// `X_first_camera = pose · X_board`.

@@ -417,7 +417,7 @@ mod tests {
         };
         assert!(is_open("wrong", 0.1, 0.2, 20) && is_open("right", 0.2, 0.1, 20));
         assert!(!is_open("wrong", 0.2, 0.1, 20) && !is_open("right", 0.1, 0.2, 20));
-        // Of too few blocks nothing is known.
+        // Nothing is known of too few blocks.
         assert!(is_open("wrong", 0.2, 0.1, 7) && is_open("right", 0.1, 0.2, 7));
     }
 }

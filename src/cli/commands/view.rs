@@ -25,7 +25,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let runs = report_runs(&args.file);
     if !runs.is_empty() {
-        // Of all sessions: together they are one recording.
+        // The runs of all sessions: together they are one recording.
         let runs: Vec<_> = runs.iter().map(PathBuf::as_path).collect();
         return view(&runs, args.web);
     }

@@ -108,7 +108,7 @@ fn similar_commands(error: &Error) -> &'static [&'static str] {
     let context = |kind| error.get(kind).map(ToString::to_string);
     let usage = context(ContextKind::Usage).unwrap_or_default();
     match context(ContextKind::InvalidSubcommand) {
-        // Those of a command are others.
+        // Subcommands of a command have no synonyms.
         Some(name) if usage.contains("svl [OPTIONS]") => {
             let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
             found.map_or(&[], |(_, commands)| commands)
@@ -124,17 +124,18 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
     Ok(algorithm)
 }
 
-/// The name of a file with one of these extensions. Two numbers with a character between them.
+/// Two numbers with a character between them.
 pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
     let (first, second) = text.split_once(between)?;
     Some((first.parse().ok()?, second.parse().ok()?))
 }
 
+/// The name of a file with one of these extensions.
 pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
 }
 
-/// As [`ending`], or `-`: standard output.
+/// [`ending`], or `-`: standard output.
 pub(crate) fn ending_or_stdout(
     endings: &'static [&'static str],
 ) -> impl TypedValueParser<Value = PathBuf> {

@@ -8,9 +8,8 @@
 //! is arbitrary, but the thesis's table contains it for every disparity from 1 on.
 //!
 //! Even inside the range, where annex B's measurements are far apart, the curve oscillates: it
-//! passes within
-//! 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm at 70 px. The
-//! pinhole model does not oscillate.
+//! passes within 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm
+//! at 70 px. The pinhole model does not oscillate.
 
 use crate::error::{Error, Result};
 use nalgebra::{SMatrix, SVector};
@@ -102,7 +101,7 @@ impl DistanceCurve {
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
-    /// Its coefficients for disparities in pixels, lowest power first, the reverse order of
+    /// Coefficients for disparities in pixels, lowest power first, the reverse order of
     /// MATLAB's `polyfit`.
     pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
         // t = slope·d + offset, expanded by Horner's rule.

@@ -86,7 +86,7 @@ pub const FILTERS: &[FilterSpec] = &[
 ];
 
 impl FilterKind {
-    /// Its entry in the table.
+    /// Entry of the kind in the table.
     pub fn spec(self) -> &'static FilterSpec {
         let spec = FILTERS.iter().find(|spec| spec.kind == self);
         spec.expect("every kind is in the table")

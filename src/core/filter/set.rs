@@ -98,7 +98,7 @@ impl Filters {
     /// Runs the filters on a left image; the detections are applied to the estimates of that image.
     ///
     /// # Errors
-    /// As [`CellFilter::look`].
+    /// The errors of [`CellFilter::look`].
     pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<()> {
         let filters = [&mut self.floor, &mut self.too_close];
         let mut filters = filters.into_iter().flatten();

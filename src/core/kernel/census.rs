@@ -83,7 +83,7 @@ pub(super) fn costs<const W: usize>(
             .first_chunk()
             .expect("a margin after the last block")
     };
-    // Of one length, so that one test of the bounds serves all.
+    // The planes have one length, so that one test of the bounds serves all.
     let mut planes = [[outside; CENSUS_BYTES]; 2];
     for b in 0..CENSUS_BYTES {
         planes[0][b] = &left[b * stride..][..stride];

@@ -29,7 +29,7 @@ pub struct PathBlock {
     /// The costs of the previous row, by disparity, one slot more than there are, then their least:
     /// [`OUTSIDE`] if there is no path.
     lines: Vec<PathPixels>,
-    /// Those of the row, until it is the previous one.
+    /// The costs of the row, until it is the previous one.
     next: Vec<PathPixels>,
 }
 

@@ -178,7 +178,8 @@ pub(super) struct WeightedDisparity {
     pub(super) weight: f32,
     /// −2²³ times the weight.
     bias: f32,
-    /// Its [`Match`] with an SSD of 0, XORed with [`ZERO`]: XOR with a sum gives the match.
+    /// The disparity's [`Match`] with an SSD of 0, XORed with [`ZERO`]: XOR with a sum gives the
+    /// match.
     zero: u32,
 }
 

@@ -39,7 +39,7 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
     /// From the parameters that all three share: range, smoothing, `subpixel` and `back_check`.
     ///
     /// # Errors
-    /// As [`DisparityRange::new`].
+    /// The errors of [`DisparityRange::new`].
     pub(super) fn new(
         parameters: &Parameters,
         isa: Isa,

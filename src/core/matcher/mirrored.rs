@@ -18,7 +18,7 @@ pub fn mirrored(pair: &StereoPair) -> Result<StereoPair> {
 /// left `(x + d, y)`. `output` is used for the matching.
 ///
 /// # Errors
-/// As [`Matcher::compute`].
+/// The errors of [`Matcher::compute`].
 pub fn match_right(
     matcher: &mut dyn Matcher,
     pair: RectifiedPair<'_>,

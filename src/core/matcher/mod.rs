@@ -245,8 +245,8 @@ pub struct MatcherSpec {
     /// Publication of the method.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
-    /// Its decision on the cells of the depth grid, if it computes them itself by the rule that
-    /// scores them.
+    /// Decision on the cells of the depth grid, if the matcher computes them itself by the rule
+    /// that scores them.
     pub cells: Option<fn(&Parameters) -> Result<SafeChoice>>,
     /// Builds the matcher for that instruction set; the parameters are complete and within their
     /// ranges.
@@ -333,12 +333,12 @@ impl MatcherSpec {
         self.kind == MatcherKind::Recorded
     }
 
-    /// Its parameter of that name.
+    /// The parameter of that name.
     pub fn parameter(&self, name: &str) -> Option<&'static Parameter> {
         self.parameters.iter().find(|p| p.name == name)
     }
 
-    /// Its name, then its aliases.
+    /// The name, then the aliases.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         std::iter::once(self.name).chain(self.aliases.iter().copied())
     }
@@ -518,7 +518,7 @@ impl Algorithm {
         Ok(changed.called(label).filtered(&self.filters))
     }
 
-    /// Its text as accepted by every command, without its filters: the name, and all that differs
+    /// The text as accepted by every command, without filters: the name, and all that differs
     /// from the defaults.
     pub fn written(&self) -> String {
         let name = self.spec.name;
@@ -538,7 +538,7 @@ impl Algorithm {
         &self.filters
     }
 
-    /// Its label, or the text that the user wrote.
+    /// The label, or the text that the user wrote.
     pub fn label(&self) -> &str {
         &self.label
     }
@@ -574,10 +574,10 @@ impl Algorithm {
         }
     }
 
-    /// Its decision on cells, if it computes them itself ([`MatcherSpec::cells`]).
+    /// Decision on cells, if the matcher computes them itself ([`MatcherSpec::cells`]).
     ///
     /// # Errors
-    /// Those of its parameters, such as the file of a table.
+    /// The errors of its parameters, such as the file of a table.
     pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
         let choice = self.spec.cells.map(|choice| choice(&self.parameters));
         choice.transpose()
@@ -587,7 +587,7 @@ impl Algorithm {
     /// filters.
     ///
     /// # Errors
-    /// As [`Algorithm::safe_choice`]; the fault in the facts of a filter.
+    /// The errors of [`Algorithm::safe_choice`]; the fault in the facts of a filter.
     pub fn fitted(&self) -> Result<Vec<FittedTo>> {
         let choice = self.safe_choice()?;
         let mut fitted: Vec<_> = choice.map(|choice| choice.fitted).into_iter().collect();
@@ -603,8 +603,8 @@ impl Algorithm {
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].
     ///
     /// # Errors
-    /// Those of the algorithm's constructor, or of an `SVL_ISA` that names an instruction set this
-    /// CPU lacks.
+    /// The errors of the algorithm's constructor, or of an `SVL_ISA` that names an instruction set
+    /// this CPU lacks.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
     }
@@ -613,7 +613,7 @@ impl Algorithm {
     /// that.
     ///
     /// # Errors
-    /// As [`Algorithm::build`].
+    /// The errors of [`Algorithm::build`].
     pub fn check(&self) -> Result<()> {
         if self.spec.is_program() {
             return Ok(());
@@ -624,7 +624,7 @@ impl Algorithm {
     /// Matches one pair with a matcher built for it: the short form for a single pair.
     ///
     /// # Errors
-    /// As [`Algorithm::build`] and [`Matcher::compute`].
+    /// The errors of [`Algorithm::build`] and [`Matcher::compute`].
     pub fn match_pair(&self, pair: RectifiedPair<'_>, rig: Option<Rig>) -> Result<MatchOutput> {
         let context = MatchContext {
             rig,
@@ -658,7 +658,7 @@ impl Algorithm {
     /// A matcher on a given instruction set; the result is the same on all of them.
     ///
     /// # Errors
-    /// Those of the algorithm's constructor.
+    /// The errors of the algorithm's constructor.
     pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
         let matcher = (self.spec.build)(&self.parameters, isa)?;
         self.check_filters()?;

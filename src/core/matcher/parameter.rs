@@ -288,7 +288,7 @@ impl Parameters {
     /// The same with another value of a parameter.
     ///
     /// # Errors
-    /// As [`Parameters::parse`].
+    /// The errors of [`Parameters::parse`].
     pub fn with(&self, spec: &MatcherSpec, name: &str, value: &Value) -> Result<Self> {
         let index = index(spec, name)?;
         let mut with = self.clone();
@@ -332,7 +332,7 @@ impl Parameters {
     /// The number `name`.
     ///
     /// # Panics
-    /// As [`Parameters::int`].
+    /// Panics as [`Parameters::int`] does.
     pub fn real(&self, name: &str) -> f64 {
         match self.value(name) {
             Value::Real(v) => *v,
@@ -343,7 +343,7 @@ impl Parameters {
     /// The switch `name`.
     ///
     /// # Panics
-    /// As [`Parameters::int`].
+    /// Panics as [`Parameters::int`] does.
     pub fn flag(&self, name: &str) -> bool {
         match self.value(name) {
             Value::Flag(v) => *v,
@@ -354,7 +354,7 @@ impl Parameters {
     /// The text `name`.
     ///
     /// # Panics
-    /// As [`Parameters::int`].
+    /// Panics as [`Parameters::int`] does.
     pub fn text(&self, name: &str) -> &str {
         match self.value(name) {
             Value::Text(v) => v,
@@ -365,7 +365,7 @@ impl Parameters {
     /// The file `name`, if one is given.
     ///
     /// # Panics
-    /// As [`Parameters::int`].
+    /// Panics as [`Parameters::int`] does.
     pub fn file(&self, name: &str) -> Option<&ParameterFile> {
         match self.value(name) {
             Value::File(v) => v.as_ref(),
@@ -376,7 +376,7 @@ impl Parameters {
     /// The option chosen for `name`.
     ///
     /// # Panics
-    /// As [`Parameters::int`].
+    /// Panics as [`Parameters::int`] does.
     pub fn choice(&self, name: &str) -> &'static str {
         match self.value(name) {
             Value::Choice(v) => v,

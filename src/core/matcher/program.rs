@@ -11,12 +11,12 @@ pub struct ProgramRecord {
     pub name: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
-    /// Its compute device, such as `CPU` or `cuda:0`.
+    /// Compute device, such as `CPU` or `cuda:0`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threads: Option<usize>,
-    /// Its instruction set.
+    /// Instruction set.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub isa: Option<String>,
     /// Hash of its model.
@@ -36,7 +36,7 @@ pub struct ProgramRecord {
     pub disparities: u64,
     /// and those outside its range, which count as invalid.
     pub out_of_range: u64,
-    /// Its peak memory, bytes, if the system reports it.
+    /// Peak memory, bytes, if the system reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<usize>,
 }
@@ -48,7 +48,7 @@ const ODD_US: u64 = 20_000;
 const ENOUGH_PAIRS: u64 = 3;
 
 impl ProgramRecord {
-    /// Its identity and times, in words.
+    /// Identity and times of the program, in words.
     pub fn words(&self) -> String {
         let ms = |us: u64| format!("{:.1} ms", us as f64 / 1e3);
         let name = self.name.clone().map(|name| match &self.version {

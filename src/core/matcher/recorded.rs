@@ -85,7 +85,7 @@ pub(super) const FILES: MatcherSpec = MatcherSpec {
 /// A map that a source has to have besides its images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapRequest {
-    /// Its name in [`RecordedMap::source`]: equal for equal parameters.
+    /// Name in [`RecordedMap::source`]: equal for equal parameters.
     pub source: String,
     pub place: MapPlace,
     /// Largest difference between the stamps of a pair and its map.

@@ -1,7 +1,7 @@
 //! The truth of the frames as an algorithm: the output of a perfect matcher.
 //!
-//! Its line in a table is the best that any matcher with that range of disparities can reach: no
-//! cell beyond the range is right, and a checkpoint that it fails cannot be passed.
+//! The line of the truth in a table is the best that any matcher with that range of disparities can
+//! reach: no cell beyond the range is right, and a checkpoint that it fails cannot be passed.
 
 use super::stage::DisparityRange;
 use super::{MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec};

@@ -33,7 +33,7 @@ pub(super) struct Engine {
 
 impl Engine {
     /// # Errors
-    /// As [`super::Ranger::open`].
+    /// The errors of [`super::Ranger::open`].
     pub(super) fn new(
         algorithm: Algorithm,
         optics: Optics,

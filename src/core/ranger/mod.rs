@@ -57,7 +57,7 @@ pub struct RangerOptions {
 /// A matcher with all that is around it: rectification, filters, cells, the memory of earlier
 /// pairs, and threads.
 ///
-/// Its cells are those that the bench scores. Equal runs of pairs give equal bytes on every CPU,
+/// The cells are those that the bench scores. Equal runs of pairs give equal bytes on every CPU,
 /// instruction set and number of threads. Allocates nothing after the first pairs of a size.
 ///
 /// ```
@@ -84,9 +84,9 @@ impl Ranger {
     /// [`StereoCalibration`], or [`Optics::Unknown`].
     ///
     /// # Errors
-    /// Those of the algorithm's text, of [`crate::rectify::Rectifier::new`] and of a filter that
-    /// does not fit; [`Error::Invalid`] for an algorithm that matches no images, an impossible grid
-    /// or number of threads.
+    /// The errors of the algorithm's text, of [`crate::rectify::Rectifier::new`] and of a filter
+    /// that does not fit; [`Error::Invalid`] for an algorithm that matches no images, an impossible
+    /// grid or number of threads.
     pub fn open(
         algorithm: &str,
         optics: impl Into<Optics>,
@@ -123,7 +123,7 @@ impl Ranger {
     /// memory forget earlier pairs if more than a second has passed or the clock does not rise.
     ///
     /// # Errors
-    /// As [`Ranger::cells`].
+    /// The errors of [`Ranger::cells`].
     pub fn cells_at<'a>(
         &mut self,
         left: impl Into<ImageRef<'a>>,

@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_3;
 pub struct Framing {
     /// Width and height; `None` for those of the cameras.
     pub size: Option<(usize, usize)>,
-    /// As OpenCV's `alpha`. 0: only valid pixels, and at most 60° from the axis to each side. 1:
+    /// OpenCV's `alpha`. 0: only valid pixels, and at most 60° from the axis to each side. 1:
     /// all pixels of the cameras' images, with black borders, and at most 75°. Values between
     /// interpolate.
     pub alpha: f64,

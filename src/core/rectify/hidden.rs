@@ -64,7 +64,7 @@ mod tests {
             (150.0, 0.0, 120.0),
             (180.0, 0.0, 120.0),
             (200.0, 0.0, 120.0),
-            // As far up and down, so farther to the sides.
+            // The same height, so farther to the sides.
             (150.0, 1.0, 157.3),
             (180.0, 1.0, 157.3),
             (200.0, 1.0, 157.3),

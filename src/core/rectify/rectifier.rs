@@ -26,8 +26,8 @@ impl Rectifier {
     /// has none.
     ///
     /// # Errors
-    /// Those of [`bouguet`], and [`crate::Error::Invalid`] if `SVL_ISA` names an instruction set
-    /// that this CPU lacks.
+    /// The errors of [`bouguet`], and [`crate::Error::Invalid`] if `SVL_ISA` names an instruction
+    /// set that this CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -123,10 +123,10 @@ impl Rectifier {
         Ok(())
     }
 
-    /// As [`Rectifier::apply`], for each of the three colours.
+    /// [`Rectifier::apply`] for each of the three colours.
     ///
     /// # Errors
-    /// Those of [`Rectifier::apply`]; [`crate::Error::PairSize`].
+    /// The errors of [`Rectifier::apply`]; [`crate::Error::PairSize`].
     pub fn apply_color(&self, [left, right]: &[Rgb; 2]) -> Result<[Rgb; 2]> {
         let (width, height) = self.size();
         let mut out = [

@@ -216,7 +216,7 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
 /// R and T from a file as one motion.
 ///
 /// # Errors
-/// Those of [`rotation`].
+/// The errors of [`rotation`].
 pub fn motion(matrix: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Isometry3<f64>> {
     let rotation = UnitQuaternion::from_rotation_matrix(&rotation(matrix)?);
     Ok(Isometry3::from_parts(

@@ -57,7 +57,7 @@ impl DisparityMap {
         })
     }
 
-    /// As [`DisparityMap::new`], with `extra` planes.
+    /// [`DisparityMap::new`] with `extra` planes.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].

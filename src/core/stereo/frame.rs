@@ -178,7 +178,7 @@ pub struct Truth {
 /// A disparity map of the left image that others computed: in the recording, or in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedMap {
-    /// Its origin, as [`crate::matcher::MapRequest::source`] names it.
+    /// Origin of the map, as [`crate::matcher::MapRequest::source`] names it.
     pub source: String,
     /// Disparity in pixels, `+∞` where unknown.
     pub disparity: Plane<f32>,

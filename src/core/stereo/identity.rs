@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 pub struct PairId {
     /// Hash of both images.
     pub pixels: u128,
-    /// Of the left and of the right image, nanoseconds.
+    /// Stamps of the left and of the right image, nanoseconds.
     pub stamps_ns: [u64; 2],
 }
 
@@ -25,8 +25,8 @@ impl PairId {
         }
     }
 
-    /// Its short form in the files of learned numbers: two of a million pairs share one by chance
-    /// once in two times.
+    /// Short form of the identity in the files of learned numbers: two of a million pairs share one
+    /// by chance once in two times.
     fn short(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&self.pixels.to_le_bytes());
@@ -122,7 +122,7 @@ impl FittedTo {
         Self::parse(fact(Self::RUNS).lines(), fact(Self::PAIRS))
     }
 
-    /// As facts of a network.
+    /// Facts of a network that say what it was fitted to.
     pub fn facts(&self) -> [(String, String); 2] {
         [
             (Self::RUNS.to_owned(), self.runs.join("\n")),

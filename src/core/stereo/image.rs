@@ -156,7 +156,7 @@ impl<T: Copy> Plane<T> {
         (self.stride == self.width).then(|| &self.data[..self.width * self.height])
     }
 
-    /// As [`Plane::as_slice`], mutable.
+    /// [`Plane::as_slice`], mutable.
     pub fn as_mut_slice(&mut self) -> Option<&mut [T]> {
         (self.stride == self.width).then(|| &mut self.data[..self.width * self.height])
     }

@@ -71,7 +71,7 @@ impl Intrinsics {
     /// The same camera with another lens.
     ///
     /// # Errors
-    /// Those of [`Intrinsics::new`].
+    /// The errors of [`Intrinsics::new`].
     pub fn with_distortion(&self, distortion: impl Into<Distortion>) -> Result<Self> {
         Self::new(self.size, self.focal_px, self.center_px, distortion)
     }
@@ -96,7 +96,7 @@ impl Intrinsics {
     /// [`Intrinsics::parameters`].
     ///
     /// # Errors
-    /// Those of [`Intrinsics::new`], and [`Error::Rig`] for fewer than four numbers.
+    /// The errors of [`Intrinsics::new`], and [`Error::Rig`] for fewer than four numbers.
     ///
     /// # Panics
     /// For more numbers than the camera has parameters.

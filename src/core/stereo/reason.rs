@@ -36,7 +36,7 @@ impl Reason {
         Reason::Floor,
     ];
 
-    /// Its name in tables and legends.
+    /// Name in tables and legends.
     pub fn name(self) -> &'static str {
         match self {
             Reason::Valid => "valid",

@@ -33,7 +33,7 @@ pub fn no_depth_classes(map: &Plane<f32>, rig: &Rig) -> Plane<u8> {
 /// The disparities of every `step`-th column and row from `nearest_px` on; infinity elsewhere.
 ///
 /// # Errors
-/// As [`Plane::from_fn`].
+/// The errors of [`Plane::from_fn`].
 pub fn sparse_disparities(map: &Plane<f32>, step: usize, nearest_px: f32) -> Result<Plane<f32>> {
     let (width, height) = map.size();
     Plane::from_fn(width, height, |x, y| {

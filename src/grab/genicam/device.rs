@@ -145,7 +145,7 @@ impl GenicamDevice {
         driven.map_err(|e| self.failed(&e))
     }
 
-    /// Its limits; no gain if that is not in decibels.
+    /// Limits of the camera; no gain if that is not in decibels.
     pub(super) fn limits(&self) -> Result<Limits> {
         let camera = self.lock();
         let (shortest_us, longest_us) =

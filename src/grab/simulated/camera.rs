@@ -47,7 +47,7 @@ impl Default for CameraBehavior {
 /// Trigger of a simulated camera.
 pub enum TriggerInput {
     Cable(Arc<TriggerCable>),
-    /// Its own clock.
+    /// The camera's own clock.
     FreeRunning {
         period_ns: u64,
     },

@@ -36,7 +36,7 @@ impl TopicInbox {
     /// reliably as their publishers send them.
     ///
     /// # Errors
-    /// Those of DDS.
+    /// The errors of DDS.
     pub fn new(domain: Domain, topics: &[FoundTopic]) -> Result<Self> {
         let subscriber = domain.participant.create_subscriber(&qos(false, false));
         let subscriber = subscriber.map_err(|e| domain.failed(e))?;
@@ -72,7 +72,7 @@ impl TopicInbox {
     /// Waits for messages and gives all that came to `take`, with the index of their topic.
     ///
     /// # Errors
-    /// Those of DDS.
+    /// The errors of DDS.
     pub fn receive(
         &mut self,
         timeout: Duration,

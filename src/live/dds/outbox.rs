@@ -18,7 +18,7 @@ pub struct TopicOutbox {
 
 impl TopicOutbox {
     /// # Errors
-    /// Those of DDS.
+    /// The errors of DDS.
     pub fn new(domain: Domain) -> Result<Self> {
         let publisher = domain.participant.create_publisher(&qos(false, false));
         let publisher = publisher.map_err(|e| domain.failed(e))?;
@@ -34,7 +34,7 @@ impl TopicOutbox {
     /// reliability find no other publishers. Latched: late subscribers receive the last message.
     ///
     /// # Errors
-    /// Those of DDS.
+    /// The errors of DDS.
     pub fn declare(&mut self, topic: &LiveTopic, reliable: bool, latched: bool) -> Result<()> {
         let qos = qos(reliable, latched);
         let dds = self.domain.dds_topic(topic, &qos)?;
@@ -47,7 +47,7 @@ impl TopicOutbox {
     /// Publishes a message in CDR, with its encapsulation header, to a topic that was declared.
     ///
     /// # Errors
-    /// Those of DDS, if a reliable topic refuses the message: all subscribers miss it.
+    /// The errors of DDS, if a reliable topic refuses the message: all subscribers miss it.
     pub fn send(&self, topic: &str, message: Vec<u8>) -> Result<()> {
         let Some(writer) = self.writers.get(topic) else {
             return Err(self

@@ -23,7 +23,7 @@ pub(super) fn color(samples: &Gray, tile: Tile) -> Rgb {
                     counts[colour(u, v)] += 1;
                 }
             }
-            // Its own colour is measured, not averaged with its neighbours.
+            // The pixel's own colour is measured, not averaged with its neighbours.
             (sums[colour(x, y)], counts[colour(x, y)]) = (own, 1);
             let mean = |c: usize| {
                 (sums[c] + counts[c] / 2)

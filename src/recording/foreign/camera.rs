@@ -522,7 +522,7 @@ mod tests {
 
     #[test]
     fn the_baseline_is_between_the_cameras() {
-        // As in KITTI's colour cameras, neither of which is at the origin.
+        // The arrangement of KITTI's colour cameras, neither of which is at the origin.
         let (left, right) = (camera(500.0, 120.0, 30.0), camera(500.0, 120.0, -20.0));
         let found = rig(&left, &right, Some(9.0)).unwrap();
         assert!((found.baseline_m() - 0.1).abs() < 1e-12);
@@ -637,8 +637,8 @@ mod tests {
             (whole.size, whole.k[0], whole.p[3]),
             ((640, 480), 600.0, -60.0)
         );
-        // As in image_geometry's PinholeCameraModel: first the offset, then the binning; Tx is
-        // scaled too, so the baseline is unchanged.
+        // The order of image_geometry's PinholeCameraModel: first the offset, then the binning; Tx
+        // is scaled too, so the baseline is unchanged.
         let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
             (binned.size, &binned.p[..4], &binned.p[4..8]),

@@ -65,7 +65,7 @@ impl CameraTrack {
     /// Checks a calibration with that stamp.
     ///
     /// # Errors
-    /// Those of [`Calibration::check_damage`] against the one before it.
+    /// The errors of [`Calibration::check_damage`] against the one before it.
     pub(super) fn check_damage(&self, stamp_ns: u64, next: &Calibration) -> Result<(), String> {
         self.at(stamp_ns)
             .map_or(Ok(()), |known| next.check_damage(known))
@@ -157,11 +157,11 @@ mod tests {
             track.insert(stamp * MS, calibration_of_size((width, 1)));
         }
         let width = |track: &CameraTrack, stamp| track.at(stamp).unwrap().size().0;
-        // Its own, the last one before it, and the first after it.
+        // An image has the calibration of its stamp, the last one before it, or the first after it.
         let found = [20, 29, 30, 99, 5].map(|stamp| width(&track, stamp * MS));
         assert_eq!(found, [2, 2, 3, 3, 1]);
         assert!(track.has(20 * MS) && !track.has(21 * MS));
-        // Its own, rounded.
+        // The calibration of its stamp, rounded.
         assert!(track.has(20 * MS - 300) && width(&track, 20 * MS - 300) == 2);
         assert!(!track.has(20 * MS - 2_000) && width(&track, 20 * MS - 2_000) == 1);
         assert_eq!(track.first_ns(), Some(10 * MS));

@@ -81,7 +81,7 @@ impl FirstMessages {
     /// Decides the bit depth.
     ///
     /// # Errors
-    /// Those of [`BitDepth::decide`].
+    /// The errors of [`BitDepth::decide`].
     pub(super) fn end(self, foreign: &mut Foreign, selection: &Selection) -> Result<()> {
         foreign.depth = BitDepth::decide(selection.bits, self.images.largest())?;
         Ok(())

@@ -17,7 +17,7 @@ const WAITING_BYTES: usize = 128 << 20;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LiveTopic {
     pub name: String,
-    /// As in a bag: `sensor_msgs/msg/Image`.
+    /// Type of the messages, as in a bag: `sensor_msgs/msg/Image`.
     pub schema: String,
 }
 
@@ -124,7 +124,7 @@ impl TopicPairs {
     /// Decides the bit depth by the messages that it looked at.
     ///
     /// # Errors
-    /// Those of the bit depth: 16-bit images that use no bits, or more than the selected ones.
+    /// The errors of the bit depth: 16-bit images that use no bits, or more than the selected ones.
     pub fn begin(&mut self) -> Result<()> {
         match self.first.take() {
             Some(first) => first.end(&mut self.foreign, &self.selection),

@@ -80,7 +80,7 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The calibrations of each camera so far, and those before the first pair.
     tracks: [CameraTrack; 2],
-    /// Those of the last pair; before any, the first ones.
+    /// The calibrations of the last pair; before any, the first ones.
     cameras: [Option<Arc<Calibration>>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
     baseline_m: Option<f64>,

@@ -10,7 +10,7 @@ use svl_core::Result;
 /// The poses of a recording, and the images that have one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct PoseSummary {
-    /// Those of each frame, by topic.
+    /// Poses of each frame, by topic.
     pub frames: Vec<FramePoses>,
     /// The left images, and those among them with a pose of their camera.
     pub images: u64,

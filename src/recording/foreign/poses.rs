@@ -44,10 +44,10 @@ pub(super) struct PoseReader {
 /// What the pose of a frame is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum PoseUse {
-    /// Its place in the topmost frame above it.
+    /// Place of the frame in the topmost frame above it.
     Place,
-    /// Its motion between two stamps: in the frame of the odometry, if there is one. That is
-    /// continuous, and `map` jumps (REP 105).
+    /// Motion of the frame between two stamps: in the frame of the odometry, if there is one. That
+    /// is continuous, and `map` jumps (REP 105).
     Motion,
 }
 

@@ -61,7 +61,7 @@ impl<T> StampOrder<T> {
     pub(super) fn push(&mut self, side: Side, stamp_ns: u64, log_ns: u64, image: T, bytes: usize) {
         let last = self.last_ns[side as usize].replace(stamp_ns);
         if last.is_some_and(|last| last.saturating_sub(stamp_ns) > JUMP_NS) {
-            // Those before the jump have no later ones to wait for.
+            // Images before the jump have no later ones to wait for.
             self.due = Some((self.epoch, u64::MAX, u64::MAX));
             self.epoch += 1;
         }

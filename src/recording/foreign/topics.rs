@@ -413,7 +413,7 @@ mod tests {
         ] {
             assert_eq!(best(topics).as_deref(), Ok(expected), "{topics:?}");
         }
-        // Of other cameras, of another size, and of one rank.
+        // Topics of different cameras, of different sizes, and of one rank.
         for topics in [
             ["/front/#/image_raw", "/back/#/image_rect"],
             ["/#/image_raw", "/#/image_resize"],

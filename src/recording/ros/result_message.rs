@@ -10,7 +10,7 @@ pub struct ResultMessage {
 }
 
 impl ResultMessage {
-    /// As in a bag: `sensor_msgs/msg/PointCloud2`.
+    /// Type of the message, as in a bag: `sensor_msgs/msg/PointCloud2`.
     pub fn schema(&self) -> &'static str {
         self.message.schema
     }

@@ -30,7 +30,7 @@ pub(super) struct ChangedFrames {
 pub(super) struct ChangedFrame {
     /// Before and after.
     pub rows: [Row; 2],
-    /// Its cells in both; empty without tables of cells.
+    /// Cells in both reports; empty without tables of cells.
     pub cells: [Vec<CellRow>; 2],
     pub harm: FrameHarm,
     /// The left image, if a folder holds it.
@@ -135,7 +135,7 @@ impl<'a> BothImages<'a> {
 
 impl ChangedFrames {
     /// # Errors
-    /// Those of reading the tables of cells and the pictures.
+    /// The errors of reading the tables of cells and the pictures.
     pub fn find(algorithm: &AlgorithmChange, images: &BothImages<'_>) -> Result<Self> {
         let [base, other] = images.runs;
         let labels = [&*algorithm.algorithm, &*algorithm.other_algorithm];

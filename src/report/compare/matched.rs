@@ -11,13 +11,13 @@ pub(super) struct MatchedLabels<'a> {
     pub both: Vec<(&'a str, &'a str)>,
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
-    /// Those of both reports that in one of them are not compared, as `map` names the namesake.
+    /// Labels of both reports that in one of them are not compared, as `map` names the namesake.
     pub left_out: Vec<String>,
 }
 
 impl<'a> MatchedLabels<'a> {
-    /// Those that `map` names, as `BASE=OTHER`, then those of equal labels; without a map, where
-    /// each report has just one, these two.
+    /// The algorithms that `map` names, as `BASE=OTHER`, then those of equal labels; without a map,
+    /// where each report has just one, these two.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a map of algorithms that they do not have.
@@ -65,8 +65,8 @@ impl<'a> MatchedLabels<'a> {
         })
     }
 
-    /// Those that only one report has, but the other with other parameters, as `BASE=OTHER`: where
-    /// each has just one such algorithm of a name.
+    /// Algorithms that only one report has, but the other with other parameters, as `BASE=OTHER`:
+    /// where each has just one such algorithm of a name.
     pub fn proposed_maps(&self) -> Vec<String> {
         let [ours, theirs] = [
             named(self.manifests[0], &self.only_in_base),

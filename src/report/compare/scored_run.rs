@@ -19,7 +19,7 @@ use svl_score::scenario::PairRange;
 
 /// A report of `svl score`, read from its folder.
 pub struct ScoredRun {
-    /// As the user named it.
+    /// The folder as the user named it.
     pub folder: PathBuf,
     /// The folder itself.
     report: PathBuf,
@@ -34,10 +34,11 @@ pub struct ScoredRun {
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
     courses: Vec<CoursePlan>,
-    /// Its runs by those that it is compared under, and the numbers of its scenes likewise.
+    /// The report's runs by those that it is compared under, and the numbers of its scenes
+    /// likewise.
     own_runs: BTreeMap<OwnedRun, OwnedRun>,
     own_scenes: BTreeMap<u64, u64>,
-    /// Its table of cells, if it is there.
+    /// The table of cells, if it is there.
     cells: Option<PathBuf>,
 }
 
@@ -57,7 +58,8 @@ impl ScoredRun {
     /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`.
     ///
     /// # Errors
-    /// As [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not have.
+    /// The errors of [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not
+    /// have.
     pub fn named(text: &str) -> Result<Self> {
         let whole = Path::new(text);
         let Some((folder, label)) = text.rsplit_once('#').filter(|_| !whole.exists()) else {

@@ -25,7 +25,7 @@ use svl_score::manifest::Manifest;
 
 /// Everything the page shows.
 pub struct ReportPage {
-    /// Its scenario is the title.
+    /// The manifest, whose scenario is the title.
     pub manifest: Manifest,
     /// The scenario's prose; an empty line begins a paragraph.
     pub description: String,
@@ -147,7 +147,7 @@ impl ReportPage {
     /// Writes each plot of the page as an SVG file into a folder.
     ///
     /// # Errors
-    /// As [`ReportPage::render`]; [`Error::Io`] with the file.
+    /// The errors of [`ReportPage::render`]; [`Error::Io`] with the file.
     pub fn write_figures(&self, folder: &Path) -> Result<()> {
         let colors = self.colors();
         let plots = [

@@ -10,13 +10,13 @@ use svl_score::manifest::AlgorithmRecord;
 pub(super) struct ParameterShade<'a> {
     algorithm: &'a str,
     parameter: &'a str,
-    /// Its values, ascending, with their colours.
+    /// Values of the parameter, ascending, with their colours.
     values: Vec<(String, [u8; 3])>,
     /// The swept algorithms, by their labels.
     pub colors: Vec<(&'a str, [u8; 3])>,
 }
 
-/// Its key on the page.
+/// Key of the shades on the page.
 #[derive(Serialize)]
 pub(super) struct ShadeView {
     words: String,

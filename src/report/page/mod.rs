@@ -30,10 +30,10 @@ pub fn fill(page: &'static str, style: &'static str, view: impl Serialize) -> Re
     fill_with(page, style, &[], view)
 }
 
-/// As [`fill`], with further templates that the page includes, by their names.
+/// [`fill`] with further templates that the page includes, by their names.
 ///
 /// # Errors
-/// As [`fill`].
+/// The errors of [`fill`].
 pub(crate) fn fill_with(
     page: &'static str,
     style: &'static str,

@@ -39,11 +39,11 @@ impl Bars {
         self.drawn(|sum| sum)
     }
 
-    /// As [`Bars::svg`], with every bar as long as the plot is wide, to show the fractions of the
+    /// [`Bars::svg`] with every bar as long as the plot is wide, to show the fractions of the
     /// parts. The sums are printed behind them.
     ///
     /// # Errors
-    /// As [`Bars::svg`].
+    /// The errors of [`Bars::svg`].
     pub fn shares_svg(&self) -> Result<String> {
         self.drawn(|_| 1.0)
     }

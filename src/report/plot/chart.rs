@@ -96,18 +96,18 @@ impl Chart {
         self.svg_in(&AlgorithmColors::new([]))
     }
 
-    /// As [`Chart::svg`], with the algorithms' colours for series named after them.
+    /// [`Chart::svg`] with the algorithms' colours for series named after them.
     ///
     /// # Errors
-    /// As [`Chart::svg`].
+    /// The errors of [`Chart::svg`].
     pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         self.svg_named(colors, &|series, _| series.name.clone())
     }
 
-    /// As [`Chart::svg_in`]; the tooltip of a point begins with the name that `name` returns.
+    /// [`Chart::svg_in`] where the tooltip of a point begins with the name that `name` returns.
     ///
     /// # Errors
-    /// As [`Chart::svg`].
+    /// The errors of [`Chart::svg`].
     pub fn svg_named(
         &self,
         colors: &AlgorithmColors<'_>,

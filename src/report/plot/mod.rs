@@ -106,7 +106,7 @@ pub enum SeriesStyle {
     /// Points with the series' name beside each, which is then not in the key; all such series have
     /// one colour.
     Named,
-    /// As named, with discs of that radius in the series' own colour.
+    /// [`SeriesStyle::Named`] with discs of that radius in the series' own colour.
     Disc(u32),
     /// A line without a key: captions name its points.
     Joined,
@@ -116,7 +116,7 @@ pub enum SeriesStyle {
     Front,
     /// The name alone beside each point: the caption of another series, in place of a key.
     Caption,
-    /// As a caption, where there is room: the label of a point of another series.
+    /// [`SeriesStyle::Caption`] where there is room: the label of a point of another series.
     Label,
 }
 

@@ -42,7 +42,7 @@ impl Table {
     }
 }
 
-/// As `escape`, for a text with code in backticks.
+/// `escape` for a text with code in backticks.
 pub fn escape_prose(text: &str) -> String {
     let parts = text.split('`').enumerate().map(|(i, part)| match i % 2 {
         0 => escape(part),

@@ -27,7 +27,7 @@ pub struct RunFacts {
     /// The error that ended it early.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Its warnings, and those of algorithms, by their digests.
+    /// Warnings of the run, and those of algorithms, by their digests.
     pub warnings: Vec<Notice>,
     /// Delays of the topics that it reads maps from.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -40,7 +40,7 @@ impl ReportPlan {
     /// their keys; they get their digests here.
     ///
     /// # Errors
-    /// Those of [`Manifest::identity_hash`].
+    /// The errors of [`Manifest::identity_hash`].
     pub fn new(format: String, manifest: Manifest, mut runs: Vec<ReportRun>) -> Result<Self> {
         let options = manifest.identity_hash(Purpose::Keep)?;
         for run in &mut runs {

@@ -16,7 +16,7 @@ use svl_score::plausibility::MeasuredScales;
 #[derive(Default)]
 pub struct RunUnits {
     pub run: ReportRun,
-    /// Of a run that was never read to its end, the pairs that units are of.
+    /// Facts of the run; if it was never read to its end, its pairs are those that units are of.
     pub facts: RunFacts,
     /// Per algorithm its units, by block.
     units: BTreeMap<String, BTreeMap<u64, StoredUnit>>,
@@ -44,10 +44,10 @@ impl RunUnits {
         Self::with_facts(folder, plan, run, sessions, facts, damaged)
     }
 
-    /// As [`RunUnits::read`], of a run with these facts.
+    /// [`RunUnits::read`] for a run with these facts.
     ///
     /// # Errors
-    /// As [`RunUnits::read`].
+    /// The errors of [`RunUnits::read`].
     pub fn with_facts(
         folder: &Units,
         plan: &ReportPlan,
@@ -164,7 +164,7 @@ impl RunUnits {
     pub fn doubt(&self) -> Option<String> {
         let mut scales = MeasuredScales::default();
         for units in self.units.values() {
-            // Those of the first block with enough pixels.
+            // Scales of the first block with enough pixels.
             if let Some(own) = units.values().filter_map(|unit| unit.scale.clone()).next() {
                 scales.origin = own.origin;
                 scales.algorithms.extend(own.algorithms);

@@ -63,7 +63,7 @@ fn is_run(path: &Path) -> bool {
 }
 
 impl Units {
-    /// Those of a report's folder, if there are any.
+    /// The units of a report's folder, if there are any.
     pub fn for_report(report: &Path) -> Self {
         Self {
             report: report.to_owned(),

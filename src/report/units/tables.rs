@@ -62,7 +62,7 @@ const MAX_QUEUED_PAIRS: usize = 64;
 /// Writes the tables of a report, as `.csv` and `.parquet`, into its folder.
 ///
 /// # Errors
-/// Those of the units' files and of the tables'.
+/// The errors of the units' files and of the tables'.
 pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Result<ReportTables> {
     let mut rows = TableWriter::create_both(folder, "rows")?;
     let mut cells = TableWriter::create_both(folder, "cells")?;
@@ -111,7 +111,7 @@ pub struct TakenRows<'a> {
 /// cells are not asked for, nor what is computed of them.
 ///
 /// # Errors
-/// Those of the units' files, and of `take`, which gets the rows of each pair.
+/// The errors of the units' files, and of `take`, which gets the rows of each pair.
 pub fn collect_tables(
     plan: &ReportPlan,
     runs: &[RunUnits],

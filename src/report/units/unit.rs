@@ -320,7 +320,7 @@ impl StoredUnit {
         self.parts.iter().any(|(name, _)| name == "failures")
     }
 
-    /// Its pictures, if it has some.
+    /// Pictures of the unit, if it has some.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].
@@ -332,7 +332,7 @@ impl StoredUnit {
         parsed.map_err(|e| Error::format(&self.path, e.to_string()))
     }
 
-    /// Those of its parts that are chosen by name.
+    /// The parts of the unit that are chosen by name.
     fn parts(&self, is_read: impl Fn(&str) -> bool) -> Result<BTreeMap<String, Vec<u8>>> {
         let mut parts = BTreeMap::new();
         if self.header.parts.iter().any(|(name, _)| is_read(name)) {

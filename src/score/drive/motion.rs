@@ -80,7 +80,7 @@ impl RobotState {
 pub enum DriveEvent {
     /// It touched something.
     Collision { with: String, at_m: [f64; 2] },
-    /// Its clearance fell below the limit.
+    /// The clearance fell below the limit.
     NearMiss { to: String, at_m: [f64; 2] },
     /// It made no progress, and was put back on the route.
     Stuck { at_m: [f64; 2] },

@@ -99,7 +99,7 @@ pub struct CellTally {
     pub wrong_surface: usize,
     /// Cells whose nearest quarter is known.
     pub quarters: usize,
-    /// Those of them that are near, and of these those that are unknown, missed and found.
+    /// Cells among them that are near, and of these those that are unknown, missed and found.
     pub near: usize,
     pub near_unknown: usize,
     pub missed: usize,

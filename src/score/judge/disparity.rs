@@ -11,7 +11,7 @@ use svl_core::stereo::{DisparityMap, Plane, Truth, Visibility};
 pub struct DisparityScore {
     /// Scored pixels.
     pub pixels: usize,
-    /// Those with an estimate.
+    /// Scored pixels with an estimate.
     pub estimated: usize,
     bad1: usize,
     bad2: usize,

@@ -10,12 +10,12 @@ pub struct FilterTally {
     /// Cells with an obstacle that are right with and without filters; `None` without filters, and
     /// if floor is unknown.
     pub kept: Option<usize>,
-    /// Those that are right only without filters.
+    /// Cells with an obstacle that are right only without filters.
     pub lost: Option<usize>,
     /// Cells nearer than the range of disparities that are reported as such, or right; `None` if
     /// the range is unknown.
     pub close: Option<usize>,
-    /// Those that are neither.
+    /// Cells nearer than the range that are neither.
     pub blind: Option<usize>,
     /// True if cells are reported as too close but none of them has an obstacle; `None` without
     /// filters.

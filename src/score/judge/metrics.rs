@@ -81,7 +81,7 @@ pub type MetricNote = fn(CellRule) -> (&'static str, String);
 /// A metric of an algorithm.
 #[derive(Clone, Copy)]
 pub struct Metric {
-    /// Its key in a scenario's gate and in the JSON of a comparison.
+    /// Key in a scenario's gate and in the JSON of a comparison.
     pub name: &'static str,
     pub words: &'static str,
     /// Heading above its column and its neighbours in the same group.
@@ -174,14 +174,14 @@ pub enum Better {
 pub enum MetricOrigin {
     /// One frame of one algorithm.
     Frame {
-        /// Its column in the rows, and that of its total in the summary.
+        /// Column in the rows, and that of the total in the summary.
         column: &'static str,
         value: FrameValue,
         total: MetricTotal,
     },
     /// The cells of all pairs of an algorithm.
     Cells {
-        /// Its column in the summary.
+        /// Column in the summary.
         column: &'static str,
         number: CellNumber,
     },
@@ -978,7 +978,7 @@ impl Metric {
         format!("there is no metric '{name}'{hint}; `svl columns metrics` lists them")
     }
 
-    /// Its column in rows and summary, with the aggregation; `None` if it is not per frame.
+    /// Column in rows and summary, with the aggregation; `None` if the metric is not per frame.
     pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
         match self.origin {
             MetricOrigin::Frame { column, total, .. } => Some((column, total)),
@@ -986,7 +986,7 @@ impl Metric {
         }
     }
 
-    /// Its column in summaries; `None` if it has a table of its own.
+    /// Column in summaries; `None` if the metric has a table of its own.
     pub fn summary_column(&self) -> Option<&'static str> {
         match self.origin {
             MetricOrigin::Frame { column, .. } | MetricOrigin::Cells { column, .. } => Some(column),
@@ -1076,7 +1076,7 @@ const BY_AREA: usize = {
 /// each area, of which one is selected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetricValues {
-    /// Those of no area, and of obstacles.
+    /// Values of no area, and of obstacles.
     own: [Option<f64>; METRICS.len()],
     /// Values over floor, over what is beyond and over all, in the order of [`METRICS`].
     areas: [[Option<f64>; BY_AREA]; 3],
@@ -1138,7 +1138,7 @@ impl MetricValues {
     /// The value of its column in an area; that of a metric of no area in all of them.
     ///
     /// # Panics
-    /// As [`Self::get`].
+    /// Panics as [`Self::get`] does.
     pub fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
         let place = place(name);
         match area_place(place).zip(area_index(area)) {
@@ -1185,7 +1185,7 @@ impl MetricValues {
         self.value_in(metric, self.selected)
     }
 
-    /// As [`Self::value`], in an area.
+    /// [`Self::value`] in an area.
     pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let value = self.get_in(metric.name, area)?;
         match metric.column() {

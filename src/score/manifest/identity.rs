@@ -134,7 +134,7 @@ impl Manifest {
     /// Hash of all fields that have to be equal for a purpose.
     ///
     /// # Errors
-    /// As [`Self::differences`].
+    /// The errors of [`Self::differences`].
     pub fn identity_hash(&self, purpose: Purpose) -> Result<String> {
         let (identity, mut fields) = (self.identity()?, Vec::new());
         let mut add = |path: &str, value: Option<&Value>, _: Option<&Value>| {

@@ -86,7 +86,7 @@ pub struct Manifest {
 /// A process that matched pairs of a report.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SessionRecord {
-    /// Its `run_id`, as in the column `session` of the rows.
+    /// `run_id` of the session, as in the column `session` of the rows.
     pub id: String,
     /// RFC 3339, UTC.
     pub began: String,
@@ -105,9 +105,9 @@ pub struct SessionRecord {
 /// A recording, bag or folder of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunRecord {
-    /// Its name in the rows.
+    /// Name of the run in the rows.
     pub name: String,
-    /// Its original path.
+    /// Original path.
     pub path: String,
     /// Size of a file.
     pub bytes: Option<u64>,
@@ -124,9 +124,9 @@ pub struct RunRecord {
 /// An algorithm of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AlgorithmRecord {
-    /// Its name in the registry.
+    /// Name in the registry.
     pub name: String,
-    /// As the user wrote it.
+    /// Label as the user wrote it.
     pub label: String,
     /// All its parameters, `key=value,...`.
     pub parameters: String,

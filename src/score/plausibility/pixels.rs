@@ -28,7 +28,7 @@ const MIN_PIXELS: u64 = 10;
 pub struct PixelCheck {
     /// Known pixels before the check.
     pub known: u64,
-    /// Those that are impossible, and removed.
+    /// Pixels that are impossible, and removed.
     pub removed: u64,
     /// The reason why all of it is impossible, with the likely unit.
     pub refusal: Option<String>,
@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(left[3..5], [41.0, 5.0]);
         // Without a rig, a negative disparity may be one of a cropped image.
         let (check, left) = checked(&values, false);
-        // Its matches are those of the images.
+        // Matches outside the right image are impossible.
         assert_eq!((check.removed, left[1], left[3]), (2, -1.0, f32::INFINITY));
     }
 

@@ -93,7 +93,7 @@ pub struct AlgorithmScale {
 }
 
 impl MeasuredScales {
-    /// Those of one algorithm, if there are some.
+    /// Scales of one algorithm, if there are some.
     pub fn for_label(&self, label: &str) -> Option<Self> {
         let scale = self.algorithms.get(label)?;
         Some(Self {

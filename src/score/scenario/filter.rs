@@ -70,7 +70,7 @@ impl ScenarioFilter {
     /// The training scenarios, with the seeds to train on.
     ///
     /// # Errors
-    /// Those of [`Scenario::read`]; [`Error::Format`] for one that does not use the arena, or
+    /// The errors of [`Scenario::read`]; [`Error::Format`] for one that does not use the arena, or
     /// shares a seed with `scored`.
     pub fn training(&self, scored: &Scenario) -> Result<Vec<Scenario>> {
         let training = self.scenario.iter().map(|path| {

@@ -195,8 +195,8 @@ impl Scenario {
     /// The files of a scenario of recordings, a run each; empty for other scenarios.
     ///
     /// # Errors
-    /// Those of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is not
-    /// among them, or whose frames or seconds are ambiguous.
+    /// The errors of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is
+    /// not among them, or whose frames or seconds are ambiguous.
     pub fn recordings(&self) -> Result<Vec<RecordingRun>> {
         let ScenarioSource::Recording(runs) = &self.source else {
             return Ok(Vec::new());
@@ -238,7 +238,7 @@ impl Scenario {
     /// Checks a scenario's text; `path` is for the errors.
     ///
     /// # Errors
-    /// As [`Scenario::read`].
+    /// The errors of [`Scenario::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
         file.check(text, path.parent().unwrap_or(Path::new("")))

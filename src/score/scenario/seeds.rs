@@ -10,7 +10,7 @@ pub struct SeedList(Vec<u64>);
 /// Most seeds in one list.
 const MAX_SEEDS: usize = 1000;
 
-/// Its forms in a scenario.
+/// Forms of seeds in a scenario.
 #[derive(serde::Deserialize)]
 #[serde(untagged, expecting = "expected seeds as [4, 7, 9] or \"4..10\"")]
 enum WrittenSeeds {

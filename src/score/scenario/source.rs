@@ -215,7 +215,7 @@ impl SourceOptions {
     /// The options that apply to scenarios of that kind.
     ///
     /// # Errors
-    /// As [`SourceOptions::with`].
+    /// The errors of [`SourceOptions::with`].
     pub fn for_kind(&self, kind: ScenarioKind) -> Result<Self> {
         let mut table = self.given()?;
         table.retain(|key, _| kind.keys().contains(&key));
@@ -255,7 +255,7 @@ impl SourceOptions {
     /// The keys that are set.
     ///
     /// # Errors
-    /// As [`SourceOptions::with`].
+    /// The errors of [`SourceOptions::with`].
     pub fn keys(&self) -> Result<Vec<String>> {
         Ok(self.given()?.keys().cloned().collect())
     }

@@ -10,7 +10,7 @@ use svl_sim::stress::{Stress, StressKind};
 #[derive(Clone, Debug, PartialEq)]
 pub struct StressLevels(Vec<Stress>);
 
-/// Its form in a scenario.
+/// Form of a perturbation in a scenario.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StressTable {

@@ -13,7 +13,7 @@ impl Scenario {
     /// Reading it gives an equal scenario; filters and limits are copied unchanged.
     ///
     /// # Errors
-    /// Those of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not UTF-8.
+    /// The errors of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not UTF-8.
     pub fn to_toml(&self, folder: &Path) -> Result<String> {
         let file = self.file(&|path| relative_path(path, folder))?;
         toml::to_string(&file).map_err(|e| self.unwritten(&e))
@@ -22,7 +22,7 @@ impl Scenario {
     /// The scenario for a manifest: that of [`Scenario::to_toml`] in the working folder.
     ///
     /// # Errors
-    /// As [`Scenario::to_toml`].
+    /// The errors of [`Scenario::to_toml`].
     pub fn to_json(&self) -> Result<serde_json::Value> {
         let file = self.file(&|path| path.to_owned())?;
         // Through TOML, in which absent keys are absent.

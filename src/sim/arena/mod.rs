@@ -138,7 +138,7 @@ impl Arena {
     /// viewer; no textures are painted for it.
     ///
     /// # Errors
-    /// As [`Arena::new`]; [`Error::Invalid`] for shapes, which are not in a world.
+    /// The errors of [`Arena::new`]; [`Error::Invalid`] for shapes, which are not in a world.
     pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
         let config = &config.for_seed(seed)?.into_owned().in_a_world()?;
         let (walk, objects) = Self::way(config, seed)?;
@@ -168,7 +168,7 @@ impl ArenaWorld {
     /// The geometry alone: before [`ArenaWorld::paint`] it renders no frame.
     ///
     /// # Errors
-    /// As [`ArenaWorld::new`].
+    /// The errors of [`ArenaWorld::new`].
     pub fn unpainted(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let config = &config.for_seed(seed)?.into_owned().in_a_world()?;
         config.check()?;

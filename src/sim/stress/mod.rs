@@ -17,7 +17,7 @@ use svl_core::{Error, Result, joined};
 /// An entry of [`STRESSES`].
 pub struct StressKind {
     pub name: &'static str,
-    /// Its effect, in words.
+    /// Effect, in words.
     pub summary: &'static str,
     /// Unit of its levels.
     pub unit: &'static str,

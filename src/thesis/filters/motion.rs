@@ -26,7 +26,7 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
 /// Number of floors for training.
 const FLOORS: usize = 16;
 
-/// As sharp as the lens: a flash instead of the shutter.
+/// A camera with images as sharp as its lens: a flash instead of the shutter.
 fn still(config: &ArenaConfig) -> ArenaConfig {
     let mut still = config.clone();
     still.sensor.shutter_us /= 100;

@@ -7,7 +7,7 @@ use svl_score::judge::{Judge, Judged, depth_at, is_right};
 /// A cell, reportable or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellSample {
-    /// Its scene, recording or seed: samples of one are never split.
+    /// Scene, recording or seed: samples of one are never split.
     pub group: usize,
     /// `None` if nothing was seen.
     pub evidence: Option<CellEvidence>,
@@ -29,7 +29,7 @@ impl CellSample {
 pub enum CellTarget {
     #[default]
     Median,
-    /// Its nearest quarter.
+    /// Nearest quarter of the cell.
     Near,
 }
 

@@ -28,7 +28,7 @@ pub struct TimeFit {
 pub struct TimeFigures {
     /// Cells with a past and a truth.
     pub cells: usize,
-    /// Those whose report agrees with the last one, is farther, and is nearer.
+    /// Cells whose report agrees with the last one, is farther, and is nearer.
     pub relations: [usize; 3],
     /// Mean logistic loss of held-out cells without and with earlier reports.
     pub loss_alone: f64,

@@ -81,7 +81,7 @@ fn the_wireframe_shows_everything_that_stands_there() {
         ]
     );
     let points: Vec<[f32; 3]> = wires[5].strips.concat();
-    // Its length of 0.2 m lies along y.
+    // The object's length of 0.2 m lies along y.
     for (axis, (low, high)) in [(0.2, 0.6), (1.9, 2.1), (0.1, 0.4)].into_iter().enumerate() {
         let values = points.iter().map(|p| p[axis]);
         let (from, to) = (

@@ -294,7 +294,7 @@ fn a_wide_rig_sees_what_its_rectified_rig_sees() {
     let rectifier = Rectifier::new(&calibration.with_rectification(Rectification { rig, ..by }));
     let rectifier = rectifier.unwrap();
     let large = arena((SIZE.0 * OVERSAMPLING, SIZE.1 * OVERSAMPLING), 130.0);
-    // As sharp as the raw images: sampled from the same render.
+    // The ideal images are as sharp as the raw ones: sampled from the same render.
     let ideal = camera(SIZE, rig.focal_px(), centred, Distortion::NONE);
     let apart = Isometry3::translation(-BASELINE_M, 0.0, 0.0);
     let ideal = StereoCalibration::new(ideal, ideal, apart, LengthUnit::Metres).unwrap();

@@ -16,7 +16,7 @@ type HasPoint = Box<dyn Fn(usize, usize, &Dense) -> bool>;
 struct Dense<'a> {
     frame: &'a Frame,
     truth: &'a Plane<f32>,
-    /// Its 20th and its 80th percentile, pixels.
+    /// 20th and 80th percentile of the truth, pixels.
     far_px: f32,
     near_px: f32,
 }
@@ -85,7 +85,7 @@ fn is_smooth(x: usize, y: usize, dense: &Dense) -> bool {
 }
 
 fn patterns() -> Vec<(&'static str, HasPoint)> {
-    // As in KITTI: denser in the centre than below, with holes.
+    // A pattern like KITTI's: denser in the centre than below, with holes.
     let uneven = |share: fn(f64) -> f64| -> HasPoint {
         Box::new(move |x, y, dense| {
             let height = dense.truth.height();
@@ -108,7 +108,7 @@ fn patterns() -> Vec<(&'static str, HasPoint)> {
         }),
         ("uneven", uneven(|below| below * below)),
         ("uneven, on most pixels", uneven(|below| 1.4 * below)),
-        // As where sweeps overlap in every second band.
+        // Sweeps that overlap in every second band.
         ("all and thirds", {
             Box::new(|_, y, dense| {
                 (8 * y / dense.truth.height()).is_multiple_of(2) || y.is_multiple_of(3)

@@ -461,7 +461,7 @@ fn other_pairs_before_each_pair_explain_a_history() {
         json[0]["selections"],
         serde_json::json!(["--every 1 and 5"])
     );
-    // Of the pairs in common the first alone has the same past.
+    // The first of the pairs in common alone has the same past.
     let algorithms = json[0]["algorithms"].as_array().unwrap();
     let numbers = algorithms.iter().map(|own| {
         let number = |key: &str| own[key].as_u64().unwrap();

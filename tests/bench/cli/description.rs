@@ -106,7 +106,7 @@ fn runs_of_other_options_are_not_mixed() {
         fixture.run(&format!("{score} {options}"));
         assert!(seals().len() == 1 && seals() != first, "{options}");
     }
-    // Those of the first pairs and truth are still there, apart from the others.
+    // Results of the first pairs and truth are still there, apart from the others.
     assert_says(&fixture.run(score), &["matched  nothing"]);
     assert_eq!(seals(), first);
 

@@ -187,7 +187,7 @@ fn disparity_images_are_read_as_such() {
     fixture.write("w/metres/0.png", wall_image(625));
     let truth = |pattern: &str| frames(&fixture, "w", pattern)[0].truth.clone().unwrap();
     for (pattern, name) in [
-        // As said, by the name, and by the images.
+        // The unit is as given, by the name, or by the images.
         ("other/*.png:disparity=256", "other/*.png:disparity=256"),
         ("disp_occ_0/*.png", "disp_occ_0/*.png:disparity=256"),
         ("other/*.png", "other/*.png:disparity=256"),

@@ -41,7 +41,7 @@ struct History {
     random: Rng,
     pairs: Pairs,
     algorithms: BTreeSet<&'static str>,
-    /// Those that were written ever.
+    /// Algorithms whose results were ever written.
     written: Vec<&'static str>,
     /// Options of the runs.
     stress: bool,

@@ -110,7 +110,7 @@ fn an_interrupted_stream_of_pairs_is_an_error() {
 #[test]
 fn an_interrupt_that_comes_twice_at_once_is_one() {
     let fixture = Fixture::new();
-    // As from `timeout`, which sends it to its child and then to its group.
+    // `timeout` sends the signal to its child and then to its group.
     let line = "record -o a.mcap";
     let ready = || size(&fixture, "a.mcap") > 1_000_000;
     let (code, stderr) = interrupted_times(2, &fixture, line, Stdio::null(), ready);

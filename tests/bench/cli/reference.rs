@@ -58,7 +58,7 @@ fn a_replay_has_references_too_and_warns_of_itself() {
     );
     let ran = fixture.svl(&format!("{replay} --algo sgm:p1=10"));
     assert_says(&ran.stderr, &["sgm:p1=10: is scored against itself"]);
-    // Its own truth, as a topic: the same numbers, except for the stated origin.
+    // The recording's own truth, as a topic: the same numbers, except for the stated origin.
     let table = |more: &str| {
         let json = fixture.json(&format!("replay run.mcap --json {more}"));
         let cells = ["cells_right", "cells_wrong", "cells_unknown"];

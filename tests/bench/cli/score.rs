@@ -72,7 +72,7 @@ fn a_sweep_is_scored_as_so_many_algorithms_and_plotted_as_one() {
     );
     let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("bm: uniqueness = 0") && !html.contains("v3: "));
-    // Its colours follow its values. A heat map needs two parameters.
+    // The algorithm's colours follow its values. A heat map needs two parameters.
     let colors = ["rgb(0 114 178)", "rgb(213 94 0)"];
     let swatch = |(value, color): (&str, &str)| {
         format!("<span><i style=\"background: {color}\"></i>{value}</span>")

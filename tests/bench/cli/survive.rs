@@ -49,7 +49,7 @@ fn pairs(path: &Path) -> Vec<StereoPair> {
         .collect()
 }
 
-/// Its pairs are found by stamps; messages of `/stereo/sync` are not their number.
+/// Pairs are found by stamps; messages of `/stereo/sync` are not their number.
 #[test]
 fn a_truncated_bag_is_recovered_by_messages() {
     let fixture = Fixture::new();

@@ -156,7 +156,7 @@ fn a_run_that_was_killed_at_its_first_file_is_no_foreign_folder() {
 fn a_program_that_answers_otherwise_is_matched_again() {
     let fixture = counted(5);
     score(&fixture, &[]);
-    // Its command and its files are the same, but not what the program reads.
+    // The program's command and files are the same, but not what it reads.
     fixture.write("answer", 2_f32.to_le_bytes().repeat(32 * 24));
     let (matched, code, stderr) = score(&fixture, &[]);
     assert_eq!((matched, code), (1 + 6, Some(0)));
@@ -228,7 +228,7 @@ fn an_edited_table_is_not_compared() {
 /// is kept.
 const DAMAGES: &[(&str, usize)] = &[
     ("report.json", 0),
-    // Its pairs are read again, and compared.
+    // The pairs of the run are read again, and compared.
     ("units/pairs-*/run.json", 0),
     ("units/pairs-*/00000-*.unit", 1 + 64),
     ("units/pairs-*/00001-*.unit", 1 + 6),

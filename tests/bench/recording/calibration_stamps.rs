@@ -136,7 +136,7 @@ fn a_pair_without_a_calibration_of_its_stamp_has_the_last_one_before() {
         ..Shot::FIRST
     };
     let all = (0..6).flat_map(|i| shot(i).messages(i, CAMERAS));
-    // Those of pairs 0, 1 and 4 are missing.
+    // Calibrations of pairs 0, 1 and 4 are missing.
     let is_missing = |message: &Message| {
         let places = [0, 1, 4].map(|i| stamp(i) + 2_000_000);
         message.topic.ends_with("info") && places.contains(&message.log_time)

@@ -210,6 +210,6 @@ fn surfaces_of_the_same_pixels_are_taken() {
     };
     let half = SIZE.0 * SIZE.1 / 2;
     assert_eq!(count(SIZE), Some([half, half]));
-    // Those of another size are of other pixels.
+    // Surfaces of another size are of other pixels.
     assert_eq!(count((SIZE.0 / 2, SIZE.1)), None);
 }

@@ -57,7 +57,7 @@ fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
         .lines()
         .map_while(Result::ok);
     let written = |line: &String| line.strip_prefix("written ")?.parse::<u64>().ok();
-    // Its life begins with the first pair, not while the program starts.
+    // The recorder's life begins with the first pair, not while the program starts.
     let first = lines.find_map(|line| written(&line)).expect("it begins");
     std::thread::sleep(life);
     // On Unix this is SIGKILL.

@@ -110,7 +110,7 @@ fn the_frame_is_that_of_the_left_images() {
     assert_eq!(pairs.facts().frame_id, None);
 }
 
-/// As in a bag, calibrations without a baseline have that of the static transforms.
+/// Calibrations without a baseline have that of the static transforms, as in a bag.
 #[test]
 fn the_baseline_is_in_the_static_transforms() {
     let stamp = START_NS;

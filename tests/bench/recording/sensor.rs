@@ -586,7 +586,7 @@ fn a_recording_keeps_how_its_truth_was_measured() {
     let (back, error) = read(&path);
     assert!(error.is_none());
     assert_eq!(back[0].truth.as_ref().unwrap().kind, kind);
-    // Its own truth, as a topic: the same, except for the stated origin.
+    // The recording's own truth, as a topic: the same, except for the stated origin.
     let frame = open(&path, "/truth/depth")
         .unwrap()
         .source

@@ -255,7 +255,7 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
             line(topic, algorithm, &measured);
             let same = alike(&some, &measured);
             if topic == "/scan" {
-                // Its points are in one of the eight rows of a cell's parts.
+                // The scan's points are in one of the eight rows of a cell's parts.
                 assert_eq!((shares(&some).0, shares(&measured).0), (0, 0));
                 continue;
             }

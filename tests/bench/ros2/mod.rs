@@ -263,7 +263,7 @@ fn a_recording_survives_resets_and_restarts() {
             let (width, height) = robot::SIZE;
             assert_eq!(frames[0].pair.size(), (width, height));
             assert_eq!(frames[109].pair.size(), (2 * width, height));
-            // Its calibration is of the first size.
+            // The calibration is of the first size.
             assert!(frames[0].rig().is_some() && frames[109].rig().is_none());
         });
         scope.spawn(|| {

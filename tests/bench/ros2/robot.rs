@@ -84,7 +84,7 @@ impl Robot {
         Self { n, ended, thread }
     }
 
-    /// Its topics, as a source or as a prefix.
+    /// Topics of the robot, as a source or as a prefix.
     pub(super) fn source(&self, topics: &str) -> String {
         address(self.n, topics)
     }

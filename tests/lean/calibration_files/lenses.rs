@@ -179,7 +179,7 @@ fn a_lens_that_folds_inside_the_image_is_refused() {
     let notes: Vec<_> = found.notes().collect();
     assert_says(&notes[0], &["left image", "no directions beyond 298 px"]);
     assert_eq!(notes.len(), 2);
-    // Of five coefficients none is a fisheye's.
+    // No model of five coefficients is a fisheye's.
     let error = read(&opencv("-2., 0., 0., 0., 0.", ""), &Hints::default()).unwrap_err();
     assert!(!error.contains("equidistant"), "{error}");
     let nan = opencv("-0.15, .Nan, 0., 0., 0.", "");

@@ -344,7 +344,7 @@ impl Gaps<'_> {
             let (column, row) = (i % columns, i / columns);
             let xs = column * w / columns..(column + 1) * w / columns;
             let ys = row * h / rows..(row + 1) * h / rows;
-            // Those of the lattice, or the last one before.
+            // The places of the lattice, or the last one before.
             let places = |range: std::ops::Range<usize>, step: usize| -> Vec<usize> {
                 let all: Vec<_> = range.clone().filter(|i| i % step == 0).collect();
                 if all.is_empty() {

@@ -26,7 +26,7 @@ pub(crate) enum Filter {
 }
 
 impl Symmetric {
-    /// As on the command line.
+    /// The algorithm as on the command line.
     pub(crate) fn text(&self) -> String {
         let Self {
             min,

@@ -15,7 +15,7 @@ pub(crate) struct V4 {
 }
 
 impl V4 {
-    /// As on the command line.
+    /// The algorithm as on the command line.
     pub(crate) fn text(&self) -> String {
         let Self {
             min,

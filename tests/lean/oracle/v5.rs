@@ -286,7 +286,7 @@ impl V5 {
         (0..16 * self.nd() as i32).map(|v| (v - k, v + k)).collect()
     }
 
-    /// Likewise within 20 % or 0.10 m.
+    /// The bins of [`Self::tolerance_px`], within 20 % or 0.10 m.
     pub(crate) fn tolerance_m(&self, fb: f64, doffs: f64) -> Vec<(i32, i32)> {
         let bin = |a: f64| ((a.min(10_000.0) - doffs) * 8.0 + 0.5).floor() as i32;
         let interval = |v: i32| {

@@ -5,7 +5,7 @@ use serde::Serialize;
 /// A public data set.
 #[derive(Debug, Serialize)]
 pub struct Dataset {
-    /// Its name on the command line, and of its folder in that of the data sets.
+    /// Name on the command line, and of the folder in that of the data sets.
     pub name: &'static str,
     pub title: &'static str,
     /// Page where its authors describe it.

@@ -48,7 +48,7 @@ impl Scene {
             })
     }
 
-    /// Its name.
+    /// Name of the scene.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -23,7 +23,7 @@ pub(super) enum Cameras {
     Rectified,
     /// A `sensor.yaml` of each camera in these folders: the images are raw if it exists.
     Sensors([&'static str; 2]),
-    /// As `Sensors`, and raw without one too.
+    /// [`Cameras::Sensors`], but raw without a `sensor.yaml` too.
     RawSensors([&'static str; 2]),
     /// Named projections in `calib.txt`.
     Projections([&'static str; 2]),

@@ -44,9 +44,9 @@ pub struct MapFiles {
     is_recognized: bool,
     /// By the part at `*` of their names.
     files: Images,
-    /// Those whose names are numbers, for pairs without a name.
+    /// Files whose names are numbers, for pairs without a name.
     numbered: BTreeMap<u64, PathBuf>,
-    /// Those by stamp whose names are times.
+    /// Files whose names are times, by stamp.
     times: Vec<(u64, PathBuf)>,
     max_skew_ns: u64,
     /// Pose of the laser scanner in the left camera.
@@ -101,7 +101,7 @@ impl MapFiles {
     /// path of its own. Pairs without a name have the files of their numbers.
     ///
     /// # Errors
-    /// As [`MapFiles::new`]; [`Error::Format`] for two files of one number.
+    /// The errors of [`MapFiles::new`]; [`Error::Format`] for two files of one number.
     pub(crate) fn for_maps(
         pattern: &str,
         (unit_m, scale): (Option<f64>, Option<f64>),
@@ -179,7 +179,7 @@ impl MapFiles {
         asked(self.role, &self.pattern)
     }
 
-    /// Those of the usual patterns that have files.
+    /// The usual patterns that have files.
     pub(crate) fn usual(folder: &Path) -> Vec<String> {
         let has_files = |pattern: &&str| {
             find_ending(folder, pattern, ENDINGS).is_ok_and(|files| !files.is_empty())
@@ -198,7 +198,7 @@ impl MapFiles {
         ))
     }
 
-    /// Its files with the meaning of their values.
+    /// Pattern of the files, with the meaning of their values.
     pub(crate) fn name(&self) -> String {
         let unit = self.unit.map(|unit| format!(":{unit}"));
         self.pattern.clone() + &unit.unwrap_or_default()

@@ -217,7 +217,7 @@ impl Source for FolderSource {
                     return Ok(Some(frame));
                 }
                 Err(error) => {
-                    // As in recordings: one line in the log; the number follows at the end.
+                    // One line in the log, like recordings; the number follows at the end.
                     if self.unreadable == 0 {
                         tracing::warn!("{error}; this pair is left out");
                     }

@@ -71,8 +71,8 @@ impl VideoSource {
     /// A video of each camera.
     ///
     /// # Errors
-    /// Those of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates or
-    /// times.
+    /// The errors of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates
+    /// or times.
     pub fn pair(left: &Path, right: &Path, fps: Option<f64>) -> Result<Self> {
         Self::new(
             vec![VideoStream::open(left)?, VideoStream::open(right)?],

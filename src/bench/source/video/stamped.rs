@@ -81,7 +81,7 @@ impl StampedVideo {
     /// Reads until this many frames wait, or to the end.
     ///
     /// # Errors
-    /// Those of [`VideoStream::next`].
+    /// The errors of [`VideoStream::next`].
     pub(super) fn fill(&mut self, frames: usize) -> Result<()> {
         while self.waiting.len() < frames {
             let Some((time_ns, image)) = self.video.next()? else {

@@ -265,7 +265,7 @@ impl VideoStream {
 
 impl Drop for VideoStream {
     fn drop(&mut self) {
-        // Its frames are no longer needed; it may have ended already.
+        // The decoder's frames are no longer needed; it may have ended already.
         let _ = self.decoder.kill();
         let _ = self.decoder.wait();
     }

@@ -409,7 +409,7 @@ fn skew(skew: &SkewSummary) -> Vec<FactLine> {
             .to_ns
             .abs_diff(skew.histogram[0].from_ns)
             .max(1) as f64;
-        // As many decimals as the bin width needs, so that edges are printed exactly.
+        // The bin width decides the decimals, so that edges are printed exactly.
         let digits = (unit_ns / width_ns).log10().ceil().max(0.0) as usize;
         let edge = |ns: i64| format!("{:.digits$}", ns as f64 / unit_ns);
         lines.extend(skew.histogram.iter().map(|bin| {

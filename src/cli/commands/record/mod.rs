@@ -262,7 +262,7 @@ mod tests {
         };
         let line = |pairs| report(file.path(), &outcome, pairs, 1.0).unwrap();
         assert!(line(Some(2)).ends_with("2 pairs in 1.0 s (2 a second), 0.0 MB\n"));
-        // Of three, and of a live source.
+        // A source of three pairs, and a live source.
         assert!(
             [Some(3), None]
                 .map(line)

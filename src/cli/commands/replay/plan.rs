@@ -112,7 +112,7 @@ impl<'a> Plan<'a> {
         let cells = self.collect_cells(&mut sinks);
         let title = self.opened.source.name();
         let mut judge = Judge::default();
-        // Its rows are known as those of live topics.
+        // Rows are known as those of live topics.
         if self.opened.is_live {
             judge.run.name.clone_from(&self.name);
         }

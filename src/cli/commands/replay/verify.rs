@@ -20,7 +20,7 @@ pub(super) struct Earlier {
     labels: Vec<String>,
     /// Hashes of each result and of its pair, by label and number of the pair, or its stamp.
     hashes: BTreeMap<(String, u64), (String, String)>,
-    /// Likewise the cells, if a recording has them.
+    /// The cells by the same keys, if a recording has them.
     cells: BTreeMap<(String, u64), AlgorithmCells>,
     /// Hash of each algorithm's parameters, by label.
     parameters: BTreeMap<String, String>,
@@ -181,7 +181,7 @@ impl Earlier {
             }
             Ok(algorithm)
         };
-        // Those behind filters come again with --filter.
+        // Filters are given again with --filter.
         let mut labels: Vec<_> = self
             .labels
             .iter()

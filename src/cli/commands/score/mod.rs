@@ -79,8 +79,8 @@ pub(crate) struct Args {
     filters: FilterArgs,
     /// Score perturbed pairs, too: KIND or KIND=LEVEL/…
     ///
-    /// As row_offset, or at levels of your own as row_offset=0.5/1; may be given more than once
-    /// [default: the scenario's].
+    /// For example row_offset, or row_offset=0.5/1 with levels of your own; may be given more than
+    /// once [default: the scenario's].
     #[arg(long, value_name = "KIND", help_heading = "Scoring")]
     stress: Vec<StressLevels>,
     #[command(flatten)]
@@ -106,7 +106,7 @@ pub(crate) struct Args {
     gate: bool,
     /// Folder for the report [default: reports/SCENARIO]
     ///
-    /// Of a report that is there, only what is missing or changed is matched.
+    /// A report that is there keeps its results: only what is missing or changed is matched.
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Match all again, also what the report's folder has

@@ -149,7 +149,7 @@ impl<'a> FrameStore<'a> {
         matches!(self.reads, Reads::Live(_))
     }
 
-    /// As [`Source::start_ns`].
+    /// [`Source::start_ns`] of the frames' source.
     pub(crate) fn start_ns(&self) -> Option<u64> {
         match &self.reads {
             Reads::Recorded { source, .. } => source.start_ns(),
@@ -170,7 +170,7 @@ impl<'a> FrameStore<'a> {
     /// The frame at `index`, or the last one where there are fewer; none for an empty source.
     ///
     /// # Errors
-    /// Those of the source, for a frame that cannot be read. Others still can.
+    /// The errors of the source, for a frame that cannot be read. Others still can.
     pub(crate) fn at_most(&mut self, index: u64) -> anyhow::Result<Option<(u64, Arc<Frame>)>> {
         if let Reads::Live(live) = &self.reads {
             let newest = self.kept.back().map(|(newest, _)| *newest);
@@ -202,7 +202,7 @@ impl<'a> FrameStore<'a> {
     /// The frame whose sequence number is `sequence`, or else the next one.
     ///
     /// # Errors
-    /// As [`FrameStore::at_most`].
+    /// The errors of [`FrameStore::at_most`].
     pub(crate) fn numbered(&mut self, sequence: u64) -> anyhow::Result<Option<(u64, Arc<Frame>)>> {
         // Numbers grow at least as fast as indices do.
         let mut found = self.at_most(sequence)?;

@@ -26,7 +26,7 @@ use svl::stereo::Frame;
 
 /// A tool that is used on the frames.
 pub(crate) trait StepTool {
-    /// Its keys beside the stepper's, and what each does, for the help.
+    /// Keys beside the stepper's, and what each does, for the help.
     fn keys(&self) -> &'static [(&'static str, &'static str)];
 
     /// Another frame is shown.
@@ -35,7 +35,7 @@ pub(crate) trait StepTool {
     /// Takes a key, before the stepper does.
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
 
-    /// Its question at the moment, in place of the message.
+    /// Question of the tool at the moment, in place of the message.
     fn question(&self) -> Option<String>;
 
     /// Receives the results of its work in the background; true if there is something to draw.
@@ -113,7 +113,7 @@ impl<'a> Stepper<'a> {
     /// At the first frame.
     ///
     /// # Errors
-    /// Those of the source, and a source without frames.
+    /// The errors of the source, and a source without frames.
     pub(crate) fn new(name: &str, mut store: FrameStore<'a>) -> anyhow::Result<Self> {
         let first = match store.at_most(0) {
             Ok(None) => match store.take_damage() {
@@ -198,7 +198,7 @@ impl<'a> Stepper<'a> {
                 });
             }
         } else if by == 1 {
-            // As fast as they were taken, as far as a person can follow.
+            // The rate at which the frames were taken, where a person can follow it.
             let passed = Duration::from_nanos(self.frame.stamp_ns.saturating_sub(before.1));
             self.period = passed.clamp(Duration::from_millis(20), Duration::from_secs(1));
         }
@@ -350,7 +350,7 @@ impl StepSession {
     /// `script`: a file of keys in place of a terminal.
     ///
     /// # Errors
-    /// Those of the script; as [`Screen::check_terminal`].
+    /// The errors of the script and of [`Screen::check_terminal`].
     pub(crate) fn new(script: Option<&Path>) -> anyhow::Result<Self> {
         if let Some(script) = script {
             return Ok(Self(Keys::script(script)?));
@@ -362,7 +362,7 @@ impl StepSession {
     /// Shows frames and takes keys until the tool or the user ends it, and restores the screen.
     ///
     /// # Errors
-    /// Those of the tool; a terminal that is gone.
+    /// The errors of the tool; a terminal that is gone.
     pub(crate) fn run(
         mut self,
         stepper: &mut Stepper<'_>,

@@ -11,7 +11,7 @@ static TABLE: LazyLock<VerdictTable> = LazyLock::new(|| {
     VerdictTable::parse(text).expect("it is a table, as a test checks")
 });
 
-/// As the parameters of v5.
+/// The values of v5's parameters.
 const JUMP: i32 = 16;
 const ALLOWANCE_PX: f64 = 0.25;
 

@@ -73,7 +73,7 @@ enum ProgramEvent {
 /// A running program. Dropping it ends it.
 pub(super) struct Program {
     child: Child,
-    /// Its identity, once reported.
+    /// Identity of the program, once reported.
     pub(super) hello: Option<Hello>,
     requests: Sender<Vec<u8>>,
     /// Buffers of requests already written,
@@ -89,7 +89,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Its peak memory, bytes, if the system reports it.
+    /// Peak memory of the program, bytes, if the system reports it.
     pub(super) fn memory(&self) -> Option<usize> {
         let status = format!("/proc/{}/status", self.child.id());
         let status = std::fs::read_to_string(status).ok()?;
@@ -237,7 +237,7 @@ impl Program {
             Some(status) => format!("ended ({status}): it {reason}"),
             None => reason,
         };
-        // Its remaining output arrives once it is gone.
+        // The program's remaining output arrives once it is gone.
         self.kill();
         // The channel closes when the thread that reads standard error ends.
         let _ = self.stderr_closed.recv_timeout(GRACE);
@@ -253,8 +253,8 @@ impl Program {
         #[cfg(unix)]
         {
             use rustix::process::{Pid, Signal, kill_process_group};
-            // Its own group, by `process_group(0)`. If all of the group has ended, its number is
-            // not reused before all others have been.
+            // The program has a group of its own, by `process_group(0)`. If all of the group has
+            // ended, its number is not reused before all others have been.
             if let Some(group) = Pid::from_raw(self.child.id().cast_signed()) {
                 let _ = kill_process_group(group, Signal::KILL);
             }

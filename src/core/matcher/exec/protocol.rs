@@ -109,12 +109,12 @@ pub(super) enum Reply {
     Matched {
         millis: f64,
         disparities: Vec<u8>,
-        /// Its own cells in raster order, `None` for unknown ones.
+        /// The program's own cells in raster order, `None` for unknown ones.
         cells: Option<Vec<Option<ReplyCell>>>,
     },
-    /// Its reason for not matching the pair, in one line.
+    /// Reason for not matching the pair, in one line.
     Refused(String),
-    /// Its identity; the pair has to be sent again.
+    /// Identity of the program; the pair has to be sent again.
     Hello(Hello),
 }
 

@@ -1,8 +1,8 @@
 //! One-pass left-right consistency check, without a second matching: the disparity of a right pixel
 //! is that of the cheapest left pixel that matches it.
 //!
-//! As in OpenCV's `validateDisparity`, a disparity between two whole pixels passes if the right
-//! pixel on either side confirms it.
+//! The rule of OpenCV's `validateDisparity`: a disparity between two whole pixels passes if the
+//! right pixel on either side confirms it.
 
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};

@@ -54,7 +54,7 @@ impl DisparityRange {
     /// From the parameters of a matcher.
     ///
     /// # Errors
-    /// As [`DisparityRange::new`].
+    /// The errors of [`DisparityRange::new`].
     pub fn from_parameters(parameters: &Parameters) -> Result<Self> {
         Self::new(
             parameters.int(Self::MIN.name),

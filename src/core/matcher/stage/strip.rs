@@ -82,7 +82,7 @@ impl<S: Send> Bands<S> {
     /// For images of `height` rows.
     ///
     /// # Errors
-    /// Those of `scratch`.
+    /// The errors of `scratch`.
     pub fn new(height: usize, scratch: impl Fn() -> Result<S>) -> Result<Self> {
         let (bands, rows) = Blocks::bands(height);
         let scratch = (0..bands)

@@ -250,7 +250,7 @@ impl HalfMap {
                     let whys = why[places].iter().zip(seen);
                     for (out, (&why, &seen)) in reasons.as_chunks_mut().0.iter_mut().zip(whys) {
                         *out = [match (seen, why) {
-                            // Its neighbours failed.
+                            // The pixel matched, but its neighbours failed.
                             (0, Reason::Valid) => Reason::Ambiguous,
                             (_, why) => why,
                         }; 2];

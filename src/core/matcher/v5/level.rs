@@ -16,7 +16,7 @@ pub(super) struct MatchLevel {
 }
 
 impl MatchLevel {
-    /// As [`HalfMap::new`].
+    /// The arguments of [`HalfMap::new`].
     pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Result<Self> {
         let images = [HalfImage::new(size, 0)?, HalfImage::new(size, count - 1)?];
         Ok(Self {

@@ -68,7 +68,7 @@ impl V4l2Device {
         number(self) == number(other)
     }
 
-    /// Its modes in the formats that svl reads. From a range of sizes: the greatest, 640 × 480, and
+    /// Modes in the formats that svl reads. From a range of sizes: the greatest, 640 × 480, and
     /// `size`.
     pub(super) fn modes(&self, size: Option<(usize, usize)>) -> Vec<Mode> {
         let formats = (0..LISTED).map_while(|index| {

@@ -118,7 +118,7 @@ pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f3
     if !(scale > 0.0 && scale.is_finite()) {
         return Err("it has no focal length or no baseline".to_owned());
     }
-    // Those of invalid pixels are 0 or less, which `depths` makes NaN too.
+    // Disparities of invalid pixels are 0 or less, which `depths` makes NaN too.
     let disparities = depths(&message.image)?;
     Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
 }

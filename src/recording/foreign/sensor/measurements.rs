@@ -22,7 +22,7 @@ const HELD_BYTES: usize = 256 << 20;
 struct Stamps(Vec<(u64, u64)>);
 
 impl Stamps {
-    /// Those with this stamp.
+    /// The entries with this stamp.
     fn at(&self, stamp_ns: u64) -> &[(u64, u64)] {
         let first = self.0.partition_point(|(stamp, _)| *stamp < stamp_ns);
         let rest = &self.0[first..];
@@ -61,9 +61,9 @@ const MAX_EARLY_NS: i64 = 1_000_000;
 /// from the recorder's makes it negative, or too long.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TopicLatency {
-    /// Of the measurements.
+    /// Latency of the measurements.
     pub topic_ns: Vec<i64>,
-    /// Of the left images.
+    /// Latency of the left images.
     pub images_ns: Vec<i64>,
 }
 

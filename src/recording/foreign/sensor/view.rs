@@ -489,7 +489,7 @@ pub(super) enum View {
         size: (usize, usize),
         rays: Vec<Vector3<f64>>,
         origin: Vector3<f64>,
-        /// Its focal length, pixels.
+        /// Focal length of the camera, pixels.
         focal_px: f64,
     },
     /// Points of a sensor with that pose in the rectified left camera's frame.

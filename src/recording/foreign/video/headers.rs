@@ -69,7 +69,7 @@ pub(super) struct CodecParameters {
     /// Bits of a picture's number.
     number_bits: u32,
     has_separate_planes: bool,
-    /// Of H.265: extra bits of each slice's header, and the flag of pictures without output.
+    /// H.265 only: extra bits of each slice's header, and the flag of pictures without output.
     extra_bits: usize,
     has_output_flag: bool,
 }

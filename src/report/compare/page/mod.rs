@@ -29,7 +29,7 @@ impl<'a> ComparisonPage<'a> {
     /// The page of the comparison of these two reports.
     ///
     /// # Errors
-    /// Those of reading the tables of cells and the pictures.
+    /// The errors of reading the tables of cells and the pictures.
     pub fn new(
         comparison: &'a Comparison,
         base: &ScoredRun,

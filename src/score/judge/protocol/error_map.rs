@@ -26,8 +26,8 @@ pub(super) fn plain(image: &ProtocolImage) -> Plane<[u8; 3]> {
     rgb
 }
 
-/// As drawn by the kit: the densified map, each pixel except on the image's border covers its eight
-/// neighbours, later ones over earlier ones.
+/// The map as drawn by the kit: the densified map, each pixel except on the image's border covers
+/// its eight neighbours, later ones over earlier ones.
 pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
     let dense = KittiMaps::new(image).dense;
     let mut rgb = image.truth.map(|_| NO_TRUTH);

@@ -34,12 +34,12 @@ impl Errors {
         self.pixels
     }
 
-    /// Those with an estimate.
+    /// Scored pixels with an estimate.
     pub(super) fn estimated(&self) -> usize {
         self.sorted.len()
     }
 
-    /// Those without.
+    /// Scored pixels without an estimate.
     pub(super) fn invalid(&self) -> usize {
         self.pixels - self.sorted.len()
     }

@@ -2,7 +2,7 @@
 //! high-resolution images and multi-camera videos*, CVPR 2017), as scored by its program
 //! `two-view-evaluation`.
 //!
-//! Its quirks: a disparity beyond the image's width in either direction is invalid; all numbers
+//! Quirks: a disparity beyond the image's width in either direction is invalid; all numbers
 //! except coverage are over the estimated pixels; without any, all of them are bad and the errors
 //! infinite (`None` here).
 

@@ -3,7 +3,7 @@
 //! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate ground
 //! truth*, GCPR 2014), as scored by `evaldisp` of the MiddEval3-SDK.
 //!
-//! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
+//! Quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
 //! factor; estimates are clipped to 0 ..= the largest disparity, invalid ones are neither filled
 //! nor bad, and `bad` is a fraction of all scored pixels while `avgerr` and `rms` are means over
 //! the estimated ones. For A50 … A99, which the web page shows but `evaldisp` does not compute,

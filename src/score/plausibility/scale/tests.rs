@@ -92,7 +92,7 @@ fn disparities_read_as_depths_are_named() {
         words.ends_with("likely --truth 'd/*.png:disparity=256'"),
         "{words}"
     );
-    // Of a topic, no option says so.
+    // No option says so for a topic.
     assert_eq!(doubt("/depth", as_depth, Vec::new()), None);
 }
 

@@ -9,7 +9,7 @@ use svl_core::stereo::{Frame, GridShape, Surface, Truth, Visibility};
 /// A labelled window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WindowSample {
-    /// Its recording or run: samples of one are never split.
+    /// Recording or run: samples of one are never split.
     pub group: usize,
     /// The frame's sequence number.
     pub sequence: u64,
@@ -17,7 +17,7 @@ pub struct WindowSample {
     pub window: usize,
     /// True if it shows the filter's object.
     pub is: bool,
-    /// Its grey values, for samples of the test set.
+    /// Grey values, for samples of the test set.
     pub pixels: Vec<u8>,
 }
 

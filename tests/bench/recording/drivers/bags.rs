@@ -212,7 +212,7 @@ pub(super) fn zed() -> Vec<Message> {
     pairs(pair, 2, &links)
 }
 
-/// Of each kind of ZED's images its encoding, and per camera the topics of the image and of its two
+/// Encodings of the kinds of ZED's images, and per camera the topics of the image and of its two
 /// camera_info.
 const ZED_TOPICS: [(&str, [[&str; 3]; 2]); 4] = [
     (

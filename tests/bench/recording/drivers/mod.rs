@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// A driver, and what svl does with its bag.
 struct Driver {
-    /// Its row in docs/cameras.md.
+    /// Row of the driver in docs/cameras.md.
     name: &'static str,
     bag: fn() -> Vec<Message>,
     storage: Storage,

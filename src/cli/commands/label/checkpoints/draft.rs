@@ -49,7 +49,8 @@ impl Draft {
         self.cells.is_empty() && self.name.is_empty() && self.first.or(self.last).is_none()
     }
 
-    /// Its frames, both ends among them; ends that were not set are those that were labelled.
+    /// Frames of the checkpoint, both ends among them; ends that were not set are those that were
+    /// labelled.
     pub(super) fn frames(&self, shown: u64) -> [u64; 2] {
         let pairs = self.labelled();
         let [from, to] = [pairs.first(), pairs.last()].map(|p| p.map_or(shown, |p| p.frame));
@@ -199,7 +200,7 @@ pub(super) fn replace(path: &Path, text: &str, synced: bool) -> anyhow::Result<(
         .filter(|folder| !folder.as_os_str().is_empty());
     let write = || {
         let mut builder = tempfile::Builder::new();
-        // As any new file has; temporary ones are private.
+        // The permissions of any new file; temporary ones are private.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let mut file = builder

@@ -83,7 +83,7 @@ impl From<CellLabel> for String {
     }
 }
 
-/// As it is typed.
+/// The label as it is typed.
 impl fmt::Display for CellLabel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -12,7 +12,7 @@ use svl::score::{ExpectedCell, LabelledPair, RunPart, Verdict};
 use svl::sink::{CellNote, StepView};
 use svl::stereo::{Frame, GridShape};
 
-/// Its keys, for the help.
+/// Keys for the help.
 pub(super) const KEYS: &[(&str, &str)] = &[
     ("arrows, mouse", "pick a cell"),
     ("0.43 Enter", "what it shows: a distance, metres"),

@@ -13,7 +13,7 @@ use svl::fit::filter::FrameLabels;
 use svl::outputs::write;
 use svl::stereo::{Frame, GridShape};
 
-/// Its keys beside those of the stepper.
+/// Keys beside those of the stepper.
 const KEYS: &[(&str, &str)] = &[
     ("a", "it shows what the filter detects"),
     ("b", "it does not"),

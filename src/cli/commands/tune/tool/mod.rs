@@ -15,7 +15,7 @@ use svl::scenario::Scenario;
 use svl::score::Metric;
 use svl::tune::{Knob, TunedSetting, scenario_toml};
 
-/// Its keys beside those of the stepper.
+/// Keys beside those of the stepper.
 const KEYS: &[(&str, &str)] = &[
     ("up, down", "choose a parameter"),
     ("left, right", "turn it; with Shift ten times as far"),

@@ -224,7 +224,7 @@ fn sample_head(shown: &TuneState) -> Line<'static> {
 /// A change as cells of a table: before, after, the difference, its interval.
 pub(super) fn change_cells(change: &Change) -> [String; 4] {
     let metric = change.metric;
-    // Its unit is that of the values.
+    // The unit is that of the values.
     let signed = |value| {
         let text = signed(metric, value);
         text.split(' ').next().unwrap_or_default().to_owned()

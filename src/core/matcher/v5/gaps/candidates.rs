@@ -351,10 +351,10 @@ impl Measured<'_> {
 /// The winner of a pixel at quarter size.
 struct QuarterPixel {
     place: [usize; 2],
-    /// As a bin of the half image.
+    /// Bin of the half image.
     bin: i32,
     quality: Quality,
-    /// Its least path cost.
+    /// Least path cost.
     least: i32,
 }
 

@@ -6,7 +6,7 @@ const JUMP: u16 = 16;
 /// A seen pixel of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SeenPixel {
-    /// Its place on the line; `NONE` without one.
+    /// Place on the line; `NONE` without one.
     pub(super) at: u16,
     /// Greatest step of grey on the way there.
     pub(super) barrier: u16,
