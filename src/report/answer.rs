@@ -90,6 +90,7 @@ impl Results {
         let second_value = second.as_ref().map(|second| second.value);
         Some(Lead {
             metric,
+            area: self.area_of(metric),
             algorithm: best.algorithm.clone(),
             value: value(best)?,
             is_outdone: place > 0,
@@ -139,6 +140,7 @@ impl Results {
             });
         Some(Lead {
             metric,
+            area: None,
             algorithm: lead.1.algorithm.clone(),
             value: lead.0,
             is_outdone: candidates().any(|a| median_ms(a).is_some_and(|ms| ms < value)),

@@ -9,8 +9,13 @@ const CELLS: &str = "cells, %";
 
 impl Results {
     /// True if cells have areas: they are scored by distances.
-    fn has_areas(&self) -> bool {
+    pub(super) fn has_areas(&self) -> bool {
         self.basis.scope.by_distance > 0
+    }
+
+    /// The cells that a metric is of; `None` where it is of all, whatever their area.
+    pub(super) fn area_of(&self, metric: &Metric) -> Option<AreaChoice> {
+        (metric.by_area && self.has_areas()).then_some(self.basis.area)
     }
 
     /// True if the truth of some pairs does not tell what is floor.
@@ -41,10 +46,10 @@ impl Results {
 
     /// The words of a metric in a sentence, with its area.
     pub(super) fn words(&self, metric: &Metric) -> Cow<'static, str> {
-        if !metric.by_area || !self.has_areas() {
+        let Some(area) = self.area_of(metric) else {
             return Cow::Borrowed(metric.words);
-        }
-        match self.basis.area {
+        };
+        match area {
             AreaChoice::Obstacle if self.includes_floor() => Cow::Borrowed(metric.words),
             AreaChoice::Obstacle => metric.words.replace("cells", "obstacle cells").into(),
             AreaChoice::Floor => metric.words.replace("cells", "floor cells").into(),

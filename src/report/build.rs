@@ -16,13 +16,14 @@ use super::{GateResult, Results, limit_results, shots, write_algorithms};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
-use svl_core::{Error, Result, counted};
+use svl_core::stereo::CellRule;
+use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::{FolderRule, remove_no_files, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
 use svl_score::notice::Notice;
-use svl_score::scenario::Limit;
+use svl_score::scenario::{Limit, SourceOptions};
 
 /// What a report shows of its units.
 #[derive(Clone, Copy, Default)]
@@ -80,8 +81,10 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     });
     let runs = runs.collect::<Result<Vec<_>>>()?;
     let known = Sources::read(folder).unwrap_or_default();
-    // Without it, the report is not complete.
-    remove_file(&folder.join(SUMMARY))?;
+    // Without them, the report is incomplete.
+    for file in SUMMARIES {
+        remove_file(&folder.join(file))?;
+    }
     let made_of = made_of(&plan, &runs);
     let is_known = known.units == made_of && known.changed(folder, true).is_none();
     let tables = if is_known {
@@ -150,7 +153,11 @@ impl Report<'_> {
             rule: plan.manifest.part("cells")?.unwrap_or_default(),
         };
         let mut summary = Results::new(tables, parts, shown)?;
-        if let Some(warning) = nothing_scored(&manifest, &summary) {
+        let untold = self.options_of_truth(&summary)?;
+        for warning in nothing_scored(&manifest, &summary)
+            .into_iter()
+            .chain(untold)
+        {
             tracing::warn!("{warning}");
             summary.warnings.push(warning);
         }
@@ -158,13 +165,7 @@ impl Report<'_> {
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&tables.rows, &run.name);
         }
-        summary.write_tables(folder)?;
         write_algorithms(folder, &manifest.algorithms)?;
-        write(
-            &folder.join("summary.md"),
-            summary.markdown(&manifest.scenario),
-        )?;
-        write(&folder.join("summary.tex"), summary.headline().latex())?;
         write_json(&folder.join(MANIFEST), &manifest)?;
         let mut limits: Vec<Limit> = plan.manifest.part("gate")?.unwrap_or_default();
         for (limit, line) in limits.iter_mut().zip(&plan.limit_lines) {
@@ -192,8 +193,14 @@ impl Report<'_> {
             manifest,
         };
         page.write(&folder.join("index.html"))?;
-        // The figures and the summary are those of a whole report.
+        // The figures and the summaries are those of a whole report.
         if summary.ending.is_whole() {
+            summary.write_tables(folder)?;
+            write(
+                &folder.join("summary.md"),
+                summary.markdown(&plan.manifest.scenario),
+            )?;
+            write(&folder.join("summary.tex"), summary.headline().latex())?;
             if let Some(figures) = options.figures {
                 page.write_figures(figures)?;
             }
@@ -214,6 +221,27 @@ impl Report<'_> {
             gate,
             last_session,
         })
+    }
+
+    /// A warning of options that need distances of a truth, which no pair has.
+    fn options_of_truth(&self, summary: &Results) -> Result<Option<String>> {
+        let manifest = &self.plan.manifest;
+        let rule: CellRule = manifest.part("cells")?.unwrap_or_default();
+        let source: SourceOptions = manifest.part("source")?.unwrap_or_default();
+        let has = [
+            ("--area", self.options.area != AreaChoice::default()),
+            ("--beyond", rule.beyond_m().is_some()),
+            ("--camera-height", source.camera_height_m.is_some()),
+        ];
+        let named: Vec<_> = has.iter().filter(|own| own.1).map(|own| own.0).collect();
+        let is_untold = !self.plan.is_driven() && !named.is_empty();
+        let is_untold = is_untold && !summary.algorithms.is_empty() && !summary.has_areas();
+        let words = || {
+            let verb = if named.len() == 1 { "needs" } else { "need" };
+            let named = joined(named.iter().copied());
+            format!("{named} {verb} a ground truth with distances, which no pair has")
+        };
+        Ok(is_untold.then(words))
     }
 
     /// The manifest of the plan with what the sessions know.
@@ -325,12 +353,18 @@ impl Report<'_> {
         let partial: Vec<_> = partial.map(|run| run.run.words()).collect();
         if let Some(first) = partial.first() {
             let what = if plan.is_driven() { "course" } else { "run" };
+            let shard = |session: &StoredSession| session.manifest.shard.is_some();
+            let cure = if self.sessions.iter().any(shard) {
+                "the same command continues a shard, and `svl report PART… -o FOLDER` joins all"
+            } else {
+                "`svl score` with the same options continues"
+            };
             let words = format!(
-                "{} of {} not whole, from {first} on; `svl score` with the same options continues",
+                "{} of {} incomplete, from {first} on; {cure}",
                 partial.len(),
                 counted(self.runs.len() as u64, what)
             );
-            return Ok(RunEnding::early(RunState::Interrupted, words, missing));
+            return Ok(RunEnding::early(RunState::Incomplete, words, missing));
         }
         let allowed = plan.manifest.allow_loss()?;
         Ok(RunEnding::new(missing, self.options.allow_loss.or(allowed)))
@@ -510,4 +544,15 @@ const REPORT_FILES: &[&str] = &[
     "summary.tex",
     SUMMARY,
     "index.html",
+];
+
+/// The files of a complete report alone.
+const SUMMARIES: [&str; 7] = [
+    SUMMARY,
+    "summary.md",
+    "summary.tex",
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
 ];

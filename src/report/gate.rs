@@ -165,7 +165,7 @@ impl GateResult {
         let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
         let other = relative_to.as_ref();
         let other = other.map(|other| match other.as_str() {
-            PRIOR => " beyond the prior's".to_owned(),
+            PRIOR => " minus the prior's".to_owned(),
             other => format!(" in units of {other}'s"),
         });
         let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);

@@ -1,12 +1,15 @@
 //! Leads: the best algorithm by a metric, and the significance of its lead over the second.
 
 use serde::Serialize;
-use svl_score::judge::Metric;
+use svl_score::judge::{AreaChoice, Metric};
 
 /// The best algorithm by a metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lead {
     pub metric: &'static Metric,
+    /// The cells that the metric is of; absent where it is of all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area: Option<AreaChoice>,
     pub algorithm: String,
     pub value: f64,
     /// True if an algorithm that may not be called best is better by this metric.

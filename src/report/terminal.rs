@@ -24,7 +24,9 @@ impl Results {
         let mut text = wrapped(&head, 2, style.width);
         let mut table = self.headline();
         if table.rows.is_empty() {
-            text.push_str("no pairs\n");
+            if self.ending.is_whole() {
+                text.push_str("no pairs\n");
+            }
         } else {
             let count = table.rows.len();
             let more = match count {
@@ -124,6 +126,9 @@ impl Results {
     /// The extent of the run in words: pairs, size, runs, origin of the truth.
     pub fn scope_words(&self) -> String {
         let scope = &self.basis.scope;
+        if self.algorithms.is_empty() && !self.ending.is_whole() {
+            return "no results yet".to_owned();
+        }
         let size = match scope.sizes[..] {
             [] => String::new(),
             [(width, height)] => format!(" of {width} x {height}"),

@@ -186,8 +186,8 @@ pub enum RunState {
     Complete,
     /// At the end of its sources, with more losses than allowed.
     Lossy,
-    /// Early: the user interrupted it.
-    Interrupted,
+    /// Early, without an error: results are missing.
+    Incomplete,
     /// Early, with an error.
     Failed,
 }

@@ -64,7 +64,7 @@ pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) ->
         Ok(()) => RunEnding::new(missing, allowed),
         Err(why) => {
             let state = if interrupt::requested() {
-                RunState::Interrupted
+                RunState::Incomplete
             } else {
                 RunState::Failed
             };

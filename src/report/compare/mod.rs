@@ -61,8 +61,8 @@ pub struct Comparison {
     pub proposed_maps: Vec<String>,
     /// Differences of the pairs that the runs selected, as options: `--every 1 and 5`.
     pub selections: Vec<String>,
-    /// Folders without a table of cells, whose errors of distances are not compared.
-    pub without_cells: Vec<PathBuf>,
+    /// Reasons why errors of distances are not compared.
+    pub without_cells: BTreeSet<String>,
 }
 
 /// The program and the machine that made a report.
@@ -255,7 +255,7 @@ impl Comparison {
             without_cells: [base, other]
                 .into_iter()
                 .filter(|run| !is_driven && !run.has_cells())
-                .map(|run| run.folder.clone())
+                .map(ScoredRun::without_cells)
                 .collect(),
         };
         if !comparison.is_judged() {

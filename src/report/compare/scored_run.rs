@@ -274,6 +274,15 @@ impl ScoredRun {
         self.cells.is_some()
     }
 
+    /// The reason why it has no errors of distances, where it has no table of cells.
+    pub(super) fn without_cells(&self) -> String {
+        if self.labels() == [PRIOR] {
+            return format!("{} has none", self.folder.display());
+        }
+        let folder = self.report.display();
+        format!("{folder} has no cells.csv; `svl report {folder}` makes it")
+    }
+
     /// The left images that its folder holds.
     pub(super) fn left_images(&self) -> Result<LeftImages> {
         LeftImages::find(&self.report)

@@ -188,12 +188,8 @@ impl Comparison {
             .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
         let left_out = (!self.left_out.is_empty())
             .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
-        let cells = self.without_cells.iter().map(|folder| {
-            let folder = folder.display();
-            format!(
-                "errors of distances: {folder} has no cells.csv; `svl report {folder}` makes it"
-            )
-        });
+        let cells = self.without_cells.iter();
+        let cells = cells.map(|why| format!("errors of distances: {why}"));
         let checkpoints = self
             .algorithms
             .iter()

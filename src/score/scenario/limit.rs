@@ -19,7 +19,7 @@ pub struct Limit {
     pub checkpoint: Option<u32>,
     /// The cells that a metric of scored cells is of, in place of the headline's.
     pub area: Option<AreaChoice>,
-    /// The algorithm whose median time is the unit; or [`PRIOR`], whose value is taken off.
+    /// The algorithm whose median time is the unit; or [`PRIOR`], whose value is subtracted.
     pub relative_to: Option<String>,
     /// Lower limit; fractions are 0..=1.
     pub min: Option<f64>,

@@ -358,7 +358,7 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
     let expected = "not compared: errors of distances: 1 has no cells.csv; `svl report 1` makes it";
     let text: Vec<_> = text.split_whitespace().collect();
     assert_says(&text.join(" "), &[expected, "wrong cells"]);
-    assert_says(&fixture.text("x.html"), &["A folder has no cells.csv"]);
+    assert_says(&fixture.text("x.html"), &["A report has no table of cells"]);
     let failing = fixture.svl("compare 0 1 --fail-on worse:rmse");
     failing.failed(3, &["no report measures these metrics"]);
 }

@@ -110,7 +110,7 @@ fn the_same_command_drives_only_what_is_missing() {
         .find(|path| path.to_str().unwrap().contains("seed-7"));
     std::fs::remove_dir_all(course.unwrap()).unwrap();
     let ran = fixture.svl("report r");
-    ran.failed(4, &["1 of 2 courses not whole, from seed 7 on"]);
+    ran.failed(4, &["1 of 2 courses incomplete, from seed 7 on"]);
     fixture.run("score small.toml -q -o r");
     assert_eq!(fixture.text("r/drives.csv"), whole);
     assert!(!claimed.is_empty());

@@ -396,3 +396,24 @@ fn depth_images_of_pairs_that_svl_rectifies_are_refused() {
     assert_eq!(ran.code, Some(1), "{}", ran.stderr);
     assert_says(&ran.stderr, &words);
 }
+
+#[test]
+fn options_that_need_a_truth_are_told_where_there_is_none() {
+    let fixture = Fixture::new();
+    scene(&fixture);
+    let line = "score p --algo bm:max_disparity=8 --rerun none";
+    let given = "--area floor --beyond 2 --camera-height 0.3";
+    for (options, words) in [
+        (
+            given,
+            "--area, --beyond, --camera-height need a ground truth",
+        ),
+        ("--beyond 2", "--beyond needs a ground truth"),
+    ] {
+        let ran = fixture.svl(&format!("{line} {options} -o r"));
+        assert_eq!(ran.code, Some(0));
+        assert_says(&ran.stderr, &[words]);
+    }
+    let ran = fixture.svl(&format!("{line} -o plain"));
+    assert!(!ran.stderr.contains("ground truth"), "{}", ran.stderr);
+}

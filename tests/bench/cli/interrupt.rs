@@ -176,11 +176,14 @@ fn a_score_reports_what_it_had() {
     let text = fixture.text(rows);
     let lines = text.lines().count();
     assert!((2..1 + 2 * 4 * 100).contains(&lines), "{lines}");
-    assert!(!fixture.path("reports/arena/summary.json").exists());
-    assert_says(&fixture.text("reports/arena/index.html"), &["not whole"]);
+    for ending in ["json", "csv", "parquet", "md", "tex"] {
+        let file = format!("reports/arena/summary.{ending}");
+        assert!(!fixture.path(&file).exists(), "{file}");
+    }
+    assert_says(&fixture.text("reports/arena/index.html"), &["incomplete"]);
     fixture
         .svl("report reports/arena")
-        .failed(4, &["not whole"]);
+        .failed(4, &["incomplete"]);
 }
 
 #[test]

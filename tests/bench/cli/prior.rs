@@ -107,7 +107,16 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     assert_eq!(merged["prior"], summary["prior"]);
     // It can be compared with, and limits can be relative to it.
     let compared = fixture.run("compare whole#prior whole#v3");
-    assert_says(&compared, &["right cells", "prior → v3"]);
+    let reason = "errors of distances: whole#prior has none";
+    assert_says(&compared, &["right cells", "prior → v3", reason]);
+    // The leads name the cells that they are of.
+    let shown = fixture.run("report whole --area all --json");
+    let shown: serde_json::Value = serde_json::from_str(&shown).unwrap();
+    let leads = shown["leads"].as_array().unwrap().iter();
+    let areas: BTreeMap<_, _> = leads
+        .map(|lead| (lead["metric"].as_str().unwrap(), lead["area"].as_str()))
+        .collect();
+    assert_eq!([areas["right"], areas["missed"]], [Some("all"), None]);
     let text = fixture.text("short.toml");
     let gate =
         "\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"right\"\nrelative_to = \"prior\"\nmin = ";
@@ -115,7 +124,7 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
         let own = text.split("[[gate]]").next().unwrap();
         fixture.write("gate.toml", format!("{own}{gate}{min}\n"));
         let ran = fixture.svl("score gate.toml --algo v3 --rerun none --gate -o whole-gate");
-        let words = &["v3: right cells beyond the prior's"];
+        let words = &["v3: right cells minus the prior's"];
         match code {
             0 => assert_says(&ran.done(), words),
             code => drop(ran.failed(code, words)),

@@ -136,7 +136,7 @@ pub(super) fn replace_with_time(path: &Path, bytes: &[u8]) {
 }
 
 /// Changes every file of a folder, and keeps sizes and times.
-fn change_all(fixture: &Fixture, folder: &str, change: impl Fn(&mut [u8])) {
+pub(super) fn change_all(fixture: &Fixture, folder: &str, change: impl Fn(&mut [u8])) {
     for file in std::fs::read_dir(fixture.path(folder)).unwrap().flatten() {
         let mut bytes = std::fs::read(file.path()).unwrap();
         change(&mut bytes);
@@ -157,7 +157,7 @@ fn map(px: f32) -> Vec<u8> {
 }
 
 /// Three pairs of images in `folder`, and maps in `maps`.
-fn write_pairs(fixture: &Fixture, folder: &str) {
+pub(super) fn write_pairs(fixture: &Fixture, folder: &str) {
     for i in 0..3 {
         let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}/{i}.pgm"));
         fixture.write_pair(&left, &right, SIZE, 3);
@@ -185,12 +185,12 @@ fn write_program(fixture: &Fixture, (width, height): (usize, usize)) {
     fixture.write("answer", 3_f32.to_le_bytes().repeat(width * height));
 }
 
-fn change_pixels(bytes: &mut [u8]) {
+pub(super) fn change_pixels(bytes: &mut [u8]) {
     let pixels = bytes.len() - SIZE.0 * SIZE.1;
     bytes[pixels..].rotate_right(1);
 }
 
-fn change_map(bytes: &mut [u8]) {
+pub(super) fn change_map(bytes: &mut [u8]) {
     let pixels = bytes.len() - 4 * SIZE.0 * SIZE.1;
     bytes[pixels..].copy_from_slice(&3.9_f32.to_le_bytes().repeat(SIZE.0 * SIZE.1));
 }
@@ -422,10 +422,10 @@ const CASES: &[Case] = &[
         line: "score short.toml --algo v3 --algo bm --every 9",
         history: |fixture, line| {
             let first = fixture.run(&format!("{line} --shard 1/2 -o r"));
-            assert_says(&first, &["r: this shard is whole"]);
+            assert_says(&first, &["r: this shard is complete"]);
             assert!(!fixture.path("r/summary.json").exists());
             let report = fixture.svl("report r");
-            report.failed(4, &["1 of 2 runs not whole, from seed 2 on"]);
+            report.failed(4, &["1 of 2 runs incomplete, from seed 2 on"]);
             fixture.run(&format!("{line} --shard 2/2 -o r"));
             assert!(fixture.path("r/summary.json").exists());
         },

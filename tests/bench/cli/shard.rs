@@ -1,7 +1,9 @@
 //! `svl score --shard` and `svl report -o`: workflows, and parts that do not make a whole.
 
 use super::fixture::{Fixture, assert_says};
-use super::results::{assert_same_report, unit_files};
+use super::results::{
+    assert_same_report, change_all, change_map, change_pixels, unit_files, write_pairs,
+};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -30,66 +32,112 @@ pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::proce
     Some(workflow(fixture, config)?.output().unwrap())
 }
 
+/// The workflow of a scenario, in four shards, and a run of the same options.
+struct Workflow<'a> {
+    fixture: &'a Fixture,
+    scenario: &'a str,
+}
+
+impl Workflow<'_> {
+    fn command(&self, args: &str) -> Option<Command> {
+        let scenario = format!("scenario={}.toml", self.scenario);
+        let args = format!("args={args} --rerun none");
+        workflow(self.fixture, &[&scenario, "shards=4", "out=s s", &args])
+    }
+
+    /// Kills the workflow as soon as a folder in its own has a unit; false without Snakemake.
+    fn kill(&self, args: &str, folder: &str) -> bool {
+        let Some(mut command) = self.command(args) else {
+            return false;
+        };
+        let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut killed = command.process_group(0).spawn().unwrap();
+        let folder = format!("s s/{}/{folder}", self.scenario);
+        let began = Instant::now();
+        while unit_files(self.fixture, &folder, ".unit").is_empty() {
+            assert!(began.elapsed() < Duration::from_secs(120), "it never began");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let group = format!("-{}", killed.id());
+        let kill = Command::new("kill").args(["-KILL", "--", &group]).status();
+        assert!(kill.unwrap().success());
+        !killed.wait().unwrap().success()
+    }
+
+    /// The workflow's report is that of a fresh run.
+    fn check(&self, args: &str, what: &str) {
+        let ran = self.command(args).unwrap().output().unwrap();
+        let errors = String::from_utf8_lossy(&ran.stderr);
+        assert!(ran.status.success(), "{what}: {errors}");
+        let Self { fixture, scenario } = self;
+        fixture.run(&format!(
+            "score {scenario}.toml {args} --rerun none -q -o {what}"
+        ));
+        let report = format!("s s/{scenario}/all");
+        assert_same_report(fixture, [&report, what], what);
+    }
+}
+
 #[test]
 fn a_workflow_is_that_of_its_scenario_and_its_options_also_after_a_kill() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
-    let config = |args: &str| {
-        [
-            "scenario=short.toml",
-            "shards=4",
-            "out=s",
-            &format!("args={args}"),
-        ]
-        .map(str::to_owned)
+    let workflow = Workflow {
+        fixture: &fixture,
+        scenario: "short",
     };
-    let run = |args: &str| {
-        let config = config(args);
-        let config: Vec<_> = config.iter().map(String::as_str).collect();
-        let ran = snakemake(&fixture, &config).unwrap();
-        assert!(
-            ran.status.success(),
-            "{}",
-            String::from_utf8_lossy(&ran.stderr)
-        );
-    };
-    let compare = |args: &str, what: &str| {
-        fixture.run(&format!("score short.toml {args} -q -o {what}"));
-        assert_same_report(&fixture, ["s/short/all", what], what);
-    };
-    let args = "--algo v3 --algo bm --rerun none";
-    let first = config(args);
-    let first: Vec<_> = first.iter().map(String::as_str).collect();
-    let Some(mut command) = workflow(&fixture, &first) else {
+    let args = "--algo v3 --algo bm";
+    // Killed as its first shard is complete, and looked at.
+    if !workflow.kill(args, "part-1-of-4") {
         return;
-    };
-    // Killed as its first shard is whole, and looked at.
-    let command = command.stdout(Stdio::null()).stderr(Stdio::null());
-    let mut killed = command.process_group(0).spawn().unwrap();
-    let began = Instant::now();
-    while unit_files(&fixture, "s/short/part-1-of-4", ".unit").is_empty() {
-        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
-        std::thread::sleep(Duration::from_millis(20));
     }
-    let group = format!("-{}", killed.id());
-    let kill = Command::new("kill").args(["-KILL", "--", &group]).status();
-    assert!(kill.unwrap().success());
-    killed.wait().unwrap();
     fixture
-        .svl("report s/short/part-1-of-4")
-        .failed(4, &["not whole"]);
-    run(args);
-    compare(args, "whole");
-    let sessions = || unit_files(&fixture, "s/short/all", ".json").len();
-    let before = sessions();
-    run(args);
-    assert_eq!(sessions(), before);
-    let args = "--algo sgm:max_disparity=32 --every 2 --rerun none";
-    run(args);
-    compare(args, "other-options");
+        .svl(&["report", "s s/short/part-1-of-4"])
+        .failed(4, &["incomplete", "joins all"]);
+    workflow.check(args, "whole");
+    let args = "--algo sgm:max_disparity=32 --every 2";
+    workflow.check(args, "other-options");
     fixture.write_short_arena("short.toml", 6);
-    run(args);
-    compare(args, "other-scenario");
+    workflow.check(args, "other-scenario");
+}
+
+#[test]
+fn a_workflow_finds_files_that_changed_in_place() {
+    let fixture = Fixture::new();
+    write_pairs(&fixture, "p");
+    fixture.write(
+        "pairs.toml",
+        "name = \"pairs\"\nalgorithms = [\"bm:max_disparity=8\"]\n[source]\n\
+         kind = \"recording\"\nfiles = [\"p\"]\ntruth = \"../maps/*.npy:disparity=1\"\n",
+    );
+    let workflow = Workflow {
+        fixture: &fixture,
+        scenario: "pairs",
+    };
+    // The rule of the report alone is killed.
+    if !workflow.kill("", "all") {
+        return;
+    }
+    workflow.check("", "resumed");
+    change_all(&fixture, "p/right", change_pixels);
+    workflow.check("", "images");
+    change_all(&fixture, "maps", change_map);
+    workflow.check("", "truths");
+}
+
+#[test]
+fn a_workflow_without_a_scenario_says_so() {
+    let fixture = Fixture::new();
+    for (config, name) in [("shards=4", "--config"), ("scenario=no.toml", "no.toml")] {
+        let Some(ran) = snakemake(&fixture, &[config]) else {
+            return;
+        };
+        let errors = String::from_utf8_lossy(&ran.stderr);
+        assert_says(
+            &errors,
+            &[&format!("{name}: no such scenario; name a file")],
+        );
+    }
 }
 
 #[test]

@@ -329,7 +329,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
         ran?;
         let folder = folder.display();
         return print(&format!(
-            "{folder}: this shard is whole; the last of the others builds the report, or `svl \
+            "{folder}: this shard is complete; the last of the others builds the report, or `svl \
              report`\n"
         ));
     };

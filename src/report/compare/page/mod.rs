@@ -197,7 +197,7 @@ fn note(frames: &ChangedFrames) -> Option<String> {
         .iter()
         .any(|frame| frame.cells.iter().any(Vec::is_empty))
     {
-        return Some("A folder has no cells.csv, so the cells are not shown.".to_owned());
+        return Some("A report has no table of cells, so the cells are not shown.".to_owned());
     }
     let lacking = frames
         .frames
