@@ -71,7 +71,7 @@ fn time_notes(table: &mut Table) {
 }
 
 impl Results {
-    /// The metrics of [`Results::columns`] per algorithm, the best first.
+    /// The metrics of the columns that are shown per algorithm, the best first.
     pub fn headline(&self) -> Table {
         self.metric_table(&self.shown.columns)
     }
