@@ -55,10 +55,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     pairs.end();
     pop(&mut pairs, u64::MAX);
-    let left_over = pairs.unpaired() + pairs.outside();
+    let facts = pairs.facts();
+    let left_over = facts.unpaired_ns.len() as u64 + facts.outside;
     let received: u64 = pairs.counts().iter().sum();
     assert!(images + left_over <= received && received <= messages.len() as u64);
-    drop((pairs.calibration(), pairs.remarks(), pairs.why_none()));
 });
 
 /// Topic, time and bytes of each message.

@@ -14,7 +14,7 @@ fn read(recording: Recording) {
             Ok(Some(_)) | Err(_) => {}
         }
     }
-    let _ = reader.remarks();
+    let _ = reader.facts();
 }
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -8,7 +8,7 @@
 
 use mcap::records::MessageHeader;
 use std::io::Cursor;
-use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection};
+use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection, truth_topics};
 
 // Videos are read up to their decoder: no input starts ffmpeg.
 // SAFETY: nothing else runs yet.
@@ -32,7 +32,8 @@ libfuzzer_sys::fuzz_target!(init: unsafe { std::env::set_var("PATH", "") }, |byt
                 continue;
             };
             // Decodes the first message of each topic that could be a truth.
-            let truths = reader.truth_topics().unwrap_or_default().into_iter();
+            let truths = truth_topics(reader.recording(), &reader.facts().topics);
+            let truths = truths.unwrap_or_default().into_iter();
             let max_skew_ns = u64::MAX;
             let truths = truths.map(|topic| SensorSelection {
                 topic,

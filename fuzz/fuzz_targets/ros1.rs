@@ -2,7 +2,7 @@
 #![no_main]
 
 use svl::Error;
-use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection};
+use svl::recording::{Reader, Recording, Selection, SensorRole, SensorSelection, truth_topics};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     svl_fuzz::on_file("a.bag", bytes, |path| {
@@ -13,7 +13,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let Ok(mut reader) = Reader::new(recording, &Selection::default()) else {
             return;
         };
-        let truths = reader.truth_topics().unwrap_or_default().into_iter();
+        let truths = truth_topics(reader.recording(), &reader.facts().topics)
+            .unwrap_or_default()
+            .into_iter();
         let truths = truths.filter_map(|topic| {
             reader
                 .sensor(&SensorSelection {
