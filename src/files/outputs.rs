@@ -243,16 +243,16 @@ impl FolderRule {
     }
 }
 
-/// Removes what is in the place of files of a folder and is none, as links and pipes: what a link
-/// leads to is not written.
+/// Removes links, pipes and other special files in the place of files of a folder: the target of a
+/// link is not written.
 ///
 /// # Errors
 /// [`Error::Io`].
-pub fn remove_no_files(folder: &Path, rule: &FolderRule) -> Result<()> {
+pub fn remove_special_files(folder: &Path, rule: &FolderRule) -> Result<()> {
     for file in files(folder)? {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let is_none = file.is_symlink() || !(file.is_file() || file.is_dir());
-        if is_none && (rule.owns)(&name) {
+        let is_special = file.is_symlink() || !(file.is_file() || file.is_dir());
+        if is_special && (rule.owns)(&name) {
             std::fs::remove_file(&file).map_err(|e| Error::io(&file, e))?;
         }
     }

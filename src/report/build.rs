@@ -18,7 +18,7 @@ use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, counted, joined};
-use svl_files::outputs::{FolderRule, remove_no_files, write, write_json};
+use svl_files::outputs::{FolderRule, remove_special_files, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
@@ -70,7 +70,7 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
         )));
     }
     // Another file is not written through a link in the place of one of the report's.
-    remove_no_files(folder, &REPORT)?;
+    remove_special_files(folder, &REPORT)?;
     units.remove_links()?;
     let (plan, sessions) = (units.plan()?, units.sessions()?);
     let runs = plan.runs.iter().map(|run| {

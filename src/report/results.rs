@@ -68,7 +68,7 @@ pub struct Results {
     /// Results per perturbation, level and algorithm, if pairs were perturbed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stress: Vec<StressSummary>,
-    /// What its sentences and tables need besides.
+    /// Facts that sentences and tables need besides.
     #[serde(skip)]
     pub(super) basis: ResultBasis,
     /// The way that sentences and tables show them.
@@ -116,7 +116,7 @@ pub struct ResultParts<'a> {
     pub time_groups: BTreeMap<String, usize>,
 }
 
-/// What sentences and tables need besides the results.
+/// Facts that sentences and tables need besides the results.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ResultBasis {
     /// The pairs, their size and their runs.

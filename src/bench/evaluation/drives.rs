@@ -68,10 +68,8 @@ fn check_programs(
     plan: &EvaluationPlan<'_>,
     session: &mut EvaluationSession,
     runs: &[(usize, Option<Stress>)],
+    seeds: &[u64],
 ) -> Result<()> {
-    let ScenarioSource::Drive { seeds, .. } = &plan.scenario.source else {
-        return Ok(());
-    };
     let algorithms = plan.scenario.algorithms.iter();
     for algorithm in algorithms.filter(|own| own.spec().is_program()) {
         let label = algorithm.label();
@@ -92,6 +90,9 @@ fn check_programs(
                 stress: *stress,
                 recording: None,
             };
+            if interrupt::requested() {
+                return Err(Error::Interrupted);
+            }
             let driven = drive.drive(&mut FirstPair)?;
             let hash = driven.rows.first().map(|row| &row.result_hash);
             if hash != Some(&row.result_hash) {
@@ -147,7 +148,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     };
     let keys = runs.iter().map(key).collect();
     let mut session = EvaluationSession::open(plan, manifest, keys)?;
-    check_programs(plan, &mut session, &runs)?;
+    check_programs(plan, &mut session, &runs, seeds)?;
     session.begin()?;
     let todo = missing_units(plan, &session, &runs);
     if todo.is_empty() {

@@ -5,7 +5,7 @@ use super::session::{EvaluationSession, MeasuredUnits};
 use super::{drives, scored_runs};
 use crate::console::Console;
 use svl_core::{Result, counted, joined};
-use svl_files::outputs::{Outputs, remove_no_files};
+use svl_files::outputs::{Outputs, remove_special_files};
 use svl_report::units::{RunUnits, Units};
 use svl_report::{BuildOptions, BuiltReport, REPORT, build};
 use svl_score::notice::NoticeLog;
@@ -30,9 +30,9 @@ impl EvaluationPlan<'_> {
     pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
         let units = Units::for_report(self.folder);
         {
-            // A notice of the folder is none of the report.
+            // Notices about the folder do not belong to the report.
             let _entered = NoticeLog::default().enter();
-            remove_no_files(self.folder, &REPORT)?;
+            remove_special_files(self.folder, &REPORT)?;
             units.remove_links()?;
         }
         let measure = match &self.scenario.source {

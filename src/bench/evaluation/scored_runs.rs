@@ -12,7 +12,7 @@ use crate::sink::{
 use crate::source::{RunSource, Source};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use svl_core::inputs::FileChange;
+use svl_core::inputs::{FileChange, FileStamp};
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
 use svl_report::units::{RunFacts, RunUnits};
@@ -145,12 +145,13 @@ impl RunWork<'_> {
         // svl's own recording of a simulation is that of its description.
         let is_cached = |path| self.are_simulated() && Path::starts_with(path, RECORDINGS);
         let mut files = facts.files.iter();
-        let is_named = |path: &PathBuf| facts.files.iter().any(|file| file.path() == path);
+        let named: BTreeSet<_> = facts.files.iter().map(FileStamp::path).collect();
+        let mut opened = self.opened[self.runs[i].1].iter();
         facts.losses.is_some()
             && facts.source == self.source
             && facts.after == self.after(i)
             && !self.has_program_truth
-            && self.opened[self.runs[i].1].iter().all(is_named)
+            && opened.all(|path| named.contains(&**path))
             && files.all(|file| match file.change() {
                 FileChange::Unchanged => true,
                 FileChange::Recent | FileChange::Gone => is_cached(file.path()),

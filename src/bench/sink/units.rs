@@ -7,7 +7,7 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::Frame;
+use svl_core::stereo::{Frame, Rgb};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
@@ -117,10 +117,13 @@ impl UnitSink {
         let input = hash_words(judged.input_hash());
         // Programs may get the colours that the pair is the luma of.
         let colors = frame.color.as_ref();
-        let colors = colors.map(|own| {
-            own.each_ref()
-                .map(|own| hash_bytes(&own.pixels().flatten().collect::<Vec<_>>()))
-        });
+        let bytes = |own: &Rgb| {
+            own.rows()
+                .map(<[_]>::as_flattened)
+                .collect::<Vec<_>>()
+                .concat()
+        };
+        let colors = colors.map(|own| own.each_ref().map(|own| hash_bytes(&bytes(own))));
         let key = (frame.sequence, name, pose, self.start_ns, colors);
         let maps = frame.maps.iter().map(|map| {
             let pixels = map.disparity.pixels();

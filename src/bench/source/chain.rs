@@ -56,7 +56,7 @@ macro_rules! chain {
     };
 }
 
-// What is outside the range is neither decoded further nor counted, so `limit` is first. Truth and
+// Pairs outside the range are neither decoded further nor counted, so `limit` is first. Truth and
 // maps are of rectified images of full size: `measure` and `check` follow `rectify` and precede
 // `resize`. References match the images that the algorithms match, so they follow `resize`, and
 // `floor` divides the truth that is scored. A copy is known by the pair as it was read, which every

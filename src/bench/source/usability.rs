@@ -98,7 +98,7 @@ impl Usability {
         }
     }
 
-    /// What there is, and what is missing.
+    /// The parts that are there, and those that are missing, in words.
     pub fn words(&self) -> String {
         let mut parts = Vec::new();
         if self.geometry.is_some() || self.pairs.is_some() {

@@ -119,11 +119,11 @@ fn with_headings(command: Command, path: &str) -> Command {
             // Not that of options flattened before it.
             return arg.help_heading(None);
         }
-        match is_shared(&arg) {
-            true => arg
-                .hide_short_help(true)
-                .hide_long_help(path != SOURCES_PAGE),
-            false => arg,
+        if is_shared(&arg) {
+            arg.hide_short_help(true)
+                .hide_long_help(path != SOURCES_PAGE)
+        } else {
+            arg
         }
     });
     let place = |arg: &Arg| {

@@ -1,4 +1,4 @@
-//! What is known of a run besides the results of algorithms: files, pairs, losses, warnings.
+//! Facts of a run besides the results of algorithms: files, pairs, losses, warnings.
 
 use super::BLOCK;
 use super::plan::PlannedAlgorithm;
@@ -10,7 +10,7 @@ use svl_core::stereo::Losses;
 use svl_score::manifest::{RunRecord, hash};
 use svl_score::notice::Notice;
 
-/// What is known of a run besides the results of algorithms.
+/// Facts of a run besides the results of algorithms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunFacts {
     pub record: Option<RunRecord>,
@@ -108,7 +108,7 @@ mod tests {
         other[3].hash = "other".to_owned();
         let mut mapped = pairs.clone();
         mapped[70].maps = BTreeMap::from([("files:a".to_owned(), "map".to_owned())]);
-        // What the algorithm is, the pairs that differ, and the blocks whose names differ then.
+        // The kind of algorithm, the pairs that differ, and the blocks whose names differ then.
         for (has_run_memory, maps, changed, blocks) in [
             (false, None, &other, vec![0]),
             (true, None, &other, vec![0, 1]),

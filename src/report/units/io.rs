@@ -108,7 +108,7 @@ pub(super) fn read_checked<T: DeserializeOwned>(path: &Path) -> Result<T> {
     })
 }
 
-/// What a file has; none with a warning if it is damaged: what it is of is missing then.
+/// The content of a file; none, with a warning, if it is damaged: its results are missing then.
 pub(super) fn read_or_warn<T: DeserializeOwned>(path: &Path) -> Option<T> {
     let read = read_checked(path);
     read.inspect_err(|error| tracing::warn!("{error}")).ok()

@@ -217,7 +217,7 @@ fn join_parts(fixture: &Fixture, line: &str, numbers: &[usize]) {
     fixture.run(&format!("report {} -o r -q", parts.join(" ")));
 }
 
-/// What is done before the last command into the folder `r`.
+/// A history of the folder `r`, and the last command into it.
 struct Case {
     name: &'static str,
     prepare: fn(&Fixture),
@@ -453,7 +453,7 @@ fn check(case: &Case) {
 }
 
 #[test]
-fn whatever_was_done_a_report_is_that_of_a_fresh_run() {
+fn reports_with_a_history_equal_fresh_ones() {
     std::thread::scope(|scope| {
         for cases in CASES.chunks(CASES.len().div_ceil(4)) {
             scope.spawn(|| cases.iter().for_each(check));

@@ -165,7 +165,7 @@ fn a_program_that_answers_otherwise_is_matched_again() {
         &["net: its result of pair 0 is another than before"],
     );
     assert_eq!(score(&fixture, &[]).0, 1);
-    // What it answers now is not known where it is not asked for.
+    // The report has no program that the command does not name.
     fixture.run("score pairs --rerun none -o r --algo bm:max_disparity=8");
     assert!(!fixture.text("r/summary.csv").contains("net"));
 }
