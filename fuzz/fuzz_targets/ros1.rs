@@ -35,6 +35,6 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 Err(_) => {}
             }
         }
-        let _ = reader.remarks();
+        let _ = reader.facts();
     });
 });
