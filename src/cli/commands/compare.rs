@@ -1,5 +1,6 @@
 //! `svl compare`: compares reports.
 
+use crate::cli::shared::report::AreaArgs;
 use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
@@ -11,7 +12,7 @@ use svl::report::compare::{
     AlgorithmChange, Change, Comparison, ComparisonPage, Judgement, ScoredRun,
 };
 use svl::report::{TestCase, TestResult, junit};
-use svl::score::{AreaChoice, Better, ColumnChoice, Metric, MetricUnit};
+use svl::score::{Better, ColumnChoice, Metric, MetricUnit};
 use svl::sink::find_left;
 
 /// Compare reports: changes of metrics, with confidence intervals
@@ -55,15 +56,8 @@ pub(crate) struct Args {
     /// not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on, help_heading = "Scoring")]
     fail_on: Vec<FailOn>,
-    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(
-        long,
-        value_name = "AREA",
-        default_value_t,
-        help_heading = "Output",
-        hide_short_help = true
-    )]
-    area: AreaChoice,
+    #[command(flatten)]
+    area: AreaArgs,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
     ///
     /// `svl columns metrics` lists them.
@@ -118,9 +112,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let [base, others @ ..] = &mut runs[..] else {
         bail!("name two reports or more")
     };
-    base.select(args.area);
+    base.select(args.area.area);
     for other in &mut *others {
-        other.select(args.area);
+        other.select(args.area.area);
         other.align_with(base);
     }
     let (mut comparisons, mut not_compared) = (Vec::new(), Vec::new());

@@ -1,6 +1,6 @@
 //! `svl report`: builds the report of a folder again, or of the parts that shards of a run left.
 
-use crate::cli::shared::report::{check_whole, pass_gate, print_report};
+use crate::cli::shared::report::{AreaArgs, check_whole, pass_gate, print_report};
 use crate::cli::shared::usage;
 use std::path::{Path, PathBuf};
 use svl::evaluation::Parts;
@@ -8,7 +8,7 @@ use svl::losses::LossLimit;
 use svl::notice::NoticeLog;
 use svl::outputs::Outputs;
 use svl::report::{BuildOptions, REPORT, build};
-use svl::score::{AreaChoice, ColumnChoice, Metric};
+use svl::score::{ColumnChoice, Metric};
 
 /// Build the report of a folder again, or of the parts of a run
 ///
@@ -42,15 +42,8 @@ pub(in crate::cli) struct Args {
     /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
     #[arg(long, value_name = "NAMES", help_heading = "Output")]
     columns: Option<ColumnChoice>,
-    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(
-        long,
-        value_name = "AREA",
-        default_value_t,
-        help_heading = "Output",
-        hide_short_help = true
-    )]
-    area: AreaChoice,
+    #[command(flatten)]
+    area: AreaArgs,
     /// Sort the algorithms by a metric, the best first
     #[arg(long, value_name = "METRIC", value_parser = metric, help_heading = "Output")]
     sort: Option<&'static Metric>,
@@ -99,7 +92,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let options = BuildOptions {
         columns: args.columns.as_ref(),
-        area: args.area,
+        area: args.area.area,
         sort: args.sort,
         gate: args.gate,
         figures,

@@ -1,4 +1,4 @@
-//! A report on the terminal, and its gate.
+//! Options of commands of reports, a report on the terminal, and its gate.
 
 use super::terminal::{print, print_json, report_lines, style};
 use super::usage;
@@ -6,6 +6,21 @@ use std::path::Path;
 use svl::losses::RunEnding;
 use svl::report::{BuiltReport, GateResult, GateState, Results};
 use svl::run::complete;
+use svl::score::AreaChoice;
+
+/// The choice of cells that commands of reports have.
+#[derive(Clone, clap::Args)]
+pub(crate) struct AreaArgs {
+    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
+    #[arg(
+        long,
+        value_name = "AREA",
+        default_value_t,
+        help_heading = "Output",
+        hide_short_help = true
+    )]
+    pub(crate) area: AreaChoice,
+}
 
 /// Fails for a report that lacks results, or misses more pairs than is allowed.
 pub(crate) fn check_whole(ending: &RunEnding) -> anyhow::Result<()> {

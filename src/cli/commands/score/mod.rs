@@ -6,7 +6,7 @@ mod sizes;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::report::{check_whole, pass_gate, print_report};
+use crate::cli::shared::report::{AreaArgs, check_whole, pass_gate, print_report};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
@@ -18,7 +18,7 @@ use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORIT
 use svl::outputs::{Outputs, write};
 use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{AreaChoice, ColumnChoice, Metric};
+use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
@@ -132,15 +132,8 @@ pub(crate) struct Args {
         hide_short_help = true
     )]
     figures: Option<PathBuf>,
-    /// Cells that right, wrong, unknown and errors are of: obstacle, floor, beyond or all
-    #[arg(
-        long,
-        value_name = "AREA",
-        default_value_t,
-        help_heading = "Output",
-        hide_short_help = true
-    )]
-    area: AreaChoice,
+    #[command(flatten)]
+    area: AreaArgs,
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
@@ -229,7 +222,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             (false, false) => Again::Missing,
         },
         prune: args.prune,
-        area: args.area,
+        area: args.area.area,
         sort: args.sort,
         gate: args.gate,
         figures: args.figures.as_deref(),
