@@ -1,6 +1,6 @@
 //! Static facts of a run in Rerun, and the entity paths of its algorithms.
 
-use svl_bench::sink::RunInfo;
+use svl_bench::sink::ViewedScene;
 use svl_core::stereo::ExtraPlanes;
 
 /// An algorithm of the run: its label, and the label as part of a path.
@@ -48,7 +48,7 @@ pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmP
 }
 
 /// The scenario's name and the parameters of the algorithms, as Markdown.
-pub(crate) fn parameters(run: &RunInfo) -> String {
+pub(crate) fn parameters(run: &ViewedScene) -> String {
     let rows = run
         .algorithms
         .iter()
@@ -57,7 +57,7 @@ pub(crate) fn parameters(run: &RunInfo) -> String {
 }
 
 /// Placeholder for the results, as Markdown.
-pub(crate) fn awaiting(run: &RunInfo) -> String {
+pub(crate) fn awaiting(run: &ViewedScene) -> String {
     format!(
         "# {}\n\nNo checkpoint has been scored yet: verdicts come at the end of `svl score`.\n",
         run.scenario

@@ -4,7 +4,7 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::run::{Monitor, Pace};
+use crate::pass::{Monitor, Pace};
 use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};

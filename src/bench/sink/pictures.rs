@@ -1,7 +1,7 @@
 //! Pictures for the report page: the best and the worst frame of each checkpoint, or the scenes.
 
-use super::RunStart;
-use super::table::RunIdentity;
+use super::PassStart;
+use super::table::RowIdentity;
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
@@ -67,7 +67,7 @@ fn encoded(picture: &Picture) -> Result<Vec<u8>> {
 
 impl BlockShots {
     /// The empty pictures of a run.
-    pub(super) fn new(start: &RunStart<'_>) -> Self {
+    pub(super) fn new(start: &PassStart<'_>) -> Self {
         Self {
             checkpoints: start.judge.checkpoints.clone(),
             cells: start.judge.cells,
@@ -121,7 +121,7 @@ impl BlockShots {
         &mut self,
         place: u64,
         pictured: &[&str],
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
     ) -> Result<()> {
         if self.is_perturbed {
@@ -166,7 +166,7 @@ impl BlockShots {
         &mut self,
         c: usize,
         (place, frame): (u64, CheckpointFrame),
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
         scored: &JudgedEstimate,
     ) -> Result<()> {
@@ -195,7 +195,7 @@ impl BlockShots {
     /// A frame of a recording.
     fn sample(
         &self,
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
         shown: &[&JudgedEstimate],
     ) -> Result<CheckpointFigure> {
@@ -216,7 +216,7 @@ impl BlockShots {
 
 /// A scene with the results of the pictured algorithms.
 fn scene(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     name: &str,
     judged: &Judged,
     shown: &[&JudgedEstimate],
@@ -251,7 +251,7 @@ fn scene(
 /// # Errors
 /// The reason why its pictures cannot be encoded.
 pub(crate) fn frame_shot(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
@@ -260,7 +260,7 @@ pub(crate) fn frame_shot(
 
 /// [`frame_shot`] with the left image, encoded.
 fn raw_shot(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     judged: &Judged,
     scored: &JudgedEstimate,
     left: Vec<u8>,

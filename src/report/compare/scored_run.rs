@@ -345,7 +345,7 @@ impl ScoredRun {
             };
             let (own, _) = self.own_key(pairs[i]);
             if last_run.replace(own) != Some(own) {
-                tally.begin_run();
+                tally.begin_pass();
             }
             errors[i] = tally.take_pair(stamp_ns, cells);
         })?;

@@ -9,7 +9,7 @@ use crate::table::{
 use std::fmt::{self, Display, Formatter};
 use svl_core::counted;
 use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricUnit, TruthLevel};
 
 /// Limit of the metrics that are listed as worse besides the headline.
 const MAX_BESIDES: usize = 3;
@@ -264,8 +264,10 @@ impl Display for ReportOrigin {
 
 impl AlgorithmChange {
     /// The kind of the runs by what was measured.
-    fn kind(&self) -> RunKind {
-        RunKind::from_measured(|name| self.metrics.iter().any(|change| change.metric.name == name))
+    fn kind(&self) -> TruthLevel {
+        TruthLevel::from_measured(|name| {
+            self.metrics.iter().any(|change| change.metric.name == name)
+        })
     }
 
     /// The changes of these columns; of checkpoints where their column is one.

@@ -4,7 +4,7 @@ use super::source::algorithm_of;
 use super::stress::StressTable;
 use super::toml_error::line;
 use super::{
-    DriveConfig, Limit, MAX_GRID, RecordingRuns, Scenario, ScenarioFilter, ScenarioKind,
+    DriveConfig, InputFiles, Limit, MAX_GRID, Scenario, ScenarioFilter, ScenarioKind,
     ScenarioSource, SourceOptions, distinct_kinds,
 };
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice};
@@ -226,7 +226,7 @@ fn source(
         Dataset => ScenarioSource::Dataset {
             scenes: options.scenes.clone(),
         },
-        Recording => ScenarioSource::Recording(RecordingRuns {
+        Recording => ScenarioSource::Recording(InputFiles {
             files: options.files.clone(),
             folder: folder.to_owned(),
         }),

@@ -6,9 +6,9 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
+use svl::pass::report_losses;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
 use svl::report::table::{NONE, Table};
-use svl::run::report_losses;
 use svl::scenario::SourceOptions;
 use svl::source::Request;
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
-use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, RunPart};
+use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, FrameOrigin};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
 
@@ -123,10 +123,10 @@ impl ScenarioFile {
     }
 
     /// The run that is labelled, as its checkpoints name it.
-    pub(super) fn run(&self, start_ns: u64) -> RunPart {
+    pub(super) fn run(&self, start_ns: u64) -> FrameOrigin {
         let runs = self.scenario.recordings().unwrap_or_default();
         let only = || runs.first().map(|run| run.name.clone());
-        RunPart {
+        FrameOrigin {
             name: self.file.clone().or_else(only).unwrap_or_default(),
             start_ns,
             stress: None,
