@@ -6,7 +6,8 @@ use super::work::EvaluationWork;
 use crate::source::Chain;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
-use svl_report::{Row, hash_words};
+use svl_report::Row;
+use svl_score::judge::hash_words;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {

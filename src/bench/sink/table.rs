@@ -5,7 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
 use svl_core::timing::Stage;
-use svl_report::{CellRow, FailureRow, Row, TableWriter, hash_words};
+use svl_report::{CellRow, FailureRow, Row, TableWriter};
+use svl_score::judge::hash_words;
 use svl_score::judge::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 use svl_score::manifest::AlgorithmRecord;
 

@@ -12,7 +12,8 @@ use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
 };
-use svl_report::{FrameRow, TruthRow, hash_words};
+use svl_report::{FrameRow, TruthRow};
+use svl_score::judge::hash_words;
 use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};

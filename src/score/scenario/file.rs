@@ -14,6 +14,7 @@ use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, GridShape};
 use svl_core::{Error, Result};
+use svl_files::safe_name;
 use svl_sim::arena::ArenaConfig;
 
 /// The file before validation.
@@ -55,10 +56,9 @@ fn v5() -> Vec<String> {
 impl File {
     /// Checks name, grid, rule and checkpoints.
     fn check_head(&self) -> Result<()> {
-        let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
+        if self.name.is_empty() || self.name != safe_name(&self.name, 64) {
             return invalid(format!(
-                "name '{}' must be letters, digits, '-' and '_': it names folders",
+                "name '{}' must be letters, digits, '-', '_' and '.' (not first): it names folders",
                 self.name
             ));
         }

@@ -32,7 +32,7 @@ use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, joined};
-use svl_files::read_text;
+use svl_files::{read_text, safe_name};
 use svl_sim::arena::{Arena, ArenaConfig, RandomScenes, WireObject};
 use toml_error::toml_error;
 
@@ -135,15 +135,8 @@ impl Scenario {
         };
         let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
         let (first, more) = (Path::new(&names[0]), names.len() - 1);
-        let safe = |c: char| {
-            if c.is_ascii_alphanumeric() || c == '-' || c == '_' {
-                c
-            } else {
-                '-'
-            }
-        };
         let stem = first.file_stem().unwrap_or_default().to_string_lossy();
-        let stem: String = stem.chars().take(40).map(safe).collect();
+        let stem = safe_name(&stem, 40);
         let name = match (stem.as_str(), more) {
             ("", _) => "recordings".to_owned(),
             (_, 0) => stem,

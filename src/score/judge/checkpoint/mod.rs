@@ -60,7 +60,8 @@ impl LabelledPair {
     }
 }
 
-fn hash_words(hash: u128) -> String {
+/// A hash of pixels or of a result in the form of tables and scenarios.
+pub fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
