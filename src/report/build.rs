@@ -130,6 +130,10 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
+    // The area is set before anything is computed of the rows. The results are complete before the
+    // manifest, which records their warnings and labels; gates read both. The page shows all of
+    // these. The summaries are written last and for a whole report only: a report that has them is
+    // complete.
     fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
         let tables = &mut self.tables;
