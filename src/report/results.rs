@@ -1,8 +1,9 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
+use super::answer::Best;
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
-use super::lead::{Lead, PriorTest};
+use super::prior_test::PriorTest;
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
 use super::samples::run_key;
@@ -44,7 +45,7 @@ pub struct Results {
     pub made_of: Sources,
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub leads: Vec<Lead>,
+    pub best: Vec<Best>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the report, in their order.
@@ -420,13 +421,13 @@ impl Results {
             results.add_manifest(manifest);
         }
         // The order matters: the manifest has the algorithms that failed on every pair, which are
-        // sorted, too, and those that may not lead; a lead is the first of equal ones, and beats
-        // the prior.
+        // sorted, too, and those that may not be called best; the best is the first of equal ones, and
+        // beats the prior.
         if let Some(metric) = results.shown.sort {
             results.sort_by(metric);
         }
         results.test_prior(&tables.rows, &tables.prior);
-        results.find_leads(&tables.rows, &tables.drives);
+        results.find_best(&tables.rows, &tables.drives);
         Ok(results)
     }
 

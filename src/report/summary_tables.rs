@@ -284,7 +284,10 @@ impl Results {
                             ..TableColumn::new(group, head)
                         };
                         add(column, &|a| match a.p50_ms.filter(|_| is_headline) {
-                            Some(ms) => TableCell::Time(ms),
+                            Some(ms) => TableCell::Time {
+                                ms,
+                                mark: self.mark(metric, &a.algorithm),
+                            },
                             None => text(number(a)),
                         });
                     }
@@ -303,7 +306,14 @@ impl Results {
                         is_less_better: metric.better == Better::Less,
                         ..TableColumn::new(self.group(metric), metric.head)
                     };
-                    add(column, &|a| metric_cell(metric, value(a, metric)));
+                    add(column, &|a| {
+                        let mark = if is_all {
+                            ""
+                        } else {
+                            self.mark(metric, &a.algorithm)
+                        };
+                        metric_cell(metric, value(a, metric), mark)
+                    });
                 }
                 _ => {}
             }
@@ -315,6 +325,17 @@ impl Results {
         table.remove_empty_columns();
         self.metric_notes(&mut table, &metrics);
         table
+    }
+
+    /// The mark of an algorithm by a metric: the best, or not told apart from it. All marks of a
+    /// column are as wide.
+    fn mark(&self, metric: &Metric, label: &str) -> &'static str {
+        let best = self.best.iter().find(|best| best.metric == metric);
+        match best.map(|best| best.mark(label)) {
+            None => "",
+            Some("") => " ",
+            Some(mark) => mark,
+        }
     }
 
     /// The meanings of a table's metrics.
@@ -455,11 +476,11 @@ impl Results {
 }
 
 /// The value of a metric; one of more wrong cells than a usable algorithm has is an alert.
-fn metric_cell(metric: &Metric, value: Option<f64>) -> TableCell {
+fn metric_cell(metric: &Metric, value: Option<f64>, mark: &str) -> TableCell {
     let Some(value) = value else {
         return TableCell::Text(NONE.to_owned());
     };
-    let shown = number(metric.unit, value);
+    let shown = number(metric.unit, value) + mark;
     if metric.name == "wrong" && value > USABLE.max_wrong {
         TableCell::Alert(shown)
     } else {

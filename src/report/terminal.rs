@@ -1,6 +1,6 @@
 //! A summary on the terminal: the answer first.
 
-use super::lead::Lead;
+use super::answer::Best;
 use super::prior::PRIOR;
 use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};
@@ -36,8 +36,8 @@ impl Results {
                 _ => 0,
             };
             let is_best = |row: &[TableCell]| {
-                let is_own = |lead: &Lead| TableCell::Text(lead.algorithm.clone()) == row[0];
-                row[0] == TableCell::Text(PRIOR.to_owned()) || self.leads.iter().any(is_own)
+                let is_own = |best: &Best| TableCell::Text(best.algorithm.clone()) == row[0];
+                row[0] == TableCell::Text(PRIOR.to_owned()) || self.best.iter().any(is_own)
             };
             let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
             let shown = rows.filter(|(i, row)| more == 0 || *i < FIRST_ALGORITHMS || is_best(row));

@@ -37,7 +37,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
     );
     assert_eq!(blind["finished"], 0);
     // The ends of the scale are no answer.
-    assert!(summary.get("leads").is_none(), "{summary}");
+    assert!(summary.get("best").is_none(), "{summary}");
     assert!(blind["collisions"].as_u64().unwrap() > 1, "{blind}");
     assert!(truth["speed_m_per_s"].as_f64().unwrap() > 0.1, "{truth}");
     let page = fixture.text("r/index.html");
