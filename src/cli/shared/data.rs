@@ -212,7 +212,8 @@ mod tests {
                 "topic": "/truth_depth", "is_asked_for": true, "pairs": 3, "error": null,
                 "distance_m": { "min": 0.5, "max": 2.0 }
             }],
-            "missing": { "/left_image": 5 }, "gaps": [1, 2, 3].map(|n| json!({ "after_ns": n * 1_000_000_000_u64 })),
+            "missing": { "/left_image": 5 },
+            "gaps": ([1, 2, 3].map(|n| json!({ "after_ns": n * 1_000_000_000_u64 }))),
         });
         let fields = [
             field("bytes", "size"),
