@@ -113,7 +113,7 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
         .stress
         .map(|stress| format!("-{stress}"))
         .unwrap_or_default();
-    let safe = safe_name(&label, 40);
+    let safe = safe_name(label, 40);
     if safe == label {
         format!("course-{seed}-{label}{stress}.mcap")
     } else {

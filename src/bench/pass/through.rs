@@ -3,10 +3,9 @@
 use super::{Matchers, Monitor, Outcome, Pace, run};
 use crate::sink::{CollectSink, PassStart, Sink, finish};
 use crate::source::{Chain, Source};
-use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_score::judge::Judged;
-use svl_score::losses::{EndState, Ending, LossLimit, Missing};
+use svl_score::losses::{EndState, Ending, Incomplete, LossLimit, Losses, Missing};
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a pass that failed.
@@ -120,7 +119,7 @@ pub fn complete(ending: &Ending) -> Result<()> {
     match (ending.state, &ending.incomplete) {
         (EndState::Lossy, Some(missing)) => {
             let words = format!("{missing}; all else is kept");
-            Err(Error::Incomplete(words))
+            Err(Error::other(Incomplete(words)))
         }
         _ => Ok(()),
     }

@@ -28,11 +28,11 @@ use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::Losses;
 use svl_recording::{ResultOptions, StoredResults, Writer};
 use svl_report::units::{ReportPlan, Units};
 use svl_report::{Row, checkpoint_results};
 use svl_score::judge::{Judge, Judged};
+use svl_score::losses::Losses;
 use svl_score::manifest::Manifest;
 
 /// The runs for Rerun in the folder of a report, a file per session, in their order.

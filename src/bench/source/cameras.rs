@@ -1,13 +1,14 @@
 //! Cameras as a source.
 
 use super::Source;
-use svl_core::stereo::{Frame, GrabberReport, Losses};
-use svl_core::{Error, Result};
-use svl_grab::{self as grab, GrabRequest, Grabber, Host};
+use svl_core::Result;
+use svl_core::stereo::Frame;
+use svl_grab::{self as grab, GrabRequest, Grabber, Host, camera_error};
+use svl_score::losses::{GrabberReport, Losses};
 
 /// A running grabber as a source. It ends when `stopped`.
 ///
-/// When a camera fails, the pairs from before come first, then one [`svl_core::Error::Camera`].
+/// When a camera fails, the pairs from before come first, then one [`svl_grab::CameraError`].
 pub struct CameraSource {
     name: String,
     grabber: Grabber,
@@ -84,7 +85,7 @@ impl Source for CameraSource {
             } else {
                 "gave no pair; the counts say why, and another --trigger or --pairing may help"
             };
-            return Err(Error::camera(&self.name, reason));
+            return Err(camera_error(&self.name, reason));
         }
         Ok(frame)
     }

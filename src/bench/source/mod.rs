@@ -52,8 +52,9 @@ pub use usability::Usability;
 pub use video::VideoSource;
 
 use svl_core::Result;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_score::judge::Judged;
+use svl_score::losses::Losses;
 
 /// Forwards what a wrapper does not change to the source in its field `source`.
 macro_rules! wraps {

@@ -7,6 +7,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::files;
+use svl::losses::Incomplete;
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{
     AlgorithmChange, Change, Comparison, ComparisonPage, Judgement, ScoredRun,
@@ -124,8 +125,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             Err(error) if !args.fail_on.is_empty() && !error.is_usage() => {
                 return Err(usage::gate(error));
             }
-            Err(svl::Error::Incomplete(why)) => not_compared.push(why),
-            Err(error) => return Err(error.into()),
+            Err(error) => match error.downcast_ref() {
+                Some(Incomplete(why)) => not_compared.push(why.clone()),
+                None => return Err(error.into()),
+            },
         }
     }
     let cases = if args.fail_on.is_empty() {
@@ -305,7 +308,7 @@ fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Resul
         Ok(())
     } else {
         let words = format!("nothing was compared: {}", reasons.join("; "));
-        Err(svl::Error::Incomplete(words).into())
+        Err(usage::incomplete(words))
     }
 }
 

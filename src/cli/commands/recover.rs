@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// # Errors
-/// [`svl::Error::Incomplete`] if the damaged file has more than was saved.
+/// [`svl::losses::Incomplete`] if the damaged file has more than was saved.
 fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
     if !recovery.partial {
         return Ok(());
@@ -65,7 +65,7 @@ fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
         args.file.display(),
         counted(recovery.losses.len(), "damaged part"),
     );
-    Err(svl::Error::Incomplete(words).into())
+    Err(usage::incomplete(words))
 }
 
 const FIELDS: &[DataField] = &[

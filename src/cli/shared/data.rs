@@ -204,7 +204,6 @@ mod tests {
 
     #[test]
     fn values_have_labels_and_units() {
-        let gaps = [1, 2, 3].map(|seconds| json!({ "after_ns": seconds * 1_000_000_000_u64 }));
         let data = json!({
             "bytes": 2_500_000, "duration_ns": 3_900_000_000_u64, "drops": 0, "seed": 0,
             "damage": null, "is_intact": false, "size_px": [320, 240],
@@ -213,7 +212,8 @@ mod tests {
                 "topic": "/truth_depth", "is_asked_for": true, "pairs": 3, "error": null,
                 "distance_m": { "min": 0.5, "max": 2.0 }
             }],
-            "missing": { "/left_image": 5 }, "gaps": gaps,
+            "missing": { "/left_image": 5 },
+            "gaps": ([1, 2, 3].map(|n| json!({ "after_ns": n * 1_000_000_000_u64 }))),
         });
         let fields = [
             field("bytes", "size"),

@@ -25,7 +25,7 @@ pub(crate) struct AreaArgs {
 /// Fails for a report that lacks results, or misses more pairs than is allowed.
 pub(crate) fn check_whole(ending: &Ending) -> anyhow::Result<()> {
     match &ending.incomplete {
-        Some(why) if !ending.is_whole() => Err(svl::Error::Incomplete(why.clone()).into()),
+        Some(why) if !ending.is_whole() => Err(usage::incomplete(why.clone())),
         _ => Ok(complete(ending)?),
     }
 }

@@ -24,6 +24,7 @@ use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
 use svl_score::judge::{AreaChoice, Better, METRICS, Metric, MetricOrigin, MetricUnit};
+use svl_score::losses::Incomplete;
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
 pub use text::signed;
@@ -194,7 +195,7 @@ impl Comparison {
     /// labels; without a map, where each run has just one, these two.
     ///
     /// # Errors
-    /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
+    /// [`Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
     /// is compared; [`Error::Invalid`] for drives and pairs, and for a map of algorithms that they
     /// do not have.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
@@ -203,7 +204,8 @@ impl Comparison {
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
         if matched.both.is_empty() {
             let words = matched.none_words();
-            return Err(Error::Incomplete(format!("{}: {words}", shown())));
+            let words = format!("{}: {words}", shown());
+            return Err(Error::other(Incomplete(words)));
         }
         let algorithms = matched.both.iter();
         let algorithms = algorithms.map(|labels| {
@@ -219,11 +221,11 @@ impl Comparison {
             .all(|a| a.pairs == 0 && a.newly_failed == 0)
         {
             let things = algorithms[0].things();
-            return Err(Error::Incomplete(format!(
+            return Err(Error::other(Incomplete(format!(
                 "{}: no {things} in common: their {things}s differ, as those of other scenarios, \
                  seeds or arena versions do",
                 shown()
-            )));
+            ))));
         }
         let mut comparison = Self {
             base: base.folder.clone(),

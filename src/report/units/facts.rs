@@ -6,7 +6,7 @@ use crate::results::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
-use svl_core::stereo::Losses;
+use svl_score::losses::Losses;
 use svl_score::manifest::{InputRecord, hash};
 use svl_score::notice::Notice;
 

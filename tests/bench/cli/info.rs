@@ -95,7 +95,8 @@ fn the_first_pairs_answer_the_first_questions() {
     assert!((rig(&ros, "baseline_m") - 0.044).abs() < 1e-9);
     let lines = [
         "pairs           3\npaired topics   /stereo/left/image_rect, /stereo/right/image_rect\n",
-        "images          320x240 px\nfocal length    328.05 px, 328.05 px\nbaseline        0.0440 m\n",
+        "images          320x240 px\nfocal length    328.05 px, 328.05 px\n\
+         baseline        0.0440 m\n",
         "nearest         v5, distance 0.1804 m, max disparity 80 px\n",
         "truth           /truth/depth, cells 45, ",
     ];

@@ -4,7 +4,15 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 use svl_core::counted;
-use svl_core::stereo::Losses;
+
+mod counts;
+
+pub use counts::{GrabberReport, Losses};
+
+/// The work is done, but something is missing: a [`svl_core::Error::Other`], with what is missing.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Incomplete(pub String);
 
 /// Losses with which a pass counts as complete, written `3` or `1%`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
