@@ -1,184 +1,94 @@
-//! A comparison on the terminal and as Markdown.
+//! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::matched::map_options;
-use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
+use super::join::map_options;
+use super::{AlgorithmChange, Change, Comparison, Conclusion, Judgement, ReportOrigin};
 use crate::results::caution;
 use crate::table::{
     NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
 };
 use std::fmt::{self, Display, Formatter};
-use svl_core::counted;
-use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
+use svl_core::{counted, joined};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
 
-/// Limit of the metrics that are listed as worse besides the headline.
-const MAX_BESIDES: usize = 3;
+/// Limit of the changes that a sentence lists: of one direction, and of each of both.
+const MAX_LISTED: [usize; 2] = [2, 1];
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
+impl Conclusion {
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Worse => "worse",
+            Self::Mixed => "mixed",
+            Self::NoChange => "no change",
+            Self::TooFewPairs => "too few pairs",
+            Self::TooFewCourses => "too few courses",
+            Self::NotComparable => "not comparable",
+        }
+    }
+}
+
 impl Comparison {
-    /// The verdict, parts that are not compared, the origins of the two, a row for each algorithm
-    /// or the table of a single one; tables of all if `columns` is all.
-    pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
-        let fit = |line: String| wrapped(&line, 7, style.width);
-        let lines = [self.verdict()].into_iter();
-        let lines = lines.chain(self.not_compared()).chain(self.origin_lines());
-        let mut text: String = lines.chain(self.cautions()).map(fit).collect();
-        let is_all = *columns == ColumnChoice::All;
-        if self.algorithms.len() > 1 && !is_all {
-            let table = self.overview(columns).terminal(style);
-            text.push_str(&format!("\n{table}\n"));
-        } else {
-            for algorithm in &self.algorithms {
-                let head = wrapped(
-                    &format!("{}: {}", algorithm.title(), algorithm.extent()),
-                    2,
-                    style.width,
-                );
-                let table = change_table(["before", "after"], algorithm.shown(columns).into_iter());
-                text.push_str(&format!("\n{head}{}\n", table.terminal(style)));
+    /// The verdict: its word, then what changed, by how much, and whether that is real.
+    pub(super) fn sentence(&self) -> String {
+        let ranked = self.ranked();
+        let pairs = self.pairs_words();
+        let tested = format!("at {} over {pairs}", self.method.level);
+        let fewest = self.method.fewest_blocks;
+        let reason = match self.conclusion {
+            Conclusion::NotComparable if !self.is_judged() => {
+                let differences = self.differences.join("; ");
+                format!("scored differently ({differences}): nothing is called better or worse")
             }
-        }
-        let courses = self.algorithms.iter();
-        let courses = courses.filter_map(AlgorithmChange::course_words);
-        text.extend(courses.map(|line| wrapped(&line, 2, style.width)));
-        if *columns == ColumnChoice::Headline {
-            let besides = self.algorithms.iter();
-            let besides = besides.filter_map(AlgorithmChange::besides_words);
-            text.extend(besides.map(|line| wrapped(&line, 2, style.width)));
-        }
-        match self.algorithms.len() {
-            _ if is_all => {}
-            1 => text.push_str("more   -o FILE.html, --columns all, --json\n"),
-            _ => text.push_str("more   REPORT#ALGORITHM for intervals, -o FILE.html, --json\n"),
-        }
-        text
-    }
-
-    /// The changes of the algorithms, a row each.
-    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
-        let has = |metric: &&Metric| {
-            let mut changes = self
-                .algorithms
-                .iter()
-                .flat_map(|algorithm| &algorithm.metrics);
-            changes.any(|change| change.metric == *metric)
-        };
-        let metrics = columns.metrics(self.algorithms[0].kind()).into_iter();
-        let metrics: Vec<_> = metrics.filter(has).collect();
-        let optional = |column| TableColumn {
-            is_optional: *columns == ColumnChoice::Headline,
-            ..column
-        };
-        let mut table = Table::new("", "change");
-        table.columns.extend(metrics.iter().map(|metric| {
-            let column = TableColumn::text(metric.group, metric.head);
-            match metric.better {
-                Better::Neither => optional(column),
-                _ if metric.unit == MetricUnit::Ms => optional(column),
-                _ => column,
+            Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
+            Conclusion::TooFewPairs => format!(
+                "{pairs} are in fewer than {fewest} independent blocks, so there is no interval; \
+                 score more pairs"
+            ),
+            Conclusion::TooFewCourses => {
+                format!("fewer than {fewest} of {pairs} differ; drive more, as with --seeds 1..100")
             }
-        }));
-        let things = format!("{}s", self.algorithms[0].things());
-        table.columns.push(optional(TableColumn::new("", &things)));
-        for algorithm in &self.algorithms {
-            let cell = |metric: &&Metric| {
-                let change = algorithm
-                    .metrics
+            Conclusion::NoChange if self.are_equal() => {
+                format!("the results of {pairs} are equal to the bit")
+            }
+            Conclusion::NoChange => {
+                let metrics = counted(ranked.len(), "headline metric");
+                format!("none of {metrics} differs {tested}")
+            }
+            Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
+                let is_mixed = self.conclusion == Conclusion::Mixed;
+                let list = |judgement, word: &str| {
+                    let list = listed(&ranked, judgement, MAX_LISTED[usize::from(is_mixed)])?;
+                    Some(if is_mixed {
+                        format!("{word}: {list}")
+                    } else {
+                        list
+                    })
+                };
+                let [worse, better] = [(Judgement::Worse, "worse"), (Judgement::Better, "better")]
+                    .map(|(judgement, word)| list(judgement, word));
+                let real = worse.is_some() || better.is_some();
+                let real = real.then(|| format!("real {tested}"));
+                let failures = self
+                    .algorithms
                     .iter()
-                    .find(|change| change.metric == *metric);
-                change.map_or_else(|| TableCell::Text(NONE.to_owned()), Change::cell)
-            };
-            let changes = metrics.iter().map(cell);
-            let [name, pairs] =
-                [algorithm.title(), algorithm.pairs.to_string()].map(TableCell::Text);
-            table
-                .rows
-                .push([name].into_iter().chain(changes).chain([pairs]).collect());
-        }
-        table
-    }
-
-    /// The verdict, the changes that matter most, and the two reports: at most ten lines of
-    /// Markdown, for a pull request.
-    pub fn markdown(&self) -> String {
-        let conclusion = self.conclusion();
-        let reason = escape(&self.verdict_reason(conclusion));
-        let mut page = format!("**{}**: {reason}", conclusion.word());
-        let not_compared: Vec<_> = self.not_compared().collect();
-        let courses = self.algorithms.iter();
-        let courses: Vec<_> = courses.filter_map(AlgorithmChange::course_words).collect();
-        let mut lines = MAX_LINES;
-        for said in [not_compared, courses] {
-            if !said.is_empty() {
-                page.push_str(&format!("  \n{}", escape_prose(&said.join("; "))));
-                lines -= 1;
+                    .filter_map(|own| Some(format!("{} {}", own.title(), own.failures()?)));
+                let parts = failures.chain(worse).chain(better).chain(real);
+                parts.collect::<Vec<_>>().join("; ")
             }
-        }
-        let changes = self.leading_changes(lines);
-        let table = change_table(["before", "after"], changes.into_iter()).markdown();
-        page.push_str(&format!("\n\n{table}\n{}\n", self.footer()));
-        page
+        };
+        let besides = match self.conclusion {
+            Conclusion::Better | Conclusion::NoChange => self.named(AlgorithmChange::besides),
+            _ => Vec::new(),
+        };
+        let besides = listed(&besides, Judgement::Worse, MAX_LISTED[0]);
+        let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
+        format!("{}: {reason}{besides}", self.conclusion.word())
     }
 
-    /// The headline's changes that are worse, then those that are better, then what is worse
-    /// besides, then the others.
-    fn leading_changes(&self, count: usize) -> Vec<(String, &Change)> {
-        let headline = || self.named_changes(&ColumnChoice::Headline).into_iter();
-        let of_judgement = |judgement| {
-            headline().filter(move |(_, change): &(String, &Change)| change.judgement == judgement)
-        };
-        let besides = self.algorithms.iter().flat_map(|algorithm| {
-            let besides = algorithm.worse_besides().into_iter();
-            besides.map(|(name, change)| (self.name(algorithm, &name), change))
-        });
-        let is_rest = |(_, change): &(String, &Change)| {
-            !matches!(change.judgement, Judgement::Worse | Judgement::Better)
-        };
-        let worse = of_judgement(Judgement::Worse).chain(of_judgement(Judgement::Better));
-        let all = worse.chain(besides).chain(headline().filter(is_rest));
-        all.take(count).collect()
-    }
-
-    /// The name of a change, with that of its algorithm where there are several.
-    pub(super) fn name(&self, algorithm: &AlgorithmChange, name: &str) -> String {
-        match self.algorithms.len() {
-            1 => name.to_owned(),
-            _ => format!("{} {name}", algorithm.title()),
-        }
-    }
-
-    /// The origin of the numbers of the Markdown, in a line.
-    fn footer(&self) -> String {
-        let (base, other) = (self.base.display(), self.other.display());
-        let count = |judgement| {
-            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
-            changes
-                .filter(|(_, change)| change.judgement == judgement)
-                .count()
-        };
-        let (better, worse) = (count(Judgement::Better), count(Judgement::Worse));
-        let scenario = escape(&self.scenario);
-        let counts = format!(
-            "{better} better and {worse} worse of {} metrics",
-            self.tested
-        );
-        let cautions: String = self
-            .cautions()
-            .map(|line| format!(". {}", escape(&line)))
-            .collect();
-        let shown = if self.is_driven() {
-            "courses"
-        } else {
-            "frames"
-        };
-        format!(
-            "{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows {shown}{cautions}"
-        )
-    }
-
-    /// Algorithms and pairs that are not compared, each with the reason.
-    pub(super) fn not_compared(&self) -> impl Iterator<Item = String> {
+    /// Algorithms and pairs that are not compared, each with the reason, in a sentence.
+    pub(super) fn not_compared(&self) -> Option<String> {
         let sides = [
             (&self.only_in_base, &self.base),
             (&self.only_in_other, &self.other),
@@ -190,47 +100,40 @@ impl Comparison {
             .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
         let cells = self.without_cells.iter();
         let cells = cells.map(|why| format!("errors of distances: {why}"));
-        let checkpoints = self
-            .algorithms
-            .iter()
-            .any(|own| own.has_partial_checkpoints);
-        let checkpoints = checkpoints.then(|| {
+        let mut algorithms = self.algorithms.iter();
+        let is_partial = algorithms.any(|own| own.has_partial_checkpoints);
+        let checkpoints = is_partial.then(|| {
             "checkpoints, which are counted over whole runs: score the same pairs".to_owned()
         });
-        let lines = alone.chain(left_out).chain(cells).chain(checkpoints);
-        let lines = lines.map(|words| format!("not compared: {words}"));
-        let cure = (!self.proposed_maps.is_empty()).then(|| {
-            let options = map_options(&self.proposed_maps);
-            format!("add `{options}` to compare other parameters")
+        let unmatched = self.algorithms.iter().filter(|own| own.unmatched > 0);
+        let unmatched = unmatched.map(|own| {
+            let pairs = counted(own.unmatched, own.things());
+            format!("{pairs} of {} in one report alone", own.title())
         });
-        let algorithms = self.algorithms.iter();
-        lines
-            .chain(cure)
-            .chain(algorithms.filter_map(AlgorithmChange::missing))
+        let cure = map_options(&self.proposed_maps);
+        let parts = alone.chain(left_out).chain(cells).chain(checkpoints);
+        let parts: Vec<_> = parts.chain(unmatched).chain(cure).collect();
+        (!parts.is_empty()).then(|| format!("not compared: {}", parts.join("; ")))
     }
 
-    /// The origins of the two reports.
-    fn origin_lines(&self) -> Vec<String> {
-        let mut lines = Vec::new();
-        let sides = [("before", &self.base), ("after ", &self.other)];
-        let [base, other] = &self.origins;
-        let is_one = base == other;
-        for (((name, folder), truths), origin) in sides.iter().zip(&self.truths).zip(&self.origins)
-        {
-            let caution = caution(truths).map_or_else(String::new, |words| format!(": {words}"));
-            lines.push(format!("{name} {}{caution}", folder.display()));
-            if !is_one {
-                lines.push(format!("       {origin}"));
-            }
-        }
-        if is_one {
-            lines.push(format!("both   {base}"));
-        }
-        lines
-    }
-
-    /// Cautions about the verdict: other machines, incomplete reports.
-    pub(super) fn cautions(&self) -> impl Iterator<Item = String> {
+    /// Cautions about the verdict, in a sentence: incomplete reports, other pairs before, other
+    /// machines.
+    pub(super) fn caution(&self) -> Option<String> {
+        let incomplete = self.incomplete.iter();
+        let incomplete =
+            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
+        let with_past = self.algorithms.iter().filter(|own| own.other_past > 0);
+        let with_past: Vec<_> = with_past.map(AlgorithmChange::labels).collect();
+        let past = (!with_past.is_empty()).then(|| {
+            let options = match &self.selections[..] {
+                [] => String::new(),
+                options => format!(" ({})", options.join(", ")),
+            };
+            let labels = joined(&with_past);
+            format!(
+                "the pairs before each pair differ{options}, on which results of {labels} depend"
+            )
+        });
         let [base, other] = &self.origins;
         let differs = [
             ("svl", base.svl != other.svl),
@@ -239,15 +142,225 @@ impl Comparison {
             ("threads", base.threads != other.threads),
             ("the timed work", base.times != other.times),
         ];
-        let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
-        let times = (!differs.is_empty()).then(|| {
-            let what = differs.join(", ");
-            format!("Different: {what}; ratios of times are of that, too.")
+        let differs: Vec<_> = differs
+            .iter()
+            .filter(|own| own.1)
+            .map(|own| own.0)
+            .collect();
+        let times = (!differs.is_empty())
+            .then(|| format!("ratios of times are of another {}, too", differs.join(", ")));
+        let parts: Vec<_> = incomplete.chain(past).chain(times).collect();
+        (!parts.is_empty()).then(|| format!("caution: {}", parts.join("; ")))
+    }
+
+    /// The sentences, the origins of the two, a row for each algorithm or the table of a single
+    /// one; tables of all if `columns` is all.
+    pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
+        let fit = |line: &str, indent| wrapped(line, indent, style.width);
+        let mut text = fit(&self.verdict, 7);
+        text.extend(self.not_compared().map(|line| fit(&line, 7)));
+        text.extend(self.origin_lines().iter().map(|line| fit(line, 7)));
+        text.extend(self.caution().map(|line| fit(&line, 7)));
+        let is_all = *columns == ColumnChoice::All;
+        let is_overview = self.algorithms.len() > 1 && !is_all;
+        if is_overview {
+            text += &format!("\n{}\n", self.overview(columns).terminal(style));
+        } else {
+            for own in &self.algorithms {
+                let head = fit(&format!("{}: {}", own.title(), own.extent()), 2);
+                text += &format!("\n{head}{}\n", own.table(columns).terminal(style));
+            }
+        }
+        let courses = self
+            .algorithms
+            .iter()
+            .filter_map(AlgorithmChange::course_words);
+        text.extend(courses.map(|line| fit(&line, 2)));
+        text += match (is_all, is_overview) {
+            (true, _) => "",
+            (_, true) => "more   REPORT#ALGORITHM for intervals, -o FILE.html, --json\n",
+            _ => "more   -o FILE.html, --columns all, --json\n",
+        };
+        text
+    }
+
+    /// The origins of the two reports.
+    fn origin_lines(&self) -> Vec<String> {
+        let [base, other] = &self.origins;
+        let names = ["before", "after "];
+        let side = |side: usize, folder: &std::path::Path| {
+            let caution = caution(&self.truths[side]).map(|words| format!(": {words}"));
+            format!(
+                "{} {}{}",
+                names[side],
+                folder.display(),
+                caution.unwrap_or_default()
+            )
+        };
+        let (before, after) = (side(0, &self.base), side(1, &self.other));
+        if base == other {
+            vec![before, after, format!("both   {base}")]
+        } else {
+            vec![
+                before,
+                format!("       {base}"),
+                after,
+                format!("       {other}"),
+            ]
+        }
+    }
+
+    /// The sentences, the changes that matter most, and the two reports: at most ten lines of
+    /// Markdown, for a pull request.
+    pub fn markdown(&self) -> String {
+        let word = self.conclusion.word();
+        let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
+        let mut page = format!("**{word}**{reason}");
+        let courses = self
+            .algorithms
+            .iter()
+            .filter_map(AlgorithmChange::course_words);
+        let courses = Some(courses.collect::<Vec<_>>().join("; "));
+        let courses = courses.filter(|words| !words.is_empty());
+        let mut lines = MAX_LINES;
+        for said in [self.not_compared(), courses].into_iter().flatten() {
+            page += &format!("  \n{}", escape_prose(&said));
+            lines -= 1;
+        }
+        let mut changes = self.named(|own| own.rows(&ColumnChoice::Headline));
+        // The sort is stable.
+        changes.sort_by_key(|(_, change)| match change.judgement {
+            Judgement::Worse => 0,
+            Judgement::Better => 1,
+            _ => 2,
         });
-        let incomplete = self.incomplete.iter();
-        let incomplete =
-            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
-        incomplete.chain(times)
+        let table = change_table(changes.into_iter().take(lines)).markdown();
+        let (base, other) = (self.base.display(), self.other.display());
+        let caution = self.caution().map(|line| escape(&format!("; {line}")));
+        let shown = if self.is_driven() {
+            "courses"
+        } else {
+            "frames"
+        };
+        page + &format!(
+            "\n\n{table}\n{}, `{base}` → `{other}`: {} metrics are tested; `-o FILE.html` shows \
+             {shown}{}\n",
+            escape(&self.scenario),
+            self.tested,
+            caution.unwrap_or_default()
+        )
+    }
+
+    /// The changes of the algorithms, a row each.
+    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
+        let find = |own: &'_ AlgorithmChange, metric: &Metric| {
+            own.metrics
+                .iter()
+                .find(|change| change.metric == metric)
+                .cloned()
+        };
+        let mut metrics = columns.metrics(self.algorithms[0].kind());
+        metrics.retain(|metric| {
+            self.algorithms
+                .iter()
+                .any(|own| find(own, metric).is_some())
+        });
+        let column = |column: TableColumn, is_essential: bool| TableColumn {
+            is_optional: !is_essential && *columns == ColumnChoice::Headline,
+            ..column
+        };
+        let mut table = Table::new("", "change");
+        table.columns.extend(metrics.iter().map(|metric| {
+            let is_tested = metric.better != Better::Neither && metric.unit != MetricUnit::Ms;
+            column(TableColumn::text(metric.group, metric.head), is_tested)
+        }));
+        let things = format!("{}s", self.algorithms[0].things());
+        table
+            .columns
+            .push(column(TableColumn::new("", things), false));
+        for own in &self.algorithms {
+            let changes = metrics.iter().map(|metric| find(own, metric));
+            let cells = changes.map(|change| match change {
+                Some(change) => change.judgement.cell(&match change.judgement {
+                    Judgement::Equal => String::new(),
+                    _ => unitless(change.metric, change.difference),
+                }),
+                None => TableCell::Text(NONE.to_owned()),
+            });
+            let [name, pairs] = [own.title(), own.pairs.to_string()].map(TableCell::Text);
+            table
+                .rows
+                .push([name].into_iter().chain(cells).chain([pairs]).collect());
+        }
+        table
+    }
+
+    /// The changes of each algorithm, with its name where there are several.
+    pub(super) fn named<'a>(
+        &'a self,
+        changes: impl Fn(&'a AlgorithmChange) -> Vec<&'a Change>,
+    ) -> Vec<(String, &'a Change)> {
+        let named = self.algorithms.iter().flat_map(|own| {
+            let title = match self.algorithms.len() {
+                1 => String::new(),
+                _ => own.title() + " ",
+            };
+            let changes = changes(own).into_iter();
+            changes.map(move |change| (title.clone() + &change.name(), change))
+        });
+        named.collect()
+    }
+
+    /// True if all pairs have equal results.
+    fn are_equal(&self) -> bool {
+        self.algorithms
+            .iter()
+            .all(|own| own.equal_results == own.pairs)
+    }
+
+    /// The numbers of pairs of the algorithms.
+    fn pairs_words(&self) -> String {
+        let pairs = || self.algorithms.iter().map(|own| own.pairs);
+        let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
+        let things = self
+            .algorithms
+            .first()
+            .map_or("pair", AlgorithmChange::things);
+        match fewest == most {
+            true => counted(most, things),
+            false => format!("{fewest} to {most} {things}s"),
+        }
+    }
+}
+
+/// The changes of that judgement, the first of them with their values: the surest change, but more
+/// missed obstacles before all others.
+fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
+    let own = changes
+        .iter()
+        .filter(|(_, change)| change.judgement == judgement);
+    let mut own: Vec<_> = own.collect();
+    let is_other =
+        |change: &Change| judgement != Judgement::Worse || change.metric.name != "missed";
+    own.sort_by(|(_, a), (_, b)| {
+        let surest = b.sureness().total_cmp(&a.sureness());
+        is_other(a).cmp(&is_other(b)).then(surest)
+    });
+    let words = own.iter().take(limit).map(|(name, change)| {
+        let [base, other] = [change.base, change.other].map(|value| change.metric.show(value));
+        let magnitude = if change.metric.is_signed() {
+            " in magnitude"
+        } else {
+            ""
+        };
+        let difference = signed(change.metric, change.difference);
+        format!("{name} {base} → {other} ({difference}{magnitude})")
+    });
+    let listed = words.collect::<Vec<_>>().join(", ");
+    match own.len().saturating_sub(limit) {
+        _ if own.is_empty() => None,
+        0 => Some(listed),
+        more => Some(format!("{listed} and {more} more")),
     }
 }
 
@@ -269,153 +382,158 @@ impl AlgorithmChange {
     }
 
     /// The changes of these columns; of checkpoints where their column is one.
-    pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
+    pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let metrics = columns.metrics(self.kind());
-        let is_shown = |(_, change): &(String, &Change)| metrics.contains(&change.metric);
-        self.changes().filter(is_shown).collect()
+        let changes = self.changes();
+        changes
+            .filter(|change| metrics.contains(&change.metric))
+            .collect()
     }
 
-    /// The changes for the worse that are not in the headline, the surest first.
-    pub(super) fn worse_besides(&self) -> Vec<(String, &Change)> {
-        let metrics = ColumnChoice::Headline.metrics(self.kind());
-        let mut worse: Vec<_> = self
+    /// The changes for the worse that are not in the headline.
+    fn besides(&self) -> Vec<&Change> {
+        let headline = ColumnChoice::Headline.metrics(self.kind());
+        let worse = self
             .changes()
-            .filter(|(_, change)| {
-                change.judgement == Judgement::Worse && !metrics.contains(&change.metric)
-            })
-            .collect();
-        // Stable: of equally sure ones the first.
-        worse.sort_by(|(_, a), (_, b)| b.certainty().total_cmp(&a.certainty()));
+            .filter(|change| change.judgement == Judgement::Worse);
         worse
+            .filter(|change| !headline.contains(&change.metric))
+            .collect()
     }
 
-    fn besides_words(&self) -> Option<String> {
-        let worse = self.worse_besides();
-        let shown = worse.iter().take(MAX_BESIDES);
-        let shown: Vec<_> = shown
-            .map(|(name, change)| format!("{name} {}", change.difference_words()))
-            .collect();
-        let more = match worse.len().saturating_sub(MAX_BESIDES) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
-        let words = shown.join(", ");
-        (!worse.is_empty()).then(|| format!("{}: WORSE besides: {words}{more}", self.title()))
+    /// The changes that a table of these columns has: below those of the headline are others for
+    /// the worse.
+    fn rows(&self, columns: &ColumnChoice) -> Vec<&Change> {
+        let mut rows = self.shown(columns);
+        if *columns == ColumnChoice::Headline {
+            rows.extend(self.besides());
+        }
+        rows
     }
 
-    /// Pairs that the second run alone failed on, in words.
-    pub fn failures(&self) -> Option<String> {
-        let pairs = counted(self.newly_failed as u64, "pair");
+    pub(super) fn table(&self, columns: &ColumnChoice) -> Table {
+        let rows = self.rows(columns).into_iter();
+        change_table(rows.map(|change| (change.name(), change)))
+    }
+
+    /// The label of the algorithm, or those of two.
+    pub(super) fn labels(&self) -> String {
+        match self.other_algorithm == self.algorithm {
+            true => self.algorithm.clone(),
+            false => format!("{} → {}", self.algorithm, self.other_algorithm),
+        }
+    }
+
+    /// The subject of the comparison: one algorithm, or two.
+    pub(super) fn title(&self) -> String {
+        match self.other_algorithm != self.algorithm || self.same_parameters {
+            true => self.labels(),
+            false => format!("{} (other parameters)", self.algorithm),
+        }
+    }
+
+    /// The things that are compared: pairs, or the courses of drives.
+    pub(super) fn things(&self) -> &'static str {
+        match self.courses {
+            Some(_) => "course",
+            None => "pair",
+        }
+    }
+
+    /// The courses that changed, in a line.
+    fn course_words(&self) -> Option<String> {
+        let words = self.courses.as_ref()?.words();
+        (!words.is_empty()).then(|| format!("{}: {words}", self.title()))
+    }
+
+    /// Pairs that the second report alone failed on, in words.
+    pub(super) fn failures(&self) -> Option<String> {
+        let pairs = counted(self.newly_failed, "pair");
         (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results for"))
     }
 
     /// The pairs that are compared.
-    pub fn extent(&self) -> String {
+    pub(super) fn extent(&self) -> String {
         let pairs = counted(self.pairs, self.things());
         format!("{pairs}, {} with equal results", self.equal_results)
     }
-
-    /// The pairs that are not compared.
-    fn missing(&self) -> Option<String> {
-        let title = self.title();
-        let unmatched = (self.unmatched > 0).then(|| {
-            let pairs = counted(self.unmatched, self.things());
-            format!("not compared: {pairs} of {title} in one report alone")
-        });
-        let failures = self.failures().map(|words| format!("{title}: {words}"));
-        let parts: Vec<_> = [unmatched, failures].into_iter().flatten().collect();
-        (!parts.is_empty()).then(|| parts.join("; "))
-    }
 }
 
-impl Change {
-    /// The values and the difference.
-    pub(super) fn words(&self) -> String {
-        let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
-        format!("{base} → {other} ({})", self.difference_words())
-    }
-
-    fn difference_words(&self) -> String {
-        let difference = signed(self.metric, self.difference);
-        match self.metric.better {
-            Better::Zero => format!("{difference} in magnitude"),
-            _ => difference,
-        }
-    }
-
-    /// The difference in widths of its interval.
-    fn certainty(&self) -> f64 {
-        let width = self
-            .interval
-            .map_or(f64::INFINITY, |(low, high)| high - low);
-        self.difference.abs() / width
-    }
-
-    /// The answer to whether the change is real.
-    fn is_real_words(&self) -> &'static str {
-        match self.judgement {
-            Judgement::Equal => "equal",
-            Judgement::Better => "better",
-            Judgement::Worse => "WORSE",
-            Judgement::Differs => "differs",
-            Judgement::Unjudged => "untested",
-            Judgement::Unclear => "no",
+impl Judgement {
+    /// The answer to whether a change is real.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Equal => "equal",
+            Self::Better => "better",
+            Self::Worse => "WORSE",
+            Self::Differs => "differs",
+            Self::Unjudged => "untested",
+            Self::Unclear => "no",
             // The place of the interval says so.
-            Judgement::TooFew => NONE,
+            Self::TooFew => NONE,
         }
     }
 
-    /// The difference and its name.
-    fn cell(&self) -> TableCell {
-        let number = unitless(self.metric, self.difference);
-        match self.judgement {
-            Judgement::Equal => TableCell::Text("equal".to_owned()),
-            Judgement::Worse => TableCell::Alert(format!("{number} {}", verdict(self.judgement))),
-            other => TableCell::Text(format!("{number} {}", verdict(other)).trim_end().to_owned()),
+    /// A difference with its word, where it has been told from chance.
+    fn cell(self, difference: &str) -> TableCell {
+        let word = match self {
+            Self::Unjudged | Self::Unclear | Self::TooFew if !difference.is_empty() => "",
+            _ => self.word(),
+        };
+        let text = format!("{difference} {word}").trim().to_owned();
+        match self {
+            Self::Worse => TableCell::Alert(text),
+            _ => TableCell::Text(text),
         }
     }
 }
 
-/// A row per change; `heads` are of the values before and after.
-pub(super) fn change_table<'a>(
-    heads: [&str; 2],
-    changes: impl Iterator<Item = (String, &'a Change)>,
-) -> Table {
-    let table = Table::new("", "metric").with_columns(heads.into_iter().chain(["change"]));
+/// A row per change.
+fn change_table<'a>(changes: impl Iterator<Item = (String, &'a Change)>) -> Table {
+    let table = Table::new("", "metric").with_columns(["before", "after", "change"]);
     let mut table = table.with_texts(["95 % interval", "real?"]);
     for (name, change) in changes {
         let metric = change.metric;
-        let is_magnitude = metric.better == Better::Zero;
-        let value = |value: f64| metric.show(if is_magnitude { value.abs() } else { value });
-        let [base, other] = [change.base, change.other].map(value);
-        let name = if is_magnitude {
-            format!("{name}, magnitude")
-        } else {
-            name
-        };
+        let [base, other] = [change.base, change.other].map(|value| match metric.is_signed() {
+            true => metric.show(value.abs()),
+            false => metric.show(value),
+        });
+        let name = name
+            + if metric.is_signed() {
+                ", magnitude"
+            } else {
+                ""
+            };
         let interval = match (change.judgement, change.interval) {
-            (_, Some(interval)) => between(metric, interval),
+            (_, Some((low, high))) => {
+                // The unit is beside it.
+                format!("{} .. {}", unitless(metric, low), unitless(metric, high))
+            }
             (Judgement::TooFew, None) => change.too_few_words().to_owned(),
             (_, None) => NONE.to_owned(),
         };
         let difference = signed(metric, change.difference);
-        let cells = [name, base, other, difference, interval];
-        let real = change.is_real_words().to_owned();
-        let real = match change.judgement {
-            Judgement::Worse => TableCell::Alert(real),
-            _ => TableCell::Text(real),
-        };
-        let cells = cells.into_iter().map(TableCell::Text);
-        table.rows.push(cells.chain([real]).collect());
+        let cells = [name, base, other, difference, interval].map(TableCell::Text);
+        table.rows.push(
+            cells
+                .into_iter()
+                .chain([change.judgement.cell("")])
+                .collect(),
+        );
     }
     table.remove_empty_columns();
     table
 }
 
-/// An interval of differences, beside which their unit is shown.
-fn between(metric: &Metric, (low, high): Interval) -> String {
-    let [low, high] = [low, high].map(|value| unitless(metric, value));
-    format!("{low} .. {high}")
+impl Change {
+    /// The things of which there are too few for an interval.
+    pub(super) fn too_few_words(&self) -> &'static str {
+        match self.metric.origin {
+            MetricOrigin::Checkpoints => "too few frames",
+            MetricOrigin::Drives(_) => "too few courses",
+            _ => "too few pairs",
+        }
+    }
 }
 
 fn unitless(metric: &Metric, difference: f64) -> String {
@@ -434,17 +552,6 @@ pub fn signed(metric: &Metric, v: f64) -> String {
     }
 }
 
-/// A word for the result; none without a difference.
-fn verdict(judgement: Judgement) -> &'static str {
-    match judgement {
-        Judgement::Unclear | Judgement::TooFew | Judgement::Unjudged => "",
-        Judgement::Equal => "equal",
-        Judgement::Better => "better",
-        Judgement::Worse => "WORSE",
-        Judgement::Differs => "differs",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -452,7 +559,7 @@ mod tests {
     #[test]
     fn a_bound_that_rounds_to_0_keeps_its_side() {
         let wrong = Metric::find("wrong").unwrap();
-        assert_eq!(between(wrong, (-0.003, -0.0001)), "-0.3 .. -0.0");
-        assert_eq!(between(wrong, (0.0, 0.0001)), "+0.0 .. +0.0");
+        let shown = [-0.003, -0.0001, 0.0, 0.0001].map(|value| unitless(wrong, value));
+        assert_eq!(shown, ["-0.3", "-0.0", "+0.0", "+0.0"]);
     }
 }

@@ -1,0 +1,156 @@
+//! The page of a comparison: one file that answers what changed, whether it is real, and on which
+//! frame.
+
+use super::frames::{BothImages, ChangedFrame, FindLeft, changed_cells, changed_frames};
+use super::{AlgorithmChange, Comparison, Join};
+use crate::html::Rank;
+use crate::html::frames::{cell_words, obstacle_words, shot_view, truth_words};
+use crate::page::{PageImages, fill};
+use minijinja::{Value, context};
+use svl_core::{Result, counted};
+use svl_score::judge::ColumnChoice;
+
+/// Limit of the cells that a caption lists.
+const MAX_LISTED: usize = 3;
+
+/// The page as HTML, without scripts, all texts escaped.
+///
+/// # Errors
+/// The errors of reading the tables of cells and the pictures; [`svl_core::Error::Invalid`] with
+/// the error of the template engine.
+pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Result<String> {
+    let stored = BothImages::new(join, find)?;
+    let frames = join.algorithms.iter().map(|own| match join.is_driven {
+        true => Ok(Ok(Vec::new())),
+        false => changed_frames(own, &stored),
+    });
+    let frames = frames.collect::<Result<Vec<_>>>()?;
+    let mut images = PageImages::default();
+    let algorithms = comparison.algorithms.iter().zip(&frames);
+    let algorithms = algorithms.map(|(own, frames)| algorithm_view(own, frames, &mut images));
+    let algorithms: Vec<_> = algorithms.collect();
+    let (base, other) = (comparison.base.display(), comparison.other.display());
+    let word = comparison.conclusion.word();
+    let overview = (algorithms.len() > 1).then(|| comparison.overview(&ColumnChoice::Headline));
+    let view = context! {
+        title => format!("{base} → {other}"),
+        scenario => comparison.scenario,
+        conclusion => comparison.conclusion,
+        word,
+        reason => comparison.verdict.strip_prefix(word),
+        cautions => [comparison.not_compared(), comparison.caution()],
+        overview,
+        algorithms,
+        method => comparison.method,
+        tested => comparison.tested,
+        is_driven => join.is_driven,
+        images => images.into_views(),
+        identity => identity(comparison),
+    };
+    fill(include_str!("page.html"), include_str!("page.css"), view)
+}
+
+/// The origin of the reports, and the method of the comparison.
+fn identity(comparison: &Comparison) -> Vec<(&'static str, String)> {
+    let Comparison {
+        base,
+        other,
+        origins,
+        method,
+        ..
+    } = comparison;
+    let fixed = [
+        ("before", base.display().to_string()),
+        ("made by", origins[0].to_string()),
+        ("after", other.display().to_string()),
+        ("made by", origins[1].to_string()),
+        ("test", format!("{}, at {}", method.name, method.level)),
+        ("fewest blocks or courses", method.fewest_blocks.to_string()),
+    ];
+    let seed = method.resamples.zip(method.seed);
+    let resamples = seed.map(|(n, seed)| ("resamples", format!("{n}, seed {seed}")));
+    let length = method.block_length;
+    let length = length.map(|length| ("block length", format!("{length} pairs of a run of n")));
+    fixed.into_iter().chain(resamples).chain(length).collect()
+}
+
+fn algorithm_view<'a>(
+    own: &AlgorithmChange,
+    frames: &'a std::result::Result<Vec<ChangedFrame>, &'static str>,
+    images: &mut PageImages<'a>,
+) -> Value {
+    let names = match own.algorithm == own.other_algorithm {
+        true => ["before", "after"],
+        false => [&*own.algorithm, &*own.other_algorithm],
+    };
+    let shown = frames.as_deref().unwrap_or_default();
+    let views = shown.iter().map(|frame| frame_view(frame, names, images));
+    let views: Vec<_> = views.collect();
+    context! {
+        title => own.title(),
+        extent => own.extent(),
+        headline => own.table(&ColumnChoice::Headline),
+        all => own.table(&ColumnChoice::All),
+        courses => own.courses.as_ref().map(|courses| courses.table()),
+        frames => views,
+        note => frames.as_ref().map_or_else(|why| Some((*why).to_owned()), |own| note(own)),
+    }
+}
+
+/// A remark on what is missing of the frames.
+fn note(frames: &[ChangedFrame]) -> Option<String> {
+    let has_cells = |frame: &ChangedFrame| frame.shots.iter().all(|shot| !shot.cells.is_empty());
+    if !frames.iter().all(has_cells) {
+        return Some("A report has no table of cells, so the cells are not shown.".to_owned());
+    }
+    let lacking = frames.iter().filter(|frame| !frame.has_image).count();
+    let frames = match lacking {
+        0 => return None,
+        n if n == frames.len() => "these frames".to_owned(),
+        n => counted(n, "frame"),
+    };
+    Some(format!(
+        "The cells of {frames} stand alone: their images are neither in the folders, nor rendered \
+         by svl, nor in its own recordings."
+    ))
+}
+
+/// A frame before and after, with the cells that changed.
+fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageImages<'a>) -> Value {
+    let changed = changed_cells(&frame.shots);
+    let places: Vec<_> = changed
+        .iter()
+        .map(|[cell, _]| (cell.column, cell.row))
+        .collect();
+    let has_cells = frame.shots.iter().all(|shot| !shot.cells.is_empty());
+    let shots = frame.shots.iter().map(|shot| {
+        let mut view = shot_view(Rank::Sample, shot, images);
+        view.pictures.retain(|_| has_cells);
+        view.pictures
+            .iter_mut()
+            .for_each(|picture| picture.outline(&places));
+        view
+    });
+    let shots: Vec<_> = names.into_iter().zip(shots).collect();
+    let words = changed.iter().take(MAX_LISTED).map(|[before, after]| {
+        format!(
+            "({}, {}) {}{} → {}{}, true {}",
+            before.column,
+            before.row,
+            cell_words(before),
+            obstacle_words(before),
+            cell_words(after),
+            obstacle_words(after),
+            truth_words(before)
+        )
+    });
+    let more = changed.len().saturating_sub(MAX_LISTED);
+    let words = words.chain((more > 0).then(|| format!("{more} more")));
+    context! {
+        title => frame.shots[0].row.origin_words(),
+        reason => frame.harm.words(),
+        is_worse => frame.harm.leading() > 0.0,
+        changed => words.collect::<Vec<_>>().join("; "),
+        shots,
+    }
+}
