@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use svl_core::Result;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
-use svl_score::judge::MetricValues;
+use svl_score::judge::{Metric, MetricValues};
 use svl_score::manifest::Manifest;
 
 /// Limit of the frames of either direction.
@@ -26,7 +26,7 @@ const BLANK: u8 = 64;
 
 /// A frame in both reports.
 pub(super) struct ChangedFrame {
-    pub harm: FrameHarm,
+    pub is_worse: bool,
     /// Before and after; without tables of cells they have none.
     pub shots: [FrameShot; 2],
     /// True if a folder, svl or its recording has the left image.
@@ -36,50 +36,17 @@ pub(super) struct ChangedFrame {
 /// Change of missed near obstacles, of false ones, and of wrong minus right cells; negative ones
 /// are for the better. The first that is not 0 decides: a robot runs into what is missed, and only
 /// stops for what is not there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FrameHarm([f64; 3]);
+type FrameHarm = [f64; 3];
 
-impl FrameHarm {
-    /// `None` without a truth of cells.
-    fn between(before: &MetricValues, after: &MetricValues) -> Option<Self> {
-        let change = |name| Some(after.get(name)? - before.get(name)?);
-        // Without distances no obstacle is missed or false.
-        let [missed, falsely] = ["missed", "false"].map(|name| change(name).unwrap_or_default());
-        Some(Self([missed, falsely, change("wrong")? - change("right")?]))
-    }
+/// A frame that became neither better nor worse.
+const NO_HARM: FrameHarm = [0.0; 3];
 
-    fn total_cmp(&self, other: &Self) -> Ordering {
-        let orders = self
-            .0
-            .iter()
-            .zip(&other.0)
-            .map(|(own, other)| own.total_cmp(other));
-        orders.fold(Ordering::Equal, Ordering::then)
-    }
-
-    /// The number that decides.
-    pub fn leading(&self) -> f64 {
-        self.0
-            .into_iter()
-            .find(|change| *change != 0.0)
-            .unwrap_or(0.0)
-    }
-
-    /// The reason why the frame is shown: what changed, the most important first.
-    pub fn words(&self) -> String {
-        let [missed, falsely, cells] = self.0;
-        let words = |change: f64, thing: &str, rest: &str| {
-            let more = if change > 0.0 { "more" } else { "fewer" };
-            let plural = if change.abs() == 1.0 { "" } else { "s" };
-            (change != 0.0).then(|| format!("{} {more} {thing}{plural}{rest}", change.abs()))
-        };
-        let parts = [
-            words(missed, "near obstacle", " missed"),
-            words(falsely, "false near obstacle", ""),
-            (cells != 0.0).then(|| format!("right minus wrong cells {:+}", -cells)),
-        ];
-        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
-    }
+/// `None` without a truth of cells.
+fn harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
+    let change = |name| Some(after.get(name)? - before.get(name)?);
+    // Without distances no obstacle is missed or false.
+    let [missed, falsely] = ["missed", "false"].map(|name| change(name).unwrap_or_default());
+    Some([missed, falsely, change("wrong")? - change("right")?])
 }
 
 /// The left image of a row's pair, found again where the report with that manifest has it from.
@@ -142,7 +109,7 @@ pub(super) fn changed_frames(
     }
     let scored = differing.into_iter().filter_map(|pair| {
         let [before, after] = pair.map(|row| &row.metrics);
-        Some((*pair, FrameHarm::between(before, after)?))
+        Some((*pair, harm(before, after)?))
     });
     let mut scored: Vec<ScoredPair<'_>> = scored.collect();
     if scored.is_empty() {
@@ -150,10 +117,11 @@ pub(super) fn changed_frames(
     }
     // Equal changes: those with an image come first. The sort is stable.
     scored.sort_by_key(|(pair, _)| !images.hold(*pair));
-    scored.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let mut chosen = spread(scored.iter().filter(|(_, harm)| harm.leading() > 0.0));
-    scored.retain(|(_, harm)| harm.leading() < 0.0);
-    scored.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let order = |a: &FrameHarm, b: &FrameHarm| a.partial_cmp(b).unwrap_or(Ordering::Equal);
+    scored.sort_by(|a, b| order(&b.1, &a.1));
+    let mut chosen = spread(scored.iter().filter(|(_, harm)| *harm > NO_HARM));
+    scored.retain(|(_, harm)| *harm < NO_HARM);
+    scored.sort_by(|a, b| order(&a.1, &b.1));
     chosen.extend(spread(scored.iter()));
     if chosen.is_empty() {
         return Ok(Err(
@@ -173,7 +141,7 @@ pub(super) fn changed_frames(
             shot(pair[side], cells, left.as_deref())
         };
         Ok(ChangedFrame {
-            harm,
+            is_worse: harm > NO_HARM,
             shots: [shot(0)?, shot(1)?],
             has_image: left.is_some(),
         })
@@ -265,6 +233,20 @@ fn nearness(cells: &[CellRow], width: usize) -> Nearness {
     Nearness::new(near_px, 0.0)
 }
 
+/// The counts of a frame that changed, in words, the most important first.
+pub(super) fn changed_counts(shots: &[FrameShot; 2]) -> String {
+    let counts = ["missed", "false", "right", "wrong", "unknown"]
+        .iter()
+        .filter_map(|name| {
+            let [before, after] = shots.each_ref().map(|shot| shot.row.metrics.get(name));
+            let (before, after) = before
+                .zip(after)
+                .filter(|(before, after)| before != after)?;
+            Some(format!("{} {before} → {after}", Metric::find(name)?.words))
+        });
+    counts.collect::<Vec<_>>().join(", ")
+}
+
 /// The cells with another verdict before and after, or another obstacle, these first.
 pub(super) fn changed_cells(shots: &[FrameShot; 2]) -> Vec<[&CellRow; 2]> {
     let place = |cell: &CellRow| (cell.column, cell.row);
@@ -287,41 +269,25 @@ pub(super) fn changed_cells(shots: &[FrameShot; 2]) -> Vec<[&CellRow; 2]> {
 mod tests {
     use super::*;
 
-    fn harm(missed: f64, falsely: f64, cells: f64) -> FrameHarm {
-        FrameHarm([missed, falsely, cells])
-    }
-
     #[test]
     fn obstacles_count_before_cells_and_missed_ones_first() {
         let ordered = [
-            harm(2.0, -3.0, -9.0),
-            harm(1.0, 4.0, 0.0),
-            harm(0.0, 1.0, -5.0),
-            harm(0.0, 0.0, 7.0),
-            harm(0.0, 0.0, 0.0),
-            harm(0.0, -1.0, 9.0),
-            harm(-1.0, 8.0, 9.0),
+            [2.0, -3.0, -9.0],
+            [1.0, 4.0, 0.0],
+            [0.0, 1.0, -5.0],
+            [0.0, 0.0, 7.0],
+            NO_HARM,
+            [0.0, -1.0, 9.0],
+            [-1.0, 8.0, 9.0],
         ];
-        assert!(ordered.is_sorted_by(|a, b| a.total_cmp(b).is_gt()));
-        let signs = ordered.map(|harm| harm.leading().total_cmp(&0.0) as i8);
-        assert_eq!(signs, [1, 1, 1, 1, 0, -1, -1]);
-    }
-
-    #[test]
-    fn the_reason_names_what_changed() {
-        let words = "2 more near obstacles missed, 1 fewer false near obstacle, right minus wrong \
-                     cells -4";
-        assert_eq!(harm(2.0, -1.0, 4.0).words(), words);
-        assert_eq!(harm(0.0, 0.0, -3.0).words(), "right minus wrong cells +3");
-        assert_eq!(harm(-1.0, 0.0, 0.0).words(), "1 fewer near obstacle missed");
+        assert!(ordered.is_sorted_by(|a, b| a > b));
     }
 
     #[test]
     fn without_distances_cells_decide() {
         let values = |right| MetricValues::from([("right", right), ("wrong", 1.0)]);
-        let found = FrameHarm::between(&values(9.0), &values(7.0));
-        assert_eq!(found, Some(harm(0.0, 0.0, 2.0)));
+        assert_eq!(harm(&values(9.0), &values(7.0)), Some([0.0, 0.0, 2.0]));
         let none = MetricValues::default();
-        assert_eq!(FrameHarm::between(&none, &values(7.0)), None);
+        assert_eq!(harm(&none, &values(7.0)), None);
     }
 }

@@ -71,12 +71,9 @@ impl<'a> Join<'a> {
         let has_any = |own: &JoinedAlgorithm<'_>| own.compared() > 0 || own.newly_failed > 0;
         if join.algorithms.is_empty() {
             let [ours, theirs] = runs.map(|run| run.labels().join(", "));
-            let cure = map_options(&join.proposed_maps());
-            return Err(Error::Incomplete(format!(
-                "{}: no algorithm in common ({ours}; {theirs}){}",
-                shown(),
-                cure.map_or_else(String::new, |cure| format!("; {cure}"))
-            )));
+            let words = format!("{}: no algorithm in common ({ours}; {theirs})", shown());
+            let parts: Vec<_> = [words].into_iter().chain(join.map_options()).collect();
+            return Err(Error::Incomplete(parts.join("; ")));
         }
         if !join.algorithms.iter().any(has_any) {
             let things = if is_driven { "course" } else { "pair" };
@@ -103,42 +100,32 @@ impl<'a> Join<'a> {
     }
 
     /// Labels of both reports that in one of them are not compared, as a map names the namesake.
-    pub(super) fn left_out(&self) -> Vec<String> {
-        let [ours, theirs] = self.runs.map(ScoredRun::labels);
+    pub(super) fn left_out(&self) -> Vec<&str> {
+        let [mut ours, theirs] = self.runs.map(ScoredRun::labels);
         let is_joined = |label| self.is_joined(0, label) && self.is_joined(1, label);
-        let left_out = ours.into_iter();
-        let left_out = left_out.filter(|label| theirs.contains(label) && !is_joined(label));
-        left_out.map(str::to_owned).collect()
+        ours.retain(|label| theirs.contains(label) && !is_joined(label));
+        ours
     }
 
-    /// Algorithms that only one report has, but the other with other parameters, as `BASE=OTHER`:
-    /// where each has just one such algorithm of a name.
-    pub(super) fn proposed_maps(&self) -> Vec<String> {
-        let [ours, theirs] = [0, 1].map(|side| self.only_in(side));
-        let named = |side: usize, labels: &[String]| {
-            let records = self.runs[side].manifest.algorithms.iter();
-            let own = records.filter(|own| labels.contains(&own.label));
-            own.map(|own| (own.name.clone(), own.label.clone()))
-                .collect::<Vec<_>>()
-        };
-        let both = [named(0, &ours), named(1, &theirs)];
+    /// The options that compare algorithms of one report alone with those of the other with other
+    /// parameters, where each has just one of a name.
+    pub(super) fn map_options(&self) -> Option<String> {
+        let record = |side: usize, label: &String| self.runs[side].record(label);
+        let only = [0, 1].map(|side| self.only_in(side));
         let one = |side: usize, name: &str| {
-            let mut own = both[side].iter().filter(|own| own.0 == name);
+            let mut own = only[side]
+                .iter()
+                .filter(|own| record(side, own).is_some_and(|r| r.name == name));
             own.next().filter(|_| own.next().is_none())
         };
-        let maps = both[0].iter().filter_map(|(name, label)| {
-            one(0, name)?;
-            Some(format!("{label}={}", one(1, name)?.1))
+        let maps = only[0].iter().filter_map(|label| {
+            let name = &record(0, label)?.name;
+            let map = format!("{}={}", one(0, name)?, one(1, name)?);
+            Some(format!("--map {}", shell_word(&map)))
         });
-        maps.collect()
+        let options = maps.collect::<Vec<_>>().join(" ");
+        (!options.is_empty()).then(|| format!("add `{options}` to compare other parameters"))
     }
-}
-
-/// The options that map these, for a shell.
-pub(super) fn map_options(maps: &[String]) -> Option<String> {
-    let options = maps.iter().map(|map| format!("--map {}", shell_word(map)));
-    let options = options.collect::<Vec<_>>().join(" ");
-    (!options.is_empty()).then(|| format!("add `{options}` to compare other parameters"))
 }
 
 /// The algorithms that are compared, by their labels in the two reports.

@@ -27,7 +27,6 @@ use svl_score::judge::{
     AreaChoice, Better, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
 };
 use svl_score::manifest::{Manifest, Purpose};
-use svl_score::scenario::PairRange;
 use svl_score::sign_test;
 pub use text::signed;
 
@@ -61,14 +60,10 @@ pub struct Comparison {
     /// Algorithms that only one report has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
-    /// Algorithms of both that are not compared as the user mapped others to their namesakes.
-    pub left_out: Vec<String>,
-    /// Algorithms that only one report has, but the other with other parameters: `BASE=OTHER`.
-    pub proposed_maps: Vec<String>,
-    /// Differences of the pairs that were selected, as options: `--every 1 and 5`.
-    pub selections: Vec<String>,
-    /// Reasons why errors of distances are not compared.
-    pub without_cells: BTreeSet<String>,
+    /// Algorithms, pairs and metrics that are not compared, each with the reason.
+    pub not_compared: Vec<String>,
+    /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
+    pub cautions: Vec<String>,
 }
 
 /// The verdict in a word, by the headline metrics that have a better direction.
@@ -188,8 +183,6 @@ impl Comparison {
         let incomplete = join.runs.iter();
         let incomplete =
             incomplete.filter_map(|run| Some((run.name.clone(), run.incomplete.clone()?)));
-        let without_cells = join.runs.iter();
-        let without_cells = without_cells.filter(|run| !join.is_driven && !run.has_cells());
         let mut comparison = Self {
             conclusion: Conclusion::NotComparable,
             verdict: String::new(),
@@ -207,13 +200,11 @@ impl Comparison {
                 bootstrap::METHOD
             },
             tested: algorithms.iter().map(|own| own.changes().count()).sum(),
-            algorithms,
-            proposed_maps: join.proposed_maps(),
             only_in_base: join.only_in(0),
             only_in_other: join.only_in(1),
-            left_out: join.left_out(),
-            selections: selections(base, other)?,
-            without_cells: without_cells.map(|run| run.without_cells()).collect(),
+            not_compared: Vec::new(),
+            cautions: Vec::new(),
+            algorithms,
         };
         if !comparison.is_judged() {
             let algorithms = comparison.algorithms.iter_mut();
@@ -222,6 +213,8 @@ impl Comparison {
                 .filter(|change| change.judgement != Judgement::Equal);
             unequal.for_each(|change| change.judgement = Judgement::Unjudged);
         }
+        comparison.not_compared = comparison.why_not(join);
+        comparison.cautions = comparison.doubts();
         comparison.conclusion = comparison.conclude();
         comparison.verdict = comparison.sentence();
         Ok(comparison)
@@ -316,26 +309,6 @@ fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<St
         differences.push(format!("truth or calibration of {pairs}"));
     }
     Ok(differences)
-}
-
-/// The options by which two reports selected different pairs, with both values.
-fn selections(base: &ScoredRun, other: &ScoredRun) -> Result<Vec<String>> {
-    let options = |run: &ScoredRun| -> Result<[String; 3]> {
-        let range: PairRange = run.manifest.part("source")?.unwrap_or_default();
-        let shown = |value: Option<f64>, default: &str| {
-            value.map_or_else(|| default.to_owned(), |value| value.to_string())
-        };
-        Ok([
-            range.every.unwrap_or(1).to_string(),
-            shown(range.from_s, "0"),
-            shown(range.to_s, "the end"),
-        ])
-    };
-    let names = ["--every", "--from", "--to"].into_iter();
-    let both = names.zip(options(base)?).zip(options(other)?);
-    let differing = both.filter(|((_, base), other)| base != other);
-    let words = differing.map(|((name, base), other)| format!("{name} {base} and {other}"));
-    Ok(words.collect())
 }
 
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run

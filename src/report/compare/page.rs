@@ -1,8 +1,10 @@
 //! The page of a comparison: one file that answers what changed, whether it is real, and on which
 //! frame.
 
-use super::frames::{BothImages, ChangedFrame, FindLeft, changed_cells, changed_frames};
-use super::{AlgorithmChange, Comparison, Join};
+use super::frames::{
+    BothImages, ChangedFrame, FindLeft, changed_cells, changed_counts, changed_frames,
+};
+use super::{AlgorithmChange, Comparison, CourseChanges, Join};
 use crate::html::Rank;
 use crate::html::frames::{cell_words, obstacle_words, shot_view, truth_words};
 use crate::page::{PageImages, fill};
@@ -31,47 +33,22 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
     let algorithms: Vec<_> = algorithms.collect();
     let (base, other) = (comparison.base.display(), comparison.other.display());
     let word = comparison.conclusion.word();
-    let overview = (algorithms.len() > 1).then(|| comparison.overview(&ColumnChoice::Headline));
     let view = context! {
         title => format!("{base} → {other}"),
         scenario => comparison.scenario,
         conclusion => comparison.conclusion,
         word,
         reason => comparison.verdict.strip_prefix(word),
-        cautions => [comparison.not_compared(), comparison.caution()],
-        overview,
+        cautions => comparison.remarks(),
         algorithms,
         method => comparison.method,
         tested => comparison.tested,
         is_driven => join.is_driven,
         images => images.into_views(),
-        identity => identity(comparison),
+        reports => [base, other].map(|report| report.to_string()),
+        origins => comparison.origins.each_ref().map(|own| own.parts()[..4].join(", ")),
     };
     fill(include_str!("page.html"), include_str!("page.css"), view)
-}
-
-/// The origin of the reports, and the method of the comparison.
-fn identity(comparison: &Comparison) -> Vec<(&'static str, String)> {
-    let Comparison {
-        base,
-        other,
-        origins,
-        method,
-        ..
-    } = comparison;
-    let fixed = [
-        ("before", base.display().to_string()),
-        ("made by", origins[0].to_string()),
-        ("after", other.display().to_string()),
-        ("made by", origins[1].to_string()),
-        ("test", format!("{}, at {}", method.name, method.level)),
-        ("fewest blocks or courses", method.fewest_blocks.to_string()),
-    ];
-    let seed = method.resamples.zip(method.seed);
-    let resamples = seed.map(|(n, seed)| ("resamples", format!("{n}, seed {seed}")));
-    let length = method.block_length;
-    let length = length.map(|length| ("block length", format!("{length} pairs of a run of n")));
-    fixed.into_iter().chain(resamples).chain(length).collect()
 }
 
 fn algorithm_view<'a>(
@@ -87,11 +64,13 @@ fn algorithm_view<'a>(
     let views = shown.iter().map(|frame| frame_view(frame, names, images));
     let views: Vec<_> = views.collect();
     context! {
-        title => own.title(),
+        title => own.labels(),
         extent => own.extent(),
-        headline => own.table(&ColumnChoice::Headline),
-        all => own.table(&ColumnChoice::All),
-        courses => own.courses.as_ref().map(|courses| courses.table()),
+        changed => own.table(&ColumnChoice::Headline, true),
+        headline => own.table(&ColumnChoice::Headline, false),
+        all => own.table(&ColumnChoice::All, false),
+        course_words => own.course_words(),
+        courses => own.courses.as_ref().map(CourseChanges::table),
         frames => views,
         note => frames.as_ref().map_or_else(|why| Some((*why).to_owned()), |own| note(own)),
     }
@@ -148,8 +127,8 @@ fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageIm
     let words = words.chain((more > 0).then(|| format!("{more} more")));
     context! {
         title => frame.shots[0].row.origin_words(),
-        reason => frame.harm.words(),
-        is_worse => frame.harm.leading() > 0.0,
+        reason => changed_counts(&frame.shots),
+        is_worse => frame.is_worse,
         changed => words.collect::<Vec<_>>().join("; "),
         shots,
     }

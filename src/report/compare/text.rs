@@ -1,14 +1,10 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::join::map_options;
-use super::{AlgorithmChange, Change, Comparison, Conclusion, Judgement, ReportOrigin};
+use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement, ReportOrigin};
 use crate::results::caution;
-use crate::table::{
-    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
-};
-use std::fmt::{self, Display, Formatter};
+use crate::table::{NONE, Table, TableCell, TerminalStyle, escape, escape_prose, wrapped};
 use svl_core::{counted, joined};
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
+use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
 
 /// Limit of the changes that a sentence lists: of one direction, and of each of both.
 const MAX_LISTED: [usize; 2] = [2, 1];
@@ -73,7 +69,7 @@ impl Comparison {
                 let failures = self
                     .algorithms
                     .iter()
-                    .filter_map(|own| Some(format!("{} {}", own.title(), own.failures()?)));
+                    .filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
                 let parts = failures.chain(worse).chain(better).chain(real);
                 parts.collect::<Vec<_>>().join("; ")
             }
@@ -87,8 +83,8 @@ impl Comparison {
         format!("{}: {reason}{besides}", self.conclusion.word())
     }
 
-    /// Algorithms and pairs that are not compared, each with the reason, in a sentence.
-    pub(super) fn not_compared(&self) -> Option<String> {
+    /// The reasons why algorithms, pairs and metrics are not compared.
+    pub(super) fn why_not(&self, join: &Join<'_>) -> Vec<String> {
         let sides = [
             (&self.only_in_base, &self.base),
             (&self.only_in_other, &self.other),
@@ -96,10 +92,14 @@ impl Comparison {
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
         let alone = sides
             .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
-        let left_out = (!self.left_out.is_empty())
-            .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
-        let cells = self.without_cells.iter();
-        let cells = cells.map(|why| format!("errors of distances: {why}"));
+        let left_out = Some(join.left_out()).filter(|labels| !labels.is_empty());
+        let left_out =
+            left_out.map(|labels| format!("{}, whose namesake --map names", labels.join(", ")));
+        let cells = join
+            .runs
+            .iter()
+            .filter(|run| !join.is_driven && !run.has_cells());
+        let cells = cells.map(|run| format!("errors of distances: {}", run.without_cells()));
         let mut algorithms = self.algorithms.iter();
         let is_partial = algorithms.any(|own| own.has_partial_checkpoints);
         let checkpoints = is_partial.then(|| {
@@ -108,105 +108,94 @@ impl Comparison {
         let unmatched = self.algorithms.iter().filter(|own| own.unmatched > 0);
         let unmatched = unmatched.map(|own| {
             let pairs = counted(own.unmatched, own.things());
-            format!("{pairs} of {} in one report alone", own.title())
+            format!("{pairs} of {} in one report alone", own.labels())
         });
-        let cure = map_options(&self.proposed_maps);
         let parts = alone.chain(left_out).chain(cells).chain(checkpoints);
-        let parts: Vec<_> = parts.chain(unmatched).chain(cure).collect();
-        (!parts.is_empty()).then(|| format!("not compared: {}", parts.join("; ")))
+        let mut parts: Vec<_> = parts.chain(unmatched).chain(join.map_options()).collect();
+        parts.dedup();
+        parts
     }
 
-    /// Cautions about the verdict, in a sentence: incomplete reports, other pairs before, other
-    /// machines.
-    pub(super) fn caution(&self) -> Option<String> {
+    /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
+    pub(super) fn doubts(&self) -> Vec<String> {
         let incomplete = self.incomplete.iter();
         let incomplete =
             incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
         let with_past = self.algorithms.iter().filter(|own| own.other_past > 0);
         let with_past: Vec<_> = with_past.map(AlgorithmChange::labels).collect();
         let past = (!with_past.is_empty()).then(|| {
-            let options = match &self.selections[..] {
-                [] => String::new(),
-                options => format!(" ({})", options.join(", ")),
-            };
             let labels = joined(&with_past);
             format!(
-                "the pairs before each pair differ{options}, on which results of {labels} depend"
+                "the pairs before each pair differ, on which results of {labels} depend: score \
+                 both with equal --every, --from and --to"
             )
         });
-        let [base, other] = &self.origins;
-        let differs = [
-            ("svl", base.svl != other.svl),
-            ("CPU", base.processor != other.processor),
-            ("instruction set", base.isa != other.isa),
-            ("threads", base.threads != other.threads),
-            ("the timed work", base.times != other.times),
-        ];
-        let differs: Vec<_> = differs
+        let [base, other] = self.origins.each_ref().map(ReportOrigin::parts);
+        let differing = base
             .iter()
-            .filter(|own| own.1)
-            .map(|own| own.0)
-            .collect();
-        let times = (!differs.is_empty())
-            .then(|| format!("ratios of times are of another {}, too", differs.join(", ")));
-        let parts: Vec<_> = incomplete.chain(past).chain(times).collect();
-        (!parts.is_empty()).then(|| format!("caution: {}", parts.join("; ")))
+            .zip(&other)
+            .filter(|(base, other)| base != other);
+        let differing = differing.map(|(base, other)| format!("{base} and {other}"));
+        let differing: Vec<_> = differing.collect();
+        let times = (!differing.is_empty())
+            .then(|| format!("ratios of times are also of {}", differing.join(", ")));
+        incomplete.chain(past).chain(times).collect()
     }
 
-    /// The sentences, the origins of the two, a row for each algorithm or the table of a single
-    /// one; tables of all if `columns` is all.
+    /// What is not compared, in a sentence, and the cautions in another.
+    pub(super) fn remarks(&self) -> [Option<String>; 2] {
+        let remarks = [
+            ("not compared", &self.not_compared),
+            ("caution", &self.cautions),
+        ];
+        remarks.map(|(word, parts)| {
+            (!parts.is_empty()).then(|| format!("{word}: {}", parts.join("; ")))
+        })
+    }
+
+    /// The sentences, the origins of the two, and of each algorithm the pairs and the changes.
     pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
-        let fit = |line: &str, indent| wrapped(line, indent, style.width);
-        let mut text = fit(&self.verdict, 7);
-        text.extend(self.not_compared().map(|line| fit(&line, 7)));
-        text.extend(self.origin_lines().iter().map(|line| fit(line, 7)));
-        text.extend(self.caution().map(|line| fit(&line, 7)));
-        let is_all = *columns == ColumnChoice::All;
-        let is_overview = self.algorithms.len() > 1 && !is_all;
-        if is_overview {
-            text += &format!("\n{}\n", self.overview(columns).terminal(style));
-        } else {
-            for own in &self.algorithms {
-                let head = fit(&format!("{}: {}", own.title(), own.extent()), 2);
-                text += &format!("\n{head}{}\n", own.table(columns).terminal(style));
+        let [not_compared, caution] = self.remarks();
+        let lines = [self.verdict.clone()].into_iter().chain(not_compared);
+        let lines = lines.chain(self.origin_lines()).chain(caution);
+        let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
+        for own in &self.algorithms {
+            let head = format!("{}: {}", own.labels(), own.extent());
+            let lines = [Some(head), own.course_words()].into_iter().flatten();
+            text.push('\n');
+            text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
+            let table = own.table(columns, self.algorithms.len() > 1);
+            if !table.rows.is_empty() {
+                text += &table.terminal(style);
             }
         }
-        let courses = self
-            .algorithms
-            .iter()
-            .filter_map(AlgorithmChange::course_words);
-        text.extend(courses.map(|line| fit(&line, 2)));
-        text += match (is_all, is_overview) {
-            (true, _) => "",
-            (_, true) => "more   REPORT#ALGORITHM for intervals, -o FILE.html, --json\n",
-            _ => "more   -o FILE.html, --columns all, --json\n",
-        };
-        text
+        text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
     /// The origins of the two reports.
     fn origin_lines(&self) -> Vec<String> {
-        let [base, other] = &self.origins;
-        let names = ["before", "after "];
-        let side = |side: usize, folder: &std::path::Path| {
-            let caution = caution(&self.truths[side]).map(|words| format!(": {words}"));
+        let [base, other] = self
+            .origins
+            .each_ref()
+            .map(|own| own.parts()[..4].join(", "));
+        let folders = [&self.base, &self.other].map(|folder| folder.display());
+        let caution = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
+        let line = |name: &str, side: usize| {
             format!(
-                "{} {}{}",
-                names[side],
-                folder.display(),
-                caution.unwrap_or_default()
+                "{name} {}{}",
+                folders[side],
+                caution(side).unwrap_or_default()
             )
         };
-        let (before, after) = (side(0, &self.base), side(1, &self.other));
-        if base == other {
-            vec![before, after, format!("both   {base}")]
-        } else {
-            vec![
+        let (before, after) = (line("before", 0), line("after ", 1));
+        match base == other {
+            true => vec![before, after, format!("both   {base}")],
+            false => vec![
                 before,
                 format!("       {base}"),
                 after,
                 format!("       {other}"),
-            ]
+            ],
         }
     }
 
@@ -215,84 +204,46 @@ impl Comparison {
     pub fn markdown(&self) -> String {
         let word = self.conclusion.word();
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
-        let mut page = format!("**{word}**{reason}");
         let courses = self
             .algorithms
             .iter()
             .filter_map(AlgorithmChange::course_words);
-        let courses = Some(courses.collect::<Vec<_>>().join("; "));
-        let courses = courses.filter(|words| !words.is_empty());
-        let mut lines = MAX_LINES;
-        for said in [self.not_compared(), courses].into_iter().flatten() {
-            page += &format!("  \n{}", escape_prose(&said));
-            lines -= 1;
-        }
+        let courses = courses.collect::<Vec<_>>().join("; ");
+        let [not_compared, caution] = self.remarks();
+        let notes = [
+            not_compared,
+            Some(courses).filter(|words| !words.is_empty()),
+        ];
+        let notes: Vec<_> = notes
+            .iter()
+            .flatten()
+            .map(|note| escape_prose(note))
+            .collect();
         let mut changes = self.named(|own| own.rows(&ColumnChoice::Headline));
         // The sort is stable.
-        changes.sort_by_key(|(_, change)| match change.judgement {
+        changes.sort_by_key(|(_, own)| match own.judgement {
             Judgement::Worse => 0,
             Judgement::Better => 1,
             _ => 2,
         });
-        let table = change_table(changes.into_iter().take(lines)).markdown();
-        let (base, other) = (self.base.display(), self.other.display());
-        let caution = self.caution().map(|line| escape(&format!("; {line}")));
-        let shown = if self.is_driven() {
-            "courses"
-        } else {
-            "frames"
-        };
-        page + &format!(
-            "\n\n{table}\n{}, `{base}` → `{other}`: {} metrics are tested; `-o FILE.html` shows \
-             {shown}{}\n",
+        changes.truncate(MAX_LINES - notes.len());
+        let said = [vec![format!("**{word}**{reason}")], notes]
+            .concat()
+            .join("  \n");
+        format!(
+            "{said}\n\n{}\n{}, `{}` → `{}`: {} metrics are tested; `-o FILE.html` shows {}{}\n",
+            change_table(&changes).markdown(),
             escape(&self.scenario),
+            self.base.display(),
+            self.other.display(),
             self.tested,
-            caution.unwrap_or_default()
+            if self.is_driven() {
+                "courses"
+            } else {
+                "frames"
+            },
+            caution.map_or_else(String::new, |line| escape(&format!("; {line}"))),
         )
-    }
-
-    /// The changes of the algorithms, a row each.
-    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
-        let find = |own: &'_ AlgorithmChange, metric: &Metric| {
-            own.metrics
-                .iter()
-                .find(|change| change.metric == metric)
-                .cloned()
-        };
-        let mut metrics = columns.metrics(self.algorithms[0].kind());
-        metrics.retain(|metric| {
-            self.algorithms
-                .iter()
-                .any(|own| find(own, metric).is_some())
-        });
-        let column = |column: TableColumn, is_essential: bool| TableColumn {
-            is_optional: !is_essential && *columns == ColumnChoice::Headline,
-            ..column
-        };
-        let mut table = Table::new("", "change");
-        table.columns.extend(metrics.iter().map(|metric| {
-            let is_tested = metric.better != Better::Neither && metric.unit != MetricUnit::Ms;
-            column(TableColumn::text(metric.group, metric.head), is_tested)
-        }));
-        let things = format!("{}s", self.algorithms[0].things());
-        table
-            .columns
-            .push(column(TableColumn::new("", things), false));
-        for own in &self.algorithms {
-            let changes = metrics.iter().map(|metric| find(own, metric));
-            let cells = changes.map(|change| match change {
-                Some(change) => change.judgement.cell(&match change.judgement {
-                    Judgement::Equal => String::new(),
-                    _ => unitless(change.metric, change.difference),
-                }),
-                None => TableCell::Text(NONE.to_owned()),
-            });
-            let [name, pairs] = [own.title(), own.pairs.to_string()].map(TableCell::Text);
-            table
-                .rows
-                .push([name].into_iter().chain(cells).chain([pairs]).collect());
-        }
-        table
     }
 
     /// The changes of each algorithm, with its name where there are several.
@@ -303,7 +254,7 @@ impl Comparison {
         let named = self.algorithms.iter().flat_map(|own| {
             let title = match self.algorithms.len() {
                 1 => String::new(),
-                _ => own.title() + " ",
+                _ => own.labels() + " ",
             };
             let changes = changes(own).into_iter();
             changes.map(move |change| (title.clone() + &change.name(), change))
@@ -334,14 +285,15 @@ impl Comparison {
 }
 
 /// The changes of that judgement, the first of them with their values: the surest change, but more
-/// missed obstacles before all others.
+/// missed obstacles and collisions before all others.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
     let own = changes
         .iter()
         .filter(|(_, change)| change.judgement == judgement);
     let mut own: Vec<_> = own.collect();
-    let is_other =
-        |change: &Change| judgement != Judgement::Worse || change.metric.name != "missed";
+    let is_other = |change: &Change| {
+        judgement != Judgement::Worse || !["missed", "collisions"].contains(&change.metric.name)
+    };
     own.sort_by(|(_, a), (_, b)| {
         let surest = b.sureness().total_cmp(&a.sureness());
         is_other(a).cmp(&is_other(b)).then(surest)
@@ -364,14 +316,16 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
     }
 }
 
-impl Display for ReportOrigin {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let threads = counted(self.threads, "thread");
-        write!(
-            f,
-            "svl {}, {}, {}, {threads}",
-            self.svl, self.processor, self.isa
-        )
+impl ReportOrigin {
+    /// Program, processor, instruction set and threads, then what its times are of.
+    pub(super) fn parts(&self) -> [String; 5] {
+        [
+            format!("svl {}", self.svl),
+            self.processor.clone(),
+            self.isa.clone(),
+            counted(self.threads, "thread"),
+            self.times.clone().unwrap_or_default(),
+        ]
     }
 }
 
@@ -411,9 +365,15 @@ impl AlgorithmChange {
         rows
     }
 
-    pub(super) fn table(&self, columns: &ColumnChoice) -> Table {
-        let rows = self.rows(columns).into_iter();
-        change_table(rows.map(|change| (change.name(), change)))
+    /// The table of these columns; if `is_short`, of the headline without what is equal, or
+    /// within its interval.
+    pub(super) fn table(&self, columns: &ColumnChoice, is_short: bool) -> Table {
+        let is_open = |own| !matches!(own, Judgement::Equal | Judgement::Unclear);
+        let is_all = !is_short || *columns != ColumnChoice::Headline;
+        let mut rows = self.rows(columns);
+        rows.retain(|change| is_all || is_open(change.judgement));
+        let rows: Vec<_> = rows.iter().map(|own| (own.name(), *own)).collect();
+        change_table(&rows)
     }
 
     /// The label of the algorithm, or those of two.
@@ -421,14 +381,6 @@ impl AlgorithmChange {
         match self.other_algorithm == self.algorithm {
             true => self.algorithm.clone(),
             false => format!("{} → {}", self.algorithm, self.other_algorithm),
-        }
-    }
-
-    /// The subject of the comparison: one algorithm, or two.
-    pub(super) fn title(&self) -> String {
-        match self.other_algorithm != self.algorithm || self.same_parameters {
-            true => self.labels(),
-            false => format!("{} (other parameters)", self.algorithm),
         }
     }
 
@@ -441,9 +393,9 @@ impl AlgorithmChange {
     }
 
     /// The courses that changed, in a line.
-    fn course_words(&self) -> Option<String> {
+    pub(super) fn course_words(&self) -> Option<String> {
         let words = self.courses.as_ref()?.words();
-        (!words.is_empty()).then(|| format!("{}: {words}", self.title()))
+        Some(words).filter(|words| !words.is_empty())
     }
 
     /// Pairs that the second report alone failed on, in words.
@@ -455,7 +407,9 @@ impl AlgorithmChange {
     /// The pairs that are compared.
     pub(super) fn extent(&self) -> String {
         let pairs = counted(self.pairs, self.things());
-        format!("{pairs}, {} with equal results", self.equal_results)
+        let is_other = self.algorithm == self.other_algorithm && !self.same_parameters;
+        let other = if is_other { ", other parameters" } else { "" };
+        format!("{pairs}, {} with equal results{other}", self.equal_results)
     }
 }
 
@@ -473,53 +427,37 @@ impl Judgement {
             Self::TooFew => NONE,
         }
     }
-
-    /// A difference with its word, where it has been told from chance.
-    fn cell(self, difference: &str) -> TableCell {
-        let word = match self {
-            Self::Unjudged | Self::Unclear | Self::TooFew if !difference.is_empty() => "",
-            _ => self.word(),
-        };
-        let text = format!("{difference} {word}").trim().to_owned();
-        match self {
-            Self::Worse => TableCell::Alert(text),
-            _ => TableCell::Text(text),
-        }
-    }
 }
 
 /// A row per change.
-fn change_table<'a>(changes: impl Iterator<Item = (String, &'a Change)>) -> Table {
+fn change_table(changes: &[(String, &Change)]) -> Table {
     let table = Table::new("", "metric").with_columns(["before", "after", "change"]);
     let mut table = table.with_texts(["95 % interval", "real?"]);
     for (name, change) in changes {
         let metric = change.metric;
-        let [base, other] = [change.base, change.other].map(|value| match metric.is_signed() {
-            true => metric.show(value.abs()),
-            false => metric.show(value),
-        });
-        let name = name
-            + if metric.is_signed() {
-                ", magnitude"
-            } else {
-                ""
-            };
-        let interval = match (change.judgement, change.interval) {
-            (_, Some((low, high))) => {
-                // The unit is beside it.
-                format!("{} .. {}", unitless(metric, low), unitless(metric, high))
-            }
-            (Judgement::TooFew, None) => change.too_few_words().to_owned(),
-            (_, None) => NONE.to_owned(),
-        };
-        let difference = signed(metric, change.difference);
-        let cells = [name, base, other, difference, interval].map(TableCell::Text);
-        table.rows.push(
-            cells
-                .into_iter()
-                .chain([change.judgement.cell("")])
-                .collect(),
+        let is_magnitude = metric.is_signed();
+        let value = |value: f64| metric.show(if is_magnitude { value.abs() } else { value });
+        // The unit is beside it.
+        let interval = change.interval;
+        let interval = interval.map(|own| [own.0, own.1].map(|bound| unitless(metric, bound)));
+        let word = change.judgement.word();
+        table.push(
+            name.clone() + if is_magnitude { ", magnitude" } else { "" },
+            [
+                value(change.base),
+                value(change.other),
+                signed(metric, change.difference),
+                match (change.judgement, interval) {
+                    (_, Some(bounds)) => bounds.join(" .. "),
+                    (Judgement::TooFew, None) => change.too_few_words().to_owned(),
+                    (_, None) => NONE.to_owned(),
+                },
+                word.to_owned(),
+            ],
         );
+        if let (Judgement::Worse, Some(row)) = (change.judgement, table.rows.last_mut()) {
+            row[5] = TableCell::Alert(word.to_owned());
+        }
     }
     table.remove_empty_columns();
     table
