@@ -102,7 +102,7 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = claim(args)?;
+    let mut outputs = claim(args)?;
     let runs = args
         .reports
         .iter()
@@ -130,7 +130,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     // Nothing replaces an earlier page if nothing was compared.
     if args.output.is_some() == page.is_some() {
-        write_files(args, outputs, &cases, page)?;
+        outputs.set_aside()?;
+        if let Some(path) = &args.junit {
+            write(path, junit("svl compare", &cases))?;
+        }
+        if let Some((path, page)) = args.output.as_ref().zip(page) {
+            write(path, page)?;
+        }
+        outputs.commit();
     }
     show(args, &comparisons, &reasons)?;
     match &complaints(&cases)[..] {
@@ -206,24 +213,6 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
         [],
         outputs.map(PathBuf::as_path),
     )?)
-}
-
-/// Writes the cases and the page, where they are asked for.
-fn write_files(
-    args: &Args,
-    mut outputs: Outputs,
-    cases: &[TestCase],
-    page: Option<String>,
-) -> anyhow::Result<()> {
-    outputs.set_aside()?;
-    if let Some(path) = &args.junit {
-        write(path, junit("svl compare", cases))?;
-    }
-    if let Some((path, page)) = args.output.as_ref().zip(page) {
-        write(path, page)?;
-    }
-    outputs.commit();
-    Ok(())
 }
 
 /// Prints the comparisons. `reasons`: those of the reports without one.

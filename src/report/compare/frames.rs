@@ -140,9 +140,14 @@ pub(super) fn changed_frames(
             let cells = std::mem::take(&mut cells[side][i]);
             shot(pair[side], cells, left.as_deref())
         };
+        // The truth of both is shown once.
+        let before = FrameShot {
+            truth: None,
+            ..shot(0)?
+        };
         Ok(ChangedFrame {
             is_worse: harm > NO_HARM,
-            shots: [shot(0)?, shot(1)?],
+            shots: [before, shot(1)?],
             has_image: left.is_some(),
         })
     };

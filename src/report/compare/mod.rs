@@ -46,8 +46,8 @@ pub struct Comparison {
     pub differences: Vec<String>,
     /// Origins of the truths of the two.
     pub truths: [Vec<String>; 2],
-    /// Origin of the two reports; times depend on it.
-    pub origins: [ReportOrigin; 2],
+    /// Program, machine and threads of the two reports, on which times depend.
+    pub origins: [String; 2],
     /// The incomplete reports, each with the reason.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both reports have, in the order of the first.
@@ -80,18 +80,6 @@ pub enum Conclusion {
     /// The same of drives.
     TooFewCourses,
     NotComparable,
-}
-
-/// The program and the machine that made a report.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct ReportOrigin {
-    /// Version and revision.
-    pub svl: String,
-    pub processor: String,
-    pub isa: String,
-    pub threads: usize,
-    /// The work that its times measure, in words, if that is known.
-    pub times: Option<String>,
 }
 
 /// One algorithm in both reports, over the pairs of both.
@@ -180,9 +168,7 @@ impl Comparison {
         let algorithms = join.algorithms.iter();
         let algorithms = algorithms.map(|own| AlgorithmChange::new(join, own));
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
-        let incomplete = join.runs.iter();
-        let incomplete =
-            incomplete.filter_map(|run| Some((run.name.clone(), run.incomplete.clone()?)));
+        let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
         let mut comparison = Self {
             conclusion: Conclusion::NotComparable,
             verdict: String::new(),
@@ -192,8 +178,8 @@ impl Comparison {
             area: base.area,
             differences: differences(join, &algorithms)?,
             truths: join.runs.map(|run| run.manifest.truth.clone()),
-            origins: join.runs.map(|run| ReportOrigin::new(&run.manifest)),
-            incomplete: incomplete.collect(),
+            origins: join.runs.map(|run| origin(&run.manifest)),
+            incomplete: join.runs.iter().filter_map(incomplete).collect(),
             method: if join.is_driven {
                 sign_test::METHOD
             } else {
@@ -214,7 +200,7 @@ impl Comparison {
             unequal.for_each(|change| change.judgement = Judgement::Unjudged);
         }
         comparison.not_compared = comparison.why_not(join);
-        comparison.cautions = comparison.doubts();
+        comparison.cautions = comparison.doubts(join);
         comparison.conclusion = comparison.conclude();
         comparison.verdict = comparison.sentence();
         Ok(comparison)
@@ -239,9 +225,7 @@ impl Comparison {
     /// The headline metrics with a better direction, but times, with their names.
     fn ranked(&self) -> Vec<(String, &Change)> {
         let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
-        changes.retain(|(_, change)| {
-            change.metric.better != Better::Neither && change.metric.unit != MetricUnit::Ms
-        });
+        changes.retain(|(_, change)| text::is_ranked(change.metric));
         changes
     }
 
@@ -273,26 +257,20 @@ impl Comparison {
     }
 }
 
-impl ReportOrigin {
-    fn new(manifest: &Manifest) -> Self {
-        let revision = manifest.git_revision.as_deref();
-        let profile = manifest
-            .profile
-            .as_deref()
-            .filter(|name| *name != "release");
-        let profile = profile.map_or_else(String::new, |name| format!(", profile {name}"));
-        Self {
-            svl: format!(
-                "{} ({}{profile})",
-                manifest.svl,
-                revision.unwrap_or("revision unknown")
-            ),
-            processor: manifest.machine.processor.clone(),
-            isa: manifest.machine.isa.clone(),
-            threads: manifest.machine.threads,
-            times: manifest.times.clone(),
-        }
-    }
+/// The program and the machine that made a report.
+fn origin(manifest: &Manifest) -> String {
+    let revision = manifest
+        .git_revision
+        .as_deref()
+        .unwrap_or("revision unknown");
+    let profile = match manifest.profile.as_deref() {
+        None | Some("release") => String::new(),
+        Some(name) => format!(", profile {name}"),
+    };
+    let (svl, machine) = (&manifest.svl, &manifest.machine);
+    let (processor, isa) = (&machine.processor, &machine.isa);
+    let threads = counted(machine.threads, "thread");
+    format!("svl {svl} ({revision}{profile}), {processor}, {isa}, {threads}")
 }
 
 /// The differences of the two scenarios, and of the inputs of common pairs.

@@ -40,13 +40,14 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
         word,
         reason => comparison.verdict.strip_prefix(word),
         cautions => comparison.remarks(),
+        overview => comparison.overview(&ColumnChoice::Headline),
         algorithms,
         method => comparison.method,
         tested => comparison.tested,
         is_driven => join.is_driven,
         images => images.into_views(),
         reports => [base, other].map(|report| report.to_string()),
-        origins => comparison.origins.each_ref().map(|own| own.parts()[..4].join(", ")),
+        origins => comparison.origins,
     };
     fill(include_str!("page.html"), include_str!("page.css"), view)
 }
@@ -66,9 +67,8 @@ fn algorithm_view<'a>(
     context! {
         title => own.labels(),
         extent => own.extent(),
-        changed => own.table(&ColumnChoice::Headline, true),
-        headline => own.table(&ColumnChoice::Headline, false),
-        all => own.table(&ColumnChoice::All, false),
+        headline => own.table(&ColumnChoice::Headline),
+        all => own.table(&ColumnChoice::All),
         course_words => own.course_words(),
         courses => own.courses.as_ref().map(CourseChanges::table),
         frames => views,

@@ -8,7 +8,6 @@ use crate::prior::PRIOR;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::samples::{RunKey, run_key};
 use crate::sources::Sources;
-use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
@@ -31,12 +30,6 @@ pub struct ScoredRun {
     courses: Vec<CoursePlan>,
     /// The table of cells, if it is there.
     cells: Option<PathBuf>,
-}
-
-/// The part of `summary.json` that is read.
-#[derive(Deserialize)]
-struct Whole {
-    incomplete: Option<String>,
 }
 
 impl ScoredRun {
@@ -89,27 +82,24 @@ impl ScoredRun {
             )));
         }
         let summary = folder.join("summary.json");
-        let drives: Vec<DriveRow> = optional(folder, "drives.csv")?;
-        let mut checkpoints: Vec<CheckpointRow> = Vec::new();
-        if !folder.join("drives.csv").is_file() {
-            checkpoints = read_rows(&folder.join("checkpoints.csv"))?;
-        }
+        let courses = folder.join(COURSES);
         let mut run = Self {
             name: folder.to_owned(),
             folder: folder.to_owned(),
             manifest: Manifest::read(folder)?,
             area: AreaChoice::default(),
             incomplete: if summary.is_file() {
-                read_json::<Whole>(&summary)?.incomplete
+                let summary: serde_json::Value = read_json(&summary)?;
+                summary["incomplete"].as_str().map(str::to_owned)
             } else {
                 Some("it was never finished".to_owned())
             },
             rows: read_rows(&folder.join("rows.csv"))?,
             failures: optional(folder, "failures.csv")?,
-            checkpoints,
-            drives,
-            courses: if folder.join(COURSES).is_file() {
-                read_json(&folder.join(COURSES))?
+            checkpoints: optional(folder, "checkpoints.csv")?,
+            drives: optional(folder, "drives.csv")?,
+            courses: if courses.is_file() {
+                read_json(&courses)?
             } else {
                 Vec::new()
             },
@@ -118,6 +108,9 @@ impl ScoredRun {
         run.rows.retain(|row| row.stress.is_none());
         run.failures.retain(|row| row.stress.is_none());
         run.checkpoints.retain(|row| row.stress.is_none());
+        if !run.drives.is_empty() {
+            run.checkpoints.clear();
+        }
         Ok(run)
     }
 

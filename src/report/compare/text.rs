@@ -1,10 +1,12 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement, ReportOrigin};
+use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement};
 use crate::results::caution;
-use crate::table::{NONE, Table, TableCell, TerminalStyle, escape, escape_prose, wrapped};
+use crate::table::{
+    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
+};
 use svl_core::{counted, joined};
-use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
 
 /// Limit of the changes that a sentence lists: of one direction, and of each of both.
 const MAX_LISTED: [usize; 2] = [2, 1];
@@ -74,10 +76,7 @@ impl Comparison {
                 parts.collect::<Vec<_>>().join("; ")
             }
         };
-        let besides = match self.conclusion {
-            Conclusion::Better | Conclusion::NoChange => self.named(AlgorithmChange::besides),
-            _ => Vec::new(),
-        };
+        let besides = self.named(AlgorithmChange::besides);
         let besides = listed(&besides, Judgement::Worse, MAX_LISTED[0]);
         let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
         format!("{}: {reason}{besides}", self.conclusion.word())
@@ -117,7 +116,7 @@ impl Comparison {
     }
 
     /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
-    pub(super) fn doubts(&self) -> Vec<String> {
+    pub(super) fn doubts(&self, join: &Join<'_>) -> Vec<String> {
         let incomplete = self.incomplete.iter();
         let incomplete =
             incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
@@ -130,15 +129,16 @@ impl Comparison {
                  both with equal --every, --from and --to"
             )
         });
-        let [base, other] = self.origins.each_ref().map(ReportOrigin::parts);
-        let differing = base
-            .iter()
-            .zip(&other)
-            .filter(|(base, other)| base != other);
-        let differing = differing.map(|(base, other)| format!("{base} and {other}"));
-        let differing: Vec<_> = differing.collect();
-        let times = (!differing.is_empty())
-            .then(|| format!("ratios of times are also of {}", differing.join(", ")));
+        let work = join
+            .runs
+            .map(|run| run.manifest.times.as_deref().unwrap_or("other work"));
+        let other = [
+            (self.origins[0] != self.origins[1]).then(|| "another program or machine".to_owned()),
+            (work[0] != work[1]).then(|| format!("{} and then of {}", work[0], work[1])),
+        ];
+        let other: Vec<_> = other.into_iter().flatten().collect();
+        let times = (!other.is_empty())
+            .then(|| format!("ratios of times are also those of {}", other.join(", ")));
         incomplete.chain(past).chain(times).collect()
     }
 
@@ -159,35 +159,66 @@ impl Comparison {
         let lines = [self.verdict.clone()].into_iter().chain(not_compared);
         let lines = lines.chain(self.origin_lines()).chain(caution);
         let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
+        let is_short = self.algorithms.len() > 1 && *columns != ColumnChoice::All;
+        if is_short {
+            text += &format!("\n{}", self.overview(columns).terminal(style));
+        }
         for own in &self.algorithms {
-            let head = format!("{}: {}", own.labels(), own.extent());
-            let lines = [Some(head), own.course_words()].into_iter().flatten();
-            text.push('\n');
+            let extent = format!("\n{}: {}", own.labels(), own.extent());
+            let courses = own.course_words();
+            let courses = courses.map(|words| format!("{}: {words}", own.labels()));
+            let extent = (!is_short).then_some(extent);
+            let lines = extent.into_iter().chain(courses);
             text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
-            let table = own.table(columns, self.algorithms.len() > 1);
-            if !table.rows.is_empty() {
-                text += &table.terminal(style);
+            if !is_short {
+                text += &own.table(columns).terminal(style);
             }
         }
         text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
+    /// The differences of the algorithms, a row each.
+    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
+        fn find<'a>(own: &'a AlgorithmChange, metric: &Metric) -> Option<&'a Change> {
+            own.metrics.iter().find(|change| change.metric == metric)
+        }
+        let mut metrics = columns.metrics(self.algorithms[0].kind());
+        metrics.retain(|metric| {
+            self.algorithms
+                .iter()
+                .any(|own| find(own, metric).is_some())
+        });
+        let mut table = Table::new("", "change");
+        table
+            .columns
+            .extend(metrics.iter().map(|metric| TableColumn {
+                is_optional: *columns == ColumnChoice::Headline && !is_ranked(metric),
+                ..TableColumn::text(metric.group, metric.head)
+            }));
+        table.columns.push(TableColumn {
+            is_optional: *columns == ColumnChoice::Headline,
+            ..TableColumn::new("", format!("{}s", self.algorithms[0].things()))
+        });
+        for own in &self.algorithms {
+            let cells = metrics.iter().map(|metric| match find(own, metric) {
+                Some(change) => change.cell(),
+                None => TableCell::Text(NONE.to_owned()),
+            });
+            let [name, pairs] = [own.labels(), own.pairs.to_string()].map(TableCell::Text);
+            table
+                .rows
+                .push([name].into_iter().chain(cells).chain([pairs]).collect());
+        }
+        table
+    }
+
     /// The origins of the two reports.
     fn origin_lines(&self) -> Vec<String> {
-        let [base, other] = self
-            .origins
-            .each_ref()
-            .map(|own| own.parts()[..4].join(", "));
-        let folders = [&self.base, &self.other].map(|folder| folder.display());
         let caution = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
-        let line = |name: &str, side: usize| {
-            format!(
-                "{name} {}{}",
-                folders[side],
-                caution(side).unwrap_or_default()
-            )
-        };
-        let (before, after) = (line("before", 0), line("after ", 1));
+        let [a, b] = [0, 1].map(|side| caution(side).unwrap_or_default());
+        let before = format!("before {}{a}", self.base.display());
+        let after = format!("after  {}{b}", self.other.display());
+        let [base, other] = &self.origins;
         match base == other {
             true => vec![before, after, format!("both   {base}")],
             false => vec![
@@ -227,15 +258,22 @@ impl Comparison {
             _ => 2,
         });
         changes.truncate(MAX_LINES - notes.len());
+        let count = |judgement| {
+            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
+            changes.filter(|own| own.judgement == judgement).count()
+        };
         let said = [vec![format!("**{word}**{reason}")], notes]
             .concat()
             .join("  \n");
         format!(
-            "{said}\n\n{}\n{}, `{}` → `{}`: {} metrics are tested; `-o FILE.html` shows {}{}\n",
+            "{said}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` shows \
+             {}{}\n",
             change_table(&changes).markdown(),
             escape(&self.scenario),
             self.base.display(),
             self.other.display(),
+            count(Judgement::Better),
+            count(Judgement::Worse),
             self.tested,
             if self.is_driven() {
                 "courses"
@@ -284,6 +322,11 @@ impl Comparison {
     }
 }
 
+/// True for a metric that decides: it has a better direction, and is tested.
+pub(super) fn is_ranked(metric: &Metric) -> bool {
+    metric.better != Better::Neither && metric.unit != MetricUnit::Ms
+}
+
 /// The changes of that judgement, the first of them with their values: the surest change, but more
 /// missed obstacles and collisions before all others.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
@@ -313,19 +356,6 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
         _ if own.is_empty() => None,
         0 => Some(listed),
         more => Some(format!("{listed} and {more} more")),
-    }
-}
-
-impl ReportOrigin {
-    /// Program, processor, instruction set and threads, then what its times are of.
-    pub(super) fn parts(&self) -> [String; 5] {
-        [
-            format!("svl {}", self.svl),
-            self.processor.clone(),
-            self.isa.clone(),
-            counted(self.threads, "thread"),
-            self.times.clone().unwrap_or_default(),
-        ]
     }
 }
 
@@ -365,15 +395,9 @@ impl AlgorithmChange {
         rows
     }
 
-    /// The table of these columns; if `is_short`, of the headline without what is equal, or
-    /// within its interval.
-    pub(super) fn table(&self, columns: &ColumnChoice, is_short: bool) -> Table {
-        let is_open = |own| !matches!(own, Judgement::Equal | Judgement::Unclear);
-        let is_all = !is_short || *columns != ColumnChoice::Headline;
-        let mut rows = self.rows(columns);
-        rows.retain(|change| is_all || is_open(change.judgement));
-        let rows: Vec<_> = rows.iter().map(|own| (own.name(), *own)).collect();
-        change_table(&rows)
+    pub(super) fn table(&self, columns: &ColumnChoice) -> Table {
+        let rows = self.rows(columns).into_iter();
+        change_table(&rows.map(|own| (own.name(), own)).collect::<Vec<_>>())
     }
 
     /// The label of the algorithm, or those of two.
@@ -464,6 +488,20 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
 }
 
 impl Change {
+    /// The difference, and the word of one that has been told from chance.
+    fn cell(&self) -> TableCell {
+        let difference = unitless(self.metric, self.difference);
+        let word = self.judgement.word();
+        match self.judgement {
+            Judgement::Equal => TableCell::Text(word.to_owned()),
+            Judgement::Worse => TableCell::Alert(format!("{difference} {word}")),
+            Judgement::Better | Judgement::Differs => {
+                TableCell::Text(format!("{difference} {word}"))
+            }
+            _ => TableCell::Text(difference),
+        }
+    }
+
     /// The things of which there are too few for an interval.
     pub(super) fn too_few_words(&self) -> &'static str {
         match self.metric.origin {
