@@ -162,10 +162,14 @@ impl CourseChanges {
         let heads = ["finished", "collisions", "near misses"];
         let mut table = Table::new("", "course").with_columns(heads);
         for course in self.changed.iter().take(MAX_ROWS) {
-            let cell = |[before, after]: [String; 2], is_worse: bool| match before == after {
-                true => TableCell::Text(before),
-                false if is_worse => TableCell::Alert(format!("{before} → {after}")),
-                false => TableCell::Text(format!("{before} → {after}")),
+            let cell = |[before, after]: [String; 2], is_worse: bool| {
+                if before == after {
+                    TableCell::Text(before)
+                } else if is_worse {
+                    TableCell::Alert(format!("{before} → {after}"))
+                } else {
+                    TableCell::Text(format!("{before} → {after}"))
+                }
             };
             let finished = course
                 .finished

@@ -90,31 +90,19 @@ impl<'a> BothImages<'a> {
 /// The rows of a pair, and the harm.
 type ScoredPair<'a> = ([&'a Row; 2], FrameHarm);
 
-/// The frames of an algorithm that changed most, those that became worse first; in place of none
-/// the reason.
+/// The frames of an algorithm that changed most, those that became worse first.
 ///
 /// # Errors
 /// The errors of reading the tables of cells and the pictures.
 pub(super) fn changed_frames(
     own: &JoinedAlgorithm<'_>,
     images: &BothImages<'_>,
-) -> Result<std::result::Result<Vec<ChangedFrame>, &'static str>> {
-    let differing = own
-        .pairs
-        .iter()
-        .filter(|[a, b]| a.result_hash != b.result_hash);
-    let differing: Vec<_> = differing.collect();
-    if differing.is_empty() {
-        return Ok(Err("The results of all frames are equal."));
-    }
-    let scored = differing.into_iter().filter_map(|pair| {
+) -> Result<Vec<ChangedFrame>> {
+    let scored = own.pairs.iter().filter_map(|pair| {
         let [before, after] = pair.map(|row| &row.metrics);
         Some((*pair, harm(before, after)?))
     });
     let mut scored: Vec<ScoredPair<'_>> = scored.collect();
-    if scored.is_empty() {
-        return Ok(Err("Without a truth of cells no frame is better or worse."));
-    }
     // Equal changes: those with an image come first. The sort is stable.
     scored.sort_by_key(|(pair, _)| !images.hold(*pair));
     let order = |a: &FrameHarm, b: &FrameHarm| a.partial_cmp(b).unwrap_or(Ordering::Equal);
@@ -123,11 +111,6 @@ pub(super) fn changed_frames(
     scored.retain(|(_, harm)| *harm < NO_HARM);
     scored.sort_by(|a, b| order(&a.1, &b.1));
     chosen.extend(spread(scored.iter()));
-    if chosen.is_empty() {
-        return Ok(Err(
-            "No frame has more or fewer missed or false near obstacles, or right minus wrong cells.",
-        ));
-    }
     let mut cells: [Vec<Vec<CellRow>>; 2] = [0, 1].map(|_| vec![Vec::new(); chosen.len()]);
     for (side, cells) in cells.iter_mut().enumerate() {
         let rows: Vec<_> = chosen.iter().map(|(pair, _)| pair[side]).collect();
@@ -151,11 +134,7 @@ pub(super) fn changed_frames(
             has_image: left.is_some(),
         })
     };
-    Ok(Ok(chosen
-        .into_iter()
-        .enumerate()
-        .map(frame)
-        .collect::<Result<_>>()?))
+    chosen.into_iter().enumerate().map(frame).collect()
 }
 
 /// The first ones that are no neighbours of each other.

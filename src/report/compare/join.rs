@@ -58,9 +58,12 @@ impl<'a> Join<'a> {
         }
         let alignment = Alignment::new(base, other);
         let labels = matched_labels(&base.manifest, &other.manifest, map)?;
-        let algorithms = labels.into_iter().map(|labels| match is_driven {
-            true => JoinedAlgorithm::of_courses(runs, labels),
-            false => JoinedAlgorithm::of_pairs(runs, labels, &alignment),
+        let algorithms = labels.into_iter().map(|labels| {
+            if is_driven {
+                JoinedAlgorithm::from_courses(runs, labels)
+            } else {
+                JoinedAlgorithm::from_pairs(runs, labels, &alignment)
+            }
         });
         let join = Self {
             runs,
@@ -244,7 +247,7 @@ impl<'a> JoinedAlgorithm<'a> {
 
     /// The pairs of equal number and pixels: another seed or version of the arena renders other
     /// pixels, and pairs of a parked robot have equal ones.
-    fn of_pairs(
+    fn from_pairs(
         [base, other]: [&'a ScoredRun; 2],
         labels: [&'a str; 2],
         alignment: &Alignment<'a>,
@@ -296,7 +299,7 @@ impl<'a> JoinedAlgorithm<'a> {
     }
 
     /// The courses of equal seed and obstacles.
-    fn of_courses([base, other]: [&'a ScoredRun; 2], labels: [&'a str; 2]) -> Self {
+    fn from_courses([base, other]: [&'a ScoredRun; 2], labels: [&'a str; 2]) -> Self {
         let drives = |run: &'a ScoredRun, label| {
             let own = run
                 .drives

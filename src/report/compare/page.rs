@@ -22,10 +22,10 @@ const MAX_LISTED: usize = 3;
 /// the error of the template engine.
 pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Result<String> {
     let stored = BothImages::new(join, find)?;
-    let frames = join.algorithms.iter().map(|own| match join.is_driven {
-        true => Ok(Ok(Vec::new())),
-        false => changed_frames(own, &stored),
-    });
+    let frames = join
+        .algorithms
+        .iter()
+        .map(|own| changed_frames(own, &stored));
     let frames = frames.collect::<Result<Vec<_>>>()?;
     let mut images = PageImages::default();
     let algorithms = comparison.algorithms.iter().zip(&frames);
@@ -54,15 +54,15 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
 
 fn algorithm_view<'a>(
     own: &AlgorithmChange,
-    frames: &'a std::result::Result<Vec<ChangedFrame>, &'static str>,
+    frames: &'a [ChangedFrame],
     images: &mut PageImages<'a>,
 ) -> Value {
-    let names = match own.algorithm == own.other_algorithm {
-        true => ["before", "after"],
-        false => [&*own.algorithm, &*own.other_algorithm],
+    let names = if own.algorithm == own.other_algorithm {
+        ["before", "after"]
+    } else {
+        [&*own.algorithm, &*own.other_algorithm]
     };
-    let shown = frames.as_deref().unwrap_or_default();
-    let views = shown.iter().map(|frame| frame_view(frame, names, images));
+    let views = frames.iter().map(|frame| frame_view(frame, names, images));
     let views: Vec<_> = views.collect();
     context! {
         title => own.labels(),
@@ -72,26 +72,31 @@ fn algorithm_view<'a>(
         course_words => own.course_words(),
         courses => own.courses.as_ref().map(CourseChanges::table),
         frames => views,
-        note => frames.as_ref().map_or_else(|why| Some((*why).to_owned()), |own| note(own)),
+        note => note(own, frames),
     }
 }
 
-/// A remark on what is missing of the frames.
-fn note(frames: &[ChangedFrame]) -> Option<String> {
+/// A remark on what is missing of the frames, or why there are none.
+fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<String> {
     let has_cells = |frame: &ChangedFrame| frame.shots.iter().all(|shot| !shot.cells.is_empty());
-    if !frames.iter().all(has_cells) {
-        return Some("A report has no table of cells, so the cells are not shown.".to_owned());
-    }
     let lacking = frames.iter().filter(|frame| !frame.has_image).count();
-    let frames = match lacking {
-        0 => return None,
-        n if n == frames.len() => "these frames".to_owned(),
-        n => counted(n, "frame"),
+    let words = match own.courses {
+        Some(_) => return None,
+        None if own.equal_results == own.pairs => "The results of all frames are equal.",
+        None if frames.is_empty() => "No frame is better or worse by a truth of cells.",
+        None if !frames.iter().all(has_cells) => {
+            "A report has no table of cells, so the cells are not shown."
+        }
+        None if lacking == 0 => return None,
+        None => {
+            return Some(format!(
+                "The cells of {} stand alone: their images are neither in the folders, nor \
+                 rendered by svl, nor in its own recordings.",
+                counted(lacking, "frame")
+            ));
+        }
     };
-    Some(format!(
-        "The cells of {frames} stand alone: their images are neither in the folders, nor rendered \
-         by svl, nor in its own recordings."
-    ))
+    Some(words.to_owned())
 }
 
 /// A frame before and after, with the cells that changed.

@@ -161,7 +161,7 @@ impl ScoredRun {
         pairs: &[&Row],
         mut take: impl FnMut(usize, &[CellRow]),
     ) -> Result<()> {
-        let Some(path) = &self.cells else {
+        let Some(path) = self.cells.as_ref().filter(|_| !pairs.is_empty()) else {
             return Ok(());
         };
         let places = pairs.iter().enumerate();

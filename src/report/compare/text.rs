@@ -8,8 +8,6 @@ use crate::table::{
 use svl_core::{counted, joined};
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
 
-/// Limit of the changes that a sentence lists: of one direction, and of each of both.
-const MAX_LISTED: [usize; 2] = [2, 1];
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
@@ -57,27 +55,28 @@ impl Comparison {
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
                 let is_mixed = self.conclusion == Conclusion::Mixed;
                 let list = |judgement, word: &str| {
-                    let list = listed(&ranked, judgement, MAX_LISTED[usize::from(is_mixed)])?;
-                    Some(if is_mixed {
-                        format!("{word}: {list}")
-                    } else {
-                        list
+                    let list = listed(&ranked, judgement, if is_mixed { 1 } else { 2 });
+                    list.map(|list| {
+                        if is_mixed {
+                            format!("{word}: {list}")
+                        } else {
+                            list
+                        }
                     })
                 };
-                let [worse, better] = [(Judgement::Worse, "worse"), (Judgement::Better, "better")]
-                    .map(|(judgement, word)| list(judgement, word));
-                let real = worse.is_some() || better.is_some();
-                let real = real.then(|| format!("real {tested}"));
-                let failures = self
-                    .algorithms
-                    .iter()
+                let failures = self.algorithms.iter();
+                let failures = failures
                     .filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
-                let parts = failures.chain(worse).chain(better).chain(real);
-                parts.collect::<Vec<_>>().join("; ")
+                let mut parts: Vec<_> = failures.collect();
+                let failed = parts.len();
+                parts.extend(list(Judgement::Worse, "worse"));
+                parts.extend(list(Judgement::Better, "better"));
+                parts.extend((parts.len() > failed).then(|| format!("real {tested}")));
+                parts.join("; ")
             }
         };
         let besides = self.named(AlgorithmChange::besides);
-        let besides = listed(&besides, Judgement::Worse, MAX_LISTED[0]);
+        let besides = listed(&besides, Judgement::Worse, 2);
         let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
         format!("{}: {reason}{besides}", self.conclusion.word())
     }
@@ -216,18 +215,18 @@ impl Comparison {
     fn origin_lines(&self) -> Vec<String> {
         let caution = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
         let [a, b] = [0, 1].map(|side| caution(side).unwrap_or_default());
-        let before = format!("before {}{a}", self.base.display());
-        let after = format!("after  {}{b}", self.other.display());
+        let mut lines = vec![
+            format!("before {}{a}", self.base.display()),
+            format!("after  {}{b}", self.other.display()),
+        ];
         let [base, other] = &self.origins;
-        match base == other {
-            true => vec![before, after, format!("both   {base}")],
-            false => vec![
-                before,
-                format!("       {base}"),
-                after,
-                format!("       {other}"),
-            ],
+        if base == other {
+            lines.push(format!("both   {base}"));
+        } else {
+            lines.insert(1, format!("       {base}"));
+            lines.push(format!("       {other}"));
         }
+        lines
     }
 
     /// The sentences, the changes that matter most, and the two reports: at most ten lines of
@@ -315,9 +314,10 @@ impl Comparison {
             .algorithms
             .first()
             .map_or("pair", AlgorithmChange::things);
-        match fewest == most {
-            true => counted(most, things),
-            false => format!("{fewest} to {most} {things}s"),
+        if fewest == most {
+            counted(most, things)
+        } else {
+            format!("{fewest} to {most} {things}s")
         }
     }
 }
@@ -402,9 +402,10 @@ impl AlgorithmChange {
 
     /// The label of the algorithm, or those of two.
     pub(super) fn labels(&self) -> String {
-        match self.other_algorithm == self.algorithm {
-            true => self.algorithm.clone(),
-            false => format!("{} → {}", self.algorithm, self.other_algorithm),
+        if self.other_algorithm == self.algorithm {
+            self.algorithm.clone()
+        } else {
+            format!("{} → {}", self.algorithm, self.other_algorithm)
         }
     }
 
