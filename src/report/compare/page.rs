@@ -65,7 +65,7 @@ fn algorithm_view<'a>(
     let views = frames.iter().map(|frame| frame_view(frame, names, images));
     let views: Vec<_> = views.collect();
     context! {
-        title => own.labels(),
+        title => own.title(),
         extent => own.extent(),
         headline => own.table(&ColumnChoice::Headline),
         all => own.table(&ColumnChoice::All),

@@ -76,7 +76,7 @@ impl Comparison {
             }
         };
         let besides = self.named(AlgorithmChange::besides);
-        let besides = listed(&besides, Judgement::Worse, 2);
+        let besides = listed(&besides, Judgement::Worse, 1);
         let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
         format!("{}: {reason}{besides}", self.conclusion.word())
     }
@@ -163,7 +163,7 @@ impl Comparison {
             text += &format!("\n{}", self.overview(columns).terminal(style));
         }
         for own in &self.algorithms {
-            let extent = format!("\n{}: {}", own.labels(), own.extent());
+            let extent = format!("\n{}: {}", own.title(), own.extent());
             let courses = own.course_words();
             let courses = courses.map(|words| format!("{}: {words}", own.labels()));
             let extent = (!is_short).then_some(extent);
@@ -203,7 +203,7 @@ impl Comparison {
                 Some(change) => change.cell(),
                 None => TableCell::Text(NONE.to_owned()),
             });
-            let [name, pairs] = [own.labels(), own.pairs.to_string()].map(TableCell::Text);
+            let [name, pairs] = [own.title(), own.pairs.to_string()].map(TableCell::Text);
             table
                 .rows
                 .push([name].into_iter().chain(cells).chain([pairs]).collect());
@@ -409,6 +409,12 @@ impl AlgorithmChange {
         }
     }
 
+    /// The labels, and that one has other parameters.
+    pub(super) fn title(&self) -> String {
+        let is_other = self.algorithm == self.other_algorithm && !self.same_parameters;
+        self.labels() + if is_other { " (other parameters)" } else { "" }
+    }
+
     /// The things that are compared: pairs, or the courses of drives.
     pub(super) fn things(&self) -> &'static str {
         match self.courses {
@@ -432,9 +438,7 @@ impl AlgorithmChange {
     /// The pairs that are compared.
     pub(super) fn extent(&self) -> String {
         let pairs = counted(self.pairs, self.things());
-        let is_other = self.algorithm == self.other_algorithm && !self.same_parameters;
-        let other = if is_other { ", other parameters" } else { "" };
-        format!("{pairs}, {} with equal results{other}", self.equal_results)
+        format!("{pairs}, {} with equal results", self.equal_results)
     }
 }
 

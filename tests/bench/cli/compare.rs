@@ -446,7 +446,7 @@ fn other_pairs_before_each_pair_explain_a_history() {
                  equal --every";
     let plain = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let text = plain(fixture.run("compare 0 1"));
-    let (sentences, _) = text.split_once("v5: 12 pairs").unwrap();
+    let (sentences, _) = text.split_once("change right").unwrap();
     assert_says(sentences, &[words]);
     assert_says(&fixture.run("compare 0 1 --markdown"), &[words]);
     fixture.run("compare 0 1 -o page.html");
