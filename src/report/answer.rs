@@ -10,7 +10,7 @@ use super::samples::{resamples, run_key, sample};
 use super::words::value;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
-use svl_score::judge::{Better, Metric, MetricUnit, RunKind};
+use svl_score::judge::{Better, Metric, MetricUnit, TruthLevel};
 
 /// Limits of an algorithm that may be called best, as fractions: of cells where distances are
 /// scored, of pixels where disparities are. An algorithm that answers nothing misses nothing, so
@@ -37,12 +37,12 @@ pub(super) const USABLE: Usable = Usable {
 const MIN_FOUND: f64 = 0.5;
 
 /// The metrics by which algorithms are called best.
-pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
+pub(super) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
-        RunKind::Distances => &["right", "wrong", "missed"],
-        RunKind::Disparities => &["total_bad2"],
-        RunKind::Courses => &["finished", "collisions"],
-        RunKind::NoTruth => &["unrivalled", "agreed"],
+        TruthLevel::Distances => &["right", "wrong", "missed"],
+        TruthLevel::Disparities => &["total_bad2"],
+        TruthLevel::Courses => &["finished", "collisions"],
+        TruthLevel::NoTruth => &["unrivalled", "agreed"],
     };
     names.iter().filter_map(|name| Metric::find(name)).collect()
 }
@@ -73,12 +73,12 @@ impl Results {
         let best = ranked[place];
         // Beside the best of the usable stands the next usable one.
         let mut others = ranked[place + 1..].iter();
-        let is_shown = place == 0 && self.kind() != RunKind::Courses;
+        let is_shown = place == 0 && self.kind() != TruthLevel::Courses;
         let second = others.find(|a| is_shown || self.is_usable(a));
         let second = second.and_then(|second| {
             let labels = [best, second].map(|a| a.algorithm.as_str());
             let certainty = match self.kind() {
-                RunKind::Courses => course_certainty(metric, labels, drives),
+                TruthLevel::Courses => course_certainty(metric, labels, drives),
                 _ => pair_certainty(metric, labels, rows),
             };
             Some(RunnerUp {
@@ -105,7 +105,7 @@ impl Results {
     /// it is that itself, the next fastest. None for drives: each runs beside others, and their
     /// pairs differ.
     fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
-        let is_compared = self.kind() != RunKind::Courses && self.has_comparable_times();
+        let is_compared = self.kind() != TruthLevel::Courses && self.has_comparable_times();
         let metric = Metric::find("time").filter(|_| is_compared)?;
         let median_ms = |a: &AlgorithmSummary| self.ranked(a, metric);
         let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
@@ -159,18 +159,18 @@ impl Results {
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
         let is_within = |name, max| share(name).is_none_or(|share| share <= max);
         match self.kind() {
-            RunKind::Distances => {
+            TruthLevel::Distances => {
                 reaches("right", USABLE.min_right) && is_within("wrong", USABLE.max_wrong)
             }
-            RunKind::Disparities => {
+            TruthLevel::Disparities => {
                 reaches("coverage", USABLE.min_coverage) && is_within("bad2", USABLE.max_bad)
             }
-            RunKind::Courses => {
+            TruthLevel::Courses => {
                 let mut drives = self.drives.iter();
                 let own = drives.find(|d| d.algorithm == algorithm.algorithm);
                 own.is_some_and(|own| own.has_driven)
             }
-            RunKind::NoTruth => true,
+            TruthLevel::NoTruth => true,
         }
     }
 
@@ -184,12 +184,12 @@ impl Results {
     fn usable_words(&self) -> String {
         let percent = |share: f64| 100.0 * share;
         match self.kind() {
-            RunKind::Disparities => format!(
+            TruthLevel::Disparities => format!(
                 "at most {:.0} % pixels off > 2 px and at least {:.0} % coverage",
                 percent(USABLE.max_bad),
                 percent(USABLE.min_coverage)
             ),
-            RunKind::Courses => format!(
+            TruthLevel::Courses => format!(
                 "at least {:.0} % of the courses' length driven",
                 percent(MIN_DRIVEN)
             ),
@@ -312,7 +312,7 @@ impl Results {
 
     /// The coverage of two algorithms, where errors are of the estimated pixels alone.
     fn coverage_words(&self, name: &str, other: &str) -> String {
-        let metric = Metric::find("coverage").filter(|_| self.kind() == RunKind::Disparities);
+        let metric = Metric::find("coverage").filter(|_| self.kind() == TruthLevel::Disparities);
         let words = |metric| {
             let [own, others] = [name, other].map(|label| self.value(label, metric, None));
             let (own, others) = (value(metric, own?), value(metric, others?));

@@ -68,7 +68,6 @@ pub use results::{
 };
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
-    hash_words,
 };
 pub use sources::Sources;
 pub use stress::StressSummary;

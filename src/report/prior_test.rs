@@ -6,20 +6,20 @@ use super::rows::Row;
 use super::samples::resamples;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::Sample;
-use svl_score::judge::{Metric, RunKind};
+use svl_score::judge::{Metric, TruthLevel};
 
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
-const STILL: f64 = 0.8;
+const MIN_RIGHT: f64 = 0.8;
 
 impl Results {
     /// Finds the algorithms that do not beat the prior by right minus wrong cells, beyond the 95 %
     /// interval. `rows` and `prior`: those that the summary is of.
     pub(super) fn test_prior(&mut self, rows: &[Row], prior: &[Row]) {
-        let right = Metric::find("right").filter(|_| self.kind() == RunKind::Distances);
+        let right = Metric::find("right").filter(|_| self.kind() == TruthLevel::Distances);
         let Some(right) = right.and_then(|right| self.prior.as_ref()?.value(right)) else {
             return;
         };
-        if right >= STILL {
+        if right >= MIN_RIGHT {
             self.basis.prior_test = PriorTest::Still;
             return;
         }

@@ -8,7 +8,7 @@ use super::stress::{StressSummary, kinds};
 use super::table::{NONE, Table, TableCell, TableColumn};
 use super::words::{digits, mark, number, percent, time};
 use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, TruthLevel};
 use svl_sim::stress::StressKind;
 
 /// A column of numbers of algorithms: its group, its head, the number.
@@ -194,7 +194,7 @@ impl Results {
     pub(super) fn merit(&self, a: &AlgorithmSummary) -> Option<f64> {
         let metric = self.first_metric()?;
         let value = |name| a.value(Metric::find(name)?);
-        if self.kind() == RunKind::Distances {
+        if self.kind() == TruthLevel::Distances {
             return Some(value("right")? - value("wrong")?);
         }
         let value = self.value(&a.algorithm, metric, None)?;
@@ -208,7 +208,7 @@ impl Results {
     /// That number in words.
     pub(super) fn merit_words(&self) -> Option<&'static str> {
         match self.kind() {
-            RunKind::Distances => Some("right minus wrong"),
+            TruthLevel::Distances => Some("right minus wrong"),
             _ => Some(self.first_metric()?.words),
         }
     }
@@ -320,7 +320,7 @@ impl Results {
     /// The meanings of a table's metrics.
     fn metric_notes(&self, table: &mut Table, metrics: &[&Metric]) {
         // Obstacles have a distance, so they are counted where there is a calibration.
-        let has_distances = matches!(self.kind(), RunKind::Distances | RunKind::Courses);
+        let has_distances = matches!(self.kind(), TruthLevel::Distances | TruthLevel::Courses);
         let rule = self.shown.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {

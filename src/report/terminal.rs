@@ -6,7 +6,7 @@ use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::stereo::TruthOrigin;
 use svl_core::{counted, joined};
-use svl_score::judge::{ColumnChoice, Metric, RunKind};
+use svl_score::judge::{ColumnChoice, Metric, TruthLevel};
 
 /// Largest number of algorithms that are all shown, and the number of the first ones shown of
 /// more.
@@ -140,7 +140,7 @@ impl Results {
         let exact = TruthOrigin::Exact.to_string();
         let truth = match &self.truth[..] {
             [] => "no ground truth".to_owned(),
-            [one] if *one == exact && self.kind() == RunKind::Disparities => {
+            [one] if *one == exact && self.kind() == TruthLevel::Disparities => {
                 "truth of the data set".to_owned()
             }
             [one] if *one == exact => "exact truth".to_owned(),

@@ -17,7 +17,7 @@ use svl_recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
 /// Longest wait for publishers of the topics, and for the first pair of their messages.
 const MAX_WAIT: Duration = Duration::from_secs(10);
 /// Time without a new topic after which all are found.
-const SETTLED: Duration = Duration::from_secs(1);
+const SETTLING_TIME: Duration = Duration::from_secs(1);
 /// Longest wait for calibrations after the first message.
 const MAX_CALIBRATION_WAIT: Duration = Duration::from_secs(2);
 /// Longest silence of a topic that is not reported.
@@ -125,7 +125,7 @@ fn settled(
         if found != known {
             (known, changed) = (found, Instant::now());
         }
-        let is_settled = changed.elapsed() >= SETTLED && is_enough(&known);
+        let is_settled = changed.elapsed() >= SETTLING_TIME && is_enough(&known);
         if is_settled || began.elapsed() >= MAX_WAIT {
             return Ok(known);
         }

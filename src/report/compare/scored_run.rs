@@ -202,7 +202,7 @@ impl ScoredRun {
         self.each_pair_of_cells(label, pairs, |i, cells| {
             let run = run_key(pairs[i]);
             if last_run.replace(run) != Some(run) {
-                tally.begin_run();
+                tally.begin_pass();
             }
             errors[i] = tally.take_pair(pairs[i].stamp_ns, cells);
         })?;

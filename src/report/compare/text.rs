@@ -6,7 +6,7 @@ use crate::table::{
     NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
 };
 use svl_core::{counted, joined};
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
@@ -361,8 +361,10 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
 
 impl AlgorithmChange {
     /// The kind of the runs by what was measured.
-    fn kind(&self) -> RunKind {
-        RunKind::from_measured(|name| self.metrics.iter().any(|change| change.metric.name == name))
+    fn kind(&self) -> TruthLevel {
+        TruthLevel::from_measured(|name| {
+            self.metrics.iter().any(|change| change.metric.name == name)
+        })
     }
 
     /// The changes of these columns; of checkpoints where their column is one.

@@ -5,9 +5,9 @@ mod camera;
 mod config;
 mod control;
 mod device;
-mod mode;
 #[cfg(test)]
-mod odd;
+mod driver_tests;
+mod mode;
 mod pixels;
 mod stamp;
 mod stream;

@@ -8,7 +8,7 @@ use svl_grab::{self as grab, GrabRequest, Grabber, Host};
 /// A running grabber as a source. It ends when `stopped`.
 ///
 /// When a camera fails, the pairs from before come first, then one [`svl_core::Error::Camera`].
-pub struct LiveSource {
+pub struct CameraSource {
     name: String,
     grabber: Grabber,
     stopped: fn() -> bool,
@@ -24,7 +24,7 @@ pub struct LiveSource {
 /// less.
 const MIN_RATE: f64 = 0.95;
 
-impl LiveSource {
+impl CameraSource {
     /// Opens the two cameras that `name` names, as `v4l2:/dev/video0,/dev/video2`, and starts to
     /// grab.
     ///
@@ -66,7 +66,7 @@ impl LiveSource {
     }
 }
 
-impl Source for LiveSource {
+impl Source for CameraSource {
     fn name(&self) -> String {
         self.name.clone()
     }
