@@ -242,14 +242,14 @@ fn show(args: &Args, comparisons: &[Comparison], reasons: &[String]) -> anyhow::
 
 /// The reasons to fail: metrics that became worse come before those that could not be tested.
 fn complaints(cases: &[TestCase]) -> Vec<String> {
-    let of = |is_failure: bool| {
+    let open = |is_failure: bool| {
         cases.iter().filter_map(move |case| match &case.result {
             TestResult::Failed(why) if is_failure => Some(format!("{}: {why}", case.name)),
             TestResult::Skipped(why) if !is_failure => Some(format!("{}: {why}", case.name)),
             _ => None,
         })
     };
-    of(true).chain(of(false)).collect()
+    open(true).chain(open(false)).collect()
 }
 
 /// Fails if a report has nothing that was compared. `reasons`: those without a comparison.

@@ -263,8 +263,8 @@ mod tests {
         let (before, after) = (drives(&[0, 0, 2, 1, 1]), drives(&[0, 1, 0, 3, 1]));
         let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);
-        let words = "collisions 4 → 5; more collisions on courses 3, 1; not finished any more: course 1; finished \
-                     now: course 2; fewer collisions on course 2";
+        let words = "collisions 4 → 5; more collisions on courses 3, 1; not finished any more: \
+                     course 1; finished now: course 2; fewer collisions on course 2";
         assert_eq!(changes.words(), words);
         let (table, more) = changes.table();
         assert_eq!((table.rows.len(), more), (3, 0));

@@ -56,7 +56,7 @@ impl<'a> Join<'a> {
                 runs[usize::from(!is_driven)].name.display()
             )));
         }
-        let alignment = Alignment::new(base, other);
+        let alignment = AlignedRuns::new(base, other);
         let labels = matched_labels(&base.manifest, &other.manifest, map)?;
         let algorithms = labels.into_iter().map(|labels| {
             if is_driven {
@@ -174,12 +174,12 @@ fn matched_labels<'a>(
 
 /// The second report's runs by the names, and its scenes by the numbers, that the first has them
 /// under.
-struct Alignment<'a> {
+struct AlignedRuns<'a> {
     runs: BTreeMap<RunKey<'a>, RunKey<'a>>,
     scenes: HashMap<u64, u64>,
 }
 
-impl<'a> Alignment<'a> {
+impl<'a> AlignedRuns<'a> {
     fn new(base: &'a ScoredRun, other: &'a ScoredRun) -> Self {
         Self {
             runs: aligned_runs(base, other),
@@ -250,7 +250,7 @@ impl<'a> JoinedAlgorithm<'a> {
     fn from_pairs(
         [base, other]: [&'a ScoredRun; 2],
         labels: [&'a str; 2],
-        alignment: &Alignment<'a>,
+        alignment: &AlignedRuns<'a>,
     ) -> Self {
         let rows =
             |run: &'a ScoredRun, label, place: &dyn Fn(RunKey<'a>, u64) -> (RunKey<'a>, u64)| {

@@ -265,8 +265,8 @@ impl Comparison {
             .concat()
             .join("  \n");
         format!(
-            "{said}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` shows \
-             {}{}\n",
+            "{said}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
+             shows {}{}\n",
             change_table(&changes).markdown(),
             escape(&self.scenario),
             self.base.display(),
