@@ -112,17 +112,17 @@ impl LeftImages {
     }
 
     /// True if it is there, as [`LeftImages::read`] reads it.
-    pub fn hold(&self, row: &Row, run: Option<&str>) -> bool {
-        let key = (row.seed, run.map(str::to_owned), row.sequence);
+    pub fn hold(&self, row: &Row) -> bool {
+        let key = (row.seed, row.run.clone(), row.sequence);
         self.units.contains_key(&key)
     }
 
-    /// The image of the row's pair, which the report has under that name of the recording.
+    /// The image of the row's pair.
     ///
     /// # Errors
     /// The errors of [`LeftImages::find`].
-    pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
-        let key = (row.seed, run.map(str::to_owned), row.sequence);
+    pub fn read(&self, row: &Row) -> Result<Option<StoredImage>> {
+        let key = (row.seed, row.run.clone(), row.sequence);
         let unit = self.units.get(&key);
         let pictures = unit.map(StoredUnit::pictures).transpose()?.flatten();
         pictures.map_or(Ok(None), |pictures| pictures.left(row))

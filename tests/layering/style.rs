@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 317),
     ("recording", 12039),
-    ("report", 13116),
+    ("report", 12616),
     ("score", 7632),
     ("sim", 3497),
     ("thesis", 3692),

@@ -54,7 +54,7 @@ impl RawShot {
     fn encoded(&self) -> Result<FrameShot> {
         let optional = |picture: &Option<Picture>| picture.as_ref().map(encoded).transpose();
         Ok(FrameShot {
-            preview: encoded(&self.preview)?,
+            preview: Some(encoded(&self.preview)?),
             true_preview: optional(&self.true_preview)?,
             errors: optional(&self.errors)?,
             ..self.shot.clone()
@@ -284,7 +284,7 @@ fn raw_shot(
         size,
         estimate: marks(&estimate.grid),
         truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
-        preview: Vec::new(),
+        preview: None,
         true_preview: None,
         errors: None,
     };
@@ -300,22 +300,21 @@ fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     encoded(&picture.at_most(width))
 }
 
-/// The left image of a row of a report, which has its recording under the name `run`: rendered
-/// again, or read from svl's recording at its original path. None if it is not there, or if the
-/// pair has other pixels.
-pub fn find_left(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<StoredImage> {
-    let frame = find_pair(manifest, run, row)?;
+/// The left image of a row of a report: rendered again, or read from svl's recording at its
+/// original path. None if it is not there, or if the pair has other pixels.
+pub fn find_left(manifest: &Manifest, row: &Row) -> Option<StoredImage> {
+    let frame = find_pair(manifest, row)?;
     let is_same = hash_words(frame.pair.hash()) == row.pair_hash;
     let file = is_same.then(|| left_image(&frame))?.ok()?;
     Some((file, frame.pair.size()))
 }
 
-fn find_pair(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<Frame> {
+fn find_pair(manifest: &Manifest, row: &Row) -> Option<Frame> {
     if let (Some(config), Some(seed)) = (manifest.part("arena").ok()?, row.seed) {
         return Arena::new(&config, seed).ok()?.frame(row.sequence).ok();
     }
     let mut runs = manifest.runs.iter();
-    let record = runs.find(|record| Some(&*record.name) == run)?;
+    let record = runs.find(|record| Some(&record.name) == row.run.as_ref())?;
     let mut reader = Reader::open(&record.path).ok()?;
     reader.seek(row.sequence).ok()?;
     reader.next_pair().ok()?
