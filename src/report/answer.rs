@@ -1,17 +1,16 @@
 //! The answer of a report: the best algorithm by the headline metrics and by time, and those that
 //! are not told apart from it.
 
+use super::best::{BEST, Best, Certainty, Other, PriorTest};
 use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
-use super::prior_test::PriorTest;
 use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::joined;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
-use svl_score::judge::{AreaChoice, Metric, TruthLevel};
+use svl_score::judge::{Metric, TruthLevel};
 
 /// Limits of an algorithm that may be called best, as fractions: of cells where distances are
 /// scored, of pixels where disparities are. An algorithm that answers nothing misses nothing, so
@@ -47,65 +46,6 @@ pub(super) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
         TruthLevel::NoTruth => &["unrivalled", "agreed"],
     };
     names.iter().filter_map(|name| Metric::find(name)).collect()
-}
-
-/// The best of the usable algorithms by a metric.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Best {
-    pub metric: &'static Metric,
-    /// The cells that the metric is of; absent where it is of all.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub area: Option<AreaChoice>,
-    pub algorithm: String,
-    pub value: f64,
-    /// The other usable algorithms with a value, the better first.
-    pub others: Vec<Other>,
-}
-
-/// An algorithm that is not the best by a metric.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Other {
-    pub algorithm: String,
-    pub certainty: Certainty,
-}
-
-/// Result of the paired interval of the difference from the best (95 %, the block bootstrap of
-/// `svl compare`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Certainty {
-    /// The interval excludes 0.
-    Clear,
-    /// The interval contains 0.
-    NoDifference,
-    /// Too few blocks of pairs, or too few courses, for an interval.
-    TooFew,
-}
-
-/// The mark of the best in tables.
-const BEST: &str = "*";
-
-impl Certainty {
-    /// The mark in tables.
-    fn mark(self) -> &'static str {
-        match self {
-            Self::Clear => "",
-            Self::NoDifference => "=",
-            Self::TooFew => "?",
-        }
-    }
-}
-
-impl Best {
-    /// The mark of an algorithm in the column of the metric.
-    pub(super) fn mark(&self, label: &str) -> &'static str {
-        let other = self.others.iter().find(|other| other.algorithm == label);
-        match other {
-            _ if label == self.algorithm => BEST,
-            Some(other) => other.certainty.mark(),
-            None => "",
-        }
-    }
 }
 
 impl Results {
@@ -235,7 +175,9 @@ impl Results {
             .iter()
             .map(|(name, metrics)| format!("{name} by {}", joined(metrics.iter())));
         let names = names.collect::<Vec<_>>().join("; ");
-        let others = self.best.iter().flat_map(|best| &best.others);
+        let shown = self.shown.columns.metrics(self.kind());
+        let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
+        let others = marked.flat_map(|best| &best.others);
         let certainties: BTreeSet<_> = others.map(|other| other.certainty).collect();
         let items = if self.kind() == TruthLevel::Courses {
             "courses"

@@ -12,6 +12,7 @@ mod agreed;
 mod algorithm_parameters;
 mod answer;
 mod areas;
+mod best;
 mod build;
 pub mod calibration;
 mod cases;
@@ -51,7 +52,7 @@ mod words;
 
 pub use accuracy::AccuracyRow;
 pub use algorithm_parameters::write_algorithms;
-pub use answer::{Best, Certainty, Other};
+pub use best::{Best, Certainty, Other, PriorTest};
 pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
@@ -60,7 +61,6 @@ pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use prior::{PRIOR, TruthRow};
-pub use prior_test::PriorTest;
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use results::{
     AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,

@@ -1,5 +1,6 @@
 //! The test against the prior: nothing is called best that does not beat who looks at nothing.
 
+use super::best::PriorTest;
 use super::results::Results;
 use super::rows::Row;
 use super::samples::resamples;
@@ -9,20 +10,6 @@ use svl_score::judge::{Metric, TruthLevel};
 
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MIN_RIGHT: f64 = 0.8;
-
-/// The test of algorithms against the prior.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PriorTest {
-    /// There is no prior.
-    #[default]
-    None,
-    /// `Results::behind_prior` has those that do not beat it.
-    Tested,
-    /// Too few blocks of pairs for an interval.
-    TooFewPairs,
-    /// The prior is right nearly everywhere, so it is no test.
-    Still,
-}
 
 impl Results {
     /// Finds the algorithms that do not beat the prior by right minus wrong cells, beyond the 95 %

@@ -1,9 +1,8 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
-use super::answer::Best;
+use super::best::{Best, PriorTest};
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
-use super::prior_test::PriorTest;
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
 use super::samples::run_key;
@@ -421,8 +420,8 @@ impl Results {
             results.add_manifest(manifest);
         }
         // The order matters: the manifest has the algorithms that failed on every pair, which are
-        // sorted, too, and those that may not be called best; the best is the first of equal ones, and
-        // beats the prior.
+        // sorted, too, and those that may not be called best; the best is the first of equal ones,
+        // and beats the prior.
         if let Some(metric) = results.shown.sort {
             results.sort_by(metric);
         }

@@ -1,6 +1,6 @@
 //! A summary on the terminal: the answer first.
 
-use super::answer::Best;
+use super::best::Best;
 use super::prior::PRIOR;
 use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};

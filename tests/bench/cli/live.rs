@@ -75,8 +75,7 @@ fn every_image_is_in_a_pair_or_counted() {
         assert_eq!(ran.code, Some(code), "{name}");
         let info = fixture.run(&format!("info {file}"));
         assert!(
-            info.contains("grabbed    ")
-                && info.contains("ended      by an error: ") == (code == 1),
+            info.contains("grabbed         ") && info.contains("grabber error   ") == (code == 1),
             "{info}"
         );
         let info = fixture.json(&format!("info {file} --json"));
@@ -134,7 +133,10 @@ fn pairs_before_a_camera_failed_are_kept() {
             .svl(&format!("record {sim} -o {name}"))
             .failed(1, &["right camera, sim right", words]);
         assert_eq!(frames(&fixture, name).len(), 3);
-        assert_says(&fixture.run(&format!("info {name}")), &["intact     yes"]);
+        assert_says(
+            &fixture.run(&format!("info {name}")),
+            &["intact          yes"],
+        );
     }
 }
 

@@ -71,7 +71,10 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     };
     assert_eq!(attached("rectified.mcap"), fixture.bytes("rig.yml"));
     let info = fixture.run("info rectified.mcap");
-    assert_says(&info, &["geometry   rectified by rig.yml"]);
+    assert_says(
+        &info,
+        &["geometry        rectified\n", "calibration     rig.yml\n"],
+    );
 
     let rows = |args: &[&str], rows: &str| {
         let common = ["--algo", "v3", "--algo", "bm", "--rows", rows];
@@ -116,7 +119,7 @@ fn the_row_offset_is_measured() {
     raw_pairs(&fixture, 2);
     let ran = fixture.svl("calibrate check raw");
     assert_eq!(ran.code, Some(1));
-    assert_says(&ran.stdout, &["right image 6.0", "shifted"]);
+    assert_says(&ran.stdout, &["right is lower  6.00 px", "shift"]);
     assert!(
         ran.stderr
             .starts_with("error: raw: vertical misalignment of 6.0 px"),
@@ -180,7 +183,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
         fixture.run("record raw.mcap --force -o copy.mcap");
         let info = fixture.run("info copy.mcap");
         assert!(
-            info.contains("attached   calibration/left.yaml,") && !info.contains("rectified  "),
+            info.contains("attachments     calibration/left.yaml,") && !info.contains("rectified"),
             "{info}"
         );
         let by_itself = "record copy.mcap --calib copy.mcap --force -o later.mcap";
