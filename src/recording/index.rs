@@ -48,22 +48,19 @@ impl Summary {
         }
         let mut messages = Messages::new(records, Declared::default());
         let mut found = Self::default();
-        loop {
-            let opcode = match messages.advance() {
-                Ok(Some(opcode)) if is_data(opcode) => return Ok(None),
-                Ok(Some(opcode)) => opcode,
-                Ok(None) => break,
-                Err(Error::Damaged { .. }) => return Ok(None),
-                Err(error) => return Err(error),
-            };
-            match messages.parse(opcode) {
+        while let Some(opcode) = messages.advance()? {
+            match messages.records.parse(opcode) {
                 Ok(Record::AttachmentIndex(index)) => {
                     found.attachments.push((index.name, index.offset));
                 }
                 Ok(Record::MetadataIndex(index)) => found.metadata.push(index.offset),
                 Ok(Record::ChunkIndex(index)) => found.chunks.push(index),
+                _ if is_data(opcode) => return Ok(None),
                 _ => {}
             }
+        }
+        if !messages.records.losses.is_empty() {
+            return Ok(None);
         }
         // Writers may list them in any order; the first in the file wins among equal names.
         found.attachments.sort_by_key(|(_, start)| *start);
@@ -141,7 +138,7 @@ impl Index {
                 FileEvent::Message(..) => {}
             }
         }
-        index.damage = messages.losses().first().map(ToString::to_string);
+        index.damage = messages.records.losses.first().map(ToString::to_string);
         index.declared = messages.declared().clone();
         Ok(index)
     }

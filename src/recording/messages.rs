@@ -1,7 +1,7 @@
 //! The messages of an MCAP file with their channels, and its metadata and attachments.
 
 use super::file::McapFile;
-use super::records::{ANOTHER, DamagedPart, Records};
+use super::records::{ANOTHER, Records};
 use super::ros::ROS1;
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use parking_lot::Mutex;
@@ -89,9 +89,7 @@ struct RecordCounts {
 
 /// Reads a file from start to end, and any files appended to it.
 pub(super) struct Messages {
-    records: Records,
-    /// True if reading ends where messages may be lost.
-    strict: bool,
+    pub(super) records: Records,
     has_ended: bool,
     /// Declarations of the current file so far.
     declared: Declared,
@@ -166,7 +164,6 @@ impl Messages {
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
         let records = Records::open(file, false)?;
         Ok(Self {
-            strict: false,
             file: Some(file.clone()),
             ..Self::new(records, Declared::default())
         })
@@ -183,7 +180,6 @@ impl Messages {
     pub(super) fn new(records: Records, declared: Declared) -> Self {
         Self {
             records,
-            strict: true,
             has_ended: false,
             declared,
             file: None,
@@ -193,16 +189,6 @@ impl Messages {
             missing: BTreeMap::new(),
             lacks: false,
         }
-    }
-
-    /// Start of the current record, which is an attachment, and the size of its data.
-    pub(super) fn attachment(&self) -> (u64, u64) {
-        (self.records.start(), self.records.attached())
-    }
-
-    /// The damaged parts so far, in file order.
-    pub(super) fn losses(&self) -> &[DamagedPart] {
-        self.records.losses()
     }
 
     /// By topic the messages counted in the summaries but not found.
@@ -215,23 +201,10 @@ impl Messages {
         self.lacks || self.records.has_skipped()
     }
 
-    /// True if all messages read so far are covered by a CRC.
-    pub(super) fn is_checked(&self) -> bool {
-        self.records.is_checked()
-    }
-
     /// Declarations of the file, or of the first one if others are appended. Before the end of the
     /// file, those found so far.
     pub(super) fn declared(&self) -> &Declared {
         self.past.first().unwrap_or(&self.declared)
-    }
-
-    /// The current record, which [`Messages::advance`] reached, parsed.
-    ///
-    /// # Errors
-    /// The reason why it cannot be read.
-    pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
-        self.records.parse(opcode)
     }
 
     /// Everything declared, as it was written: channels and their schemas, file by file.
@@ -260,7 +233,7 @@ impl Messages {
         Some((channel, self.declared.schemas.get(&channel.schema_id)))
     }
 
-    /// Advances to the next readable record, and returns its opcode; see [`Messages::parse`].
+    /// Advances to the next readable record, and returns its opcode; see [`Records::parse`].
     ///
     /// # Errors
     /// The errors of [`Messages::next`].
@@ -274,14 +247,14 @@ impl Messages {
                 None => self.has_ended = true,
                 Some(ANOTHER) => self.records.begin_another(),
                 // Reading ends before what follows the damage.
-                Some(_) if self.strict && self.records.is_broken() => {}
+                Some(_) if self.records.is_broken && self.records.strict => {}
                 Some(opcode) => match self.look_ahead(opcode)?.check(opcode) {
                     Ok(()) => return Ok(Some(opcode)),
                     Err(reason) => self.records.lose(&reason)?,
                 },
             }
-            if self.strict
-                && (self.has_ended || self.records.is_broken())
+            if self.records.strict
+                && (self.has_ended || self.records.is_broken)
                 && let Some(error) = self.records.error()
             {
                 self.has_ended = true;
@@ -319,9 +292,8 @@ impl Messages {
         };
         self.has_looked_ahead = true;
         let mut records = Records::unread(file)?;
-        records.seek(self.records.start());
+        records.seek(self.records.start);
         let mut ahead = Self::new(records, Declared::default());
-        ahead.strict = false;
         while ahead.past.is_empty() && ahead.advance()?.is_some() {}
         let found = ahead.declared().clone();
         for (id, schema) in found.schemas {
@@ -454,17 +426,17 @@ impl Messages {
 
     fn event(&self, opcode: u8) -> Option<FileEvent<'_>> {
         // Checked already.
-        Some(match self.parse(opcode).ok()? {
+        Some(match self.records.parse(opcode).ok()? {
             Record::Message { header, data } => {
                 let (channel, _) = self.declared.channels.get(&header.channel_id)?;
                 FileEvent::Message(channel, header.log_time, data)
             }
             Record::Metadata(metadata) => FileEvent::Metadata(metadata),
-            Record::Attachment { header, .. } => {
-                let (start, bytes) = self.attachment();
-                let name = header.name;
-                FileEvent::Attachment { start, name, bytes }
-            }
+            Record::Attachment { header, .. } => FileEvent::Attachment {
+                start: self.records.start,
+                name: header.name,
+                bytes: self.records.attached,
+            },
             Record::Header(header) => FileEvent::Library(header),
             _ => return None,
         })

@@ -14,7 +14,7 @@ use super::bag::not_mcap;
 use super::chunk::split;
 use super::file::McapFile;
 use super::layout::{HEAD, u32_at, u64_at};
-use super::search::{Fault, Loaded, PRIVATE, RecordSearch};
+use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
 use std::io::Read as _;
@@ -25,8 +25,7 @@ use svl_core::{Error, Result};
 
 pub(super) use super::search::ANOTHER;
 
-/// Length of the footer and the magic behind it.
-const FOOTER: u64 = HEAD + 20 + 8;
+const MAGIC: u64 = mcap::MAGIC.len() as u64;
 
 /// A part of a file that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -35,6 +34,14 @@ pub struct DamagedPart {
     /// Length of the part; 0 if something was never written, or is only detected here.
     pub bytes: u64,
     pub reason: String,
+}
+
+impl DamagedPart {
+    /// True if records are skipped in a file of `len` bytes, apart from the one in which it ends.
+    pub(super) fn have_records_behind(losses: &[Self], len: u64) -> bool {
+        let is_inside = |loss: &Self| loss.bytes > 0 && loss.at_byte + loss.bytes < len;
+        losses.iter().any(is_inside)
+    }
 }
 
 impl std::fmt::Display for DamagedPart {
@@ -50,14 +57,28 @@ impl std::fmt::Display for DamagedPart {
 /// Reads raw records, including those inside chunks. Damaged parts are skipped and noted.
 pub(super) struct Records {
     path: PathBuf,
+    /// True if nothing is read behind the first damage that messages may be lost to.
+    pub(super) strict: bool,
     file: RecordSearch,
-    /// Start of the next record of the file itself, and of the current one.
+    /// Start of the next record of the file itself.
     at: u64,
-    start: u64,
-    /// Rest of the chunk, from the end, and the current record in it.
-    in_chunk: bool,
-    within: Range<usize>,
-    /// CRC of the section being read; `None` if reading began inside it.
+    /// Start of the current record of the file itself; of an attachment, the size of its data.
+    pub(super) start: u64,
+    pub(super) attached: u64,
+    /// The current record, if it is in a chunk.
+    in_chunk: Option<Range<usize>>,
+    part: Part,
+    /// True if messages without a CRC were read in the files before the current one.
+    unchecked: bool,
+    /// The damaged parts that were skipped, in file order.
+    pub(super) losses: Vec<DamagedPart>,
+    /// True if messages may be lost.
+    pub(super) is_broken: bool,
+}
+
+/// What is known of the current file, of several appended to each other.
+struct Part {
+    /// CRC of the section being read; `None` if reading began inside the file.
     crc: Option<Hasher>,
     has_header: bool,
     has_chunks: bool,
@@ -68,17 +89,25 @@ pub(super) struct Records {
     /// No record is missed before this position: the end of the last proven record, or of the last
     /// search.
     sure: u64,
-    losses: Vec<DamagedPart>,
-    /// Number of damaged parts in the files before the current one, if files are appended.
+    /// Number of damaged parts in the files before.
     before: usize,
-    /// True if messages may be lost.
-    is_broken: bool,
-    /// True if records were skipped, apart from the one in which the file ends.
-    skipped: bool,
-    /// Size of the data, if the current record is an attachment.
-    attached: u64,
-    /// False if reading began inside the file: then its sections and counts are unknown.
-    reads_all: bool,
+}
+
+impl Part {
+    /// A file whose records begin at `start`.
+    fn new(start: u64, before: usize) -> Self {
+        let mut crc = Hasher::new();
+        crc.update(mcap::MAGIC);
+        Self {
+            crc: Some(crc),
+            has_header: false,
+            has_chunks: false,
+            finished: false,
+            unchecked: [false; 2],
+            sure: start,
+            before,
+        }
+    }
 }
 
 impl Records {
@@ -86,8 +115,11 @@ impl Records {
     /// [`Error::Io`]; [`Error::Format`] for a file without MCAP's magic, and, unless `strict`,
     /// without any proven record.
     pub(super) fn open(file: &McapFile, strict: bool) -> Result<Self> {
-        let mut records = Self::unread(file)?;
-        let begins = records.begin(strict).map_err(|e| records.io(e))?;
+        let mut records = Self {
+            strict,
+            ..Self::unread(file)?
+        };
+        let begins = records.begin().map_err(|e| records.io(e))?;
         begins.then_some(records).ok_or_else(|| no_mcap(file))
     }
 
@@ -95,117 +127,86 @@ impl Records {
     pub(super) fn unread(file: &McapFile) -> Result<Self> {
         Ok(Self {
             path: file.path().to_owned(),
+            strict: false,
             file: RecordSearch::open(file)?,
-            at: mcap::MAGIC.len() as u64,
+            at: MAGIC,
             start: 0,
-            in_chunk: false,
-            within: 0..0,
-            crc: Some(Hasher::new()),
-            has_header: false,
-            has_chunks: false,
-            finished: false,
-            unchecked: [false; 2],
-            sure: mcap::MAGIC.len() as u64,
-            losses: Vec::new(),
-            before: 0,
-            is_broken: false,
-            skipped: false,
             attached: 0,
-            reads_all: true,
+            in_chunk: None,
+            part: Part::new(MAGIC, 0),
+            unchecked: false,
+            losses: Vec::new(),
+            is_broken: false,
         })
     }
 
     /// Finds the first record. False in a file that is not MCAP.
-    fn begin(&mut self, strict: bool) -> IoResult<bool> {
-        self.crc.iter_mut().for_each(|crc| crc.update(mcap::MAGIC));
-        if self.file.is_magic(0)? {
-            return Ok(true);
-        }
-        if strict {
-            return Ok(false);
+    fn begin(&mut self) -> IoResult<bool> {
+        if self.strict || self.file.is_magic(0)? {
+            return self.file.is_magic(0);
         }
         // A file without any proven record is not MCAP.
-        let Some(found) = self.file.find(0..self.file.len())? else {
+        let Some(found) = self.file.find(0..self.file.len)? else {
             return Ok(false);
         };
-        if !self.file.is_header(8)? {
+        if !self.file.is_header(MAGIC)? {
             self.at = found;
         }
-        self.skipped = self.at > mcap::MAGIC.len() as u64;
         self.note(0..self.at, "it does not begin as an MCAP file does");
-        self.sure = self.at;
+        self.part.sure = self.at;
         Ok(true)
     }
 
     /// Moves to a record of the file itself.
     pub(super) fn seek(&mut self, start: u64) {
-        (self.at, self.sure, self.reads_all, self.has_header) = (start, start, false, true);
-        self.crc = None;
+        (self.at, self.part.sure, self.part.crc) = (start, start, None);
     }
 
-    /// Moves to the summary section; false if the file has none at its end, where that of a file
-    /// that was truncated or appended to is not.
+    /// Moves to the summary section; false if the file has no intact one at its end.
     pub(super) fn seek_summary(&mut self) -> Result<bool> {
         let start = self.summary().map_err(|e| self.io(e))?;
         start.into_iter().for_each(|start| self.seek(start));
-        self.crc = Some(Hasher::new());
-        // No use behind damage.
-        self.file.spend(u64::MAX);
         Ok(start.is_some())
     }
 
     fn summary(&mut self) -> IoResult<Option<u64>> {
-        let Some(footer) = self.file.len().checked_sub(FOOTER) else {
+        let Some(footer) = self.file.len.checked_sub(HEAD + 20 + MAGIC) else {
             return Ok(None);
         };
-        let is_footer = match self.file.load(footer)? {
-            Ok(loaded) => loaded.opcode == op::FOOTER,
-            Err(_) => false,
-        };
-        let start = u64_at(&self.file.body, 0).filter(|start| (1..=footer).contains(start));
-        let is_footer = is_footer && self.file.is_magic(footer + HEAD + 20)?;
-        Ok(start.filter(|_| is_footer))
+        let loaded = self.file.load(footer)?;
+        let is_footer = loaded.is_ok_and(|loaded| loaded.opcode == op::FOOTER)
+            && self.file.is_magic(footer + HEAD + 20)?;
+        let start = u64_at(&self.file.body, 0).unwrap_or(0);
+        if !is_footer || !(1..=footer).contains(&start) {
+            return Ok(None);
+        }
+        let saved = u32_at(&self.file.body, 16).unwrap_or(0);
+        let mut crc = Hasher::new();
+        let covered = footer + HEAD + 16 - start;
+        self.file
+            .pieces(start, covered, |piece| crc.update(piece))?;
+        Ok(Some(start).filter(|_| saved == 0 || saved == crc.finalize()))
     }
 
     /// True if reading began with the file.
     pub(super) fn reads_all(&self) -> bool {
-        self.reads_all
+        self.part.crc.is_some()
     }
 
     /// True if all messages read so far are covered by a CRC. Otherwise changed bytes may be
     /// undetected.
     pub(super) fn is_checked(&self) -> bool {
-        self.unchecked == [false; 2]
-    }
-
-    /// The damaged parts that were skipped, in file order.
-    pub(super) fn losses(&self) -> &[DamagedPart] {
-        &self.losses
-    }
-
-    /// True if messages may be lost.
-    pub(super) fn is_broken(&self) -> bool {
-        self.is_broken
+        !self.unchecked && self.part.unchecked == [false; 2]
     }
 
     /// True if records were skipped, apart from the one in which the file ends.
     pub(super) fn has_skipped(&self) -> bool {
-        self.skipped
+        DamagedPart::have_records_behind(&self.losses, self.file.len)
     }
 
     /// True if any part of the current file was skipped.
     pub(super) fn has_losses(&self) -> bool {
-        self.losses.len() > self.before
-    }
-
-    /// Start of the current record of the file itself.
-    pub(super) fn start(&self) -> u64 {
-        self.start
-    }
-
-    /// Size of the data of the current record, which is an attachment.
-    pub(super) fn attached(&self) -> u64 {
-        self.attached
+        self.losses.len() > self.part.before
     }
 
     /// The error of the first damaged part; `None` without any.
@@ -218,17 +219,14 @@ impl Records {
         Error::io(&self.path, error)
     }
 
-    /// The body of the current record; of an attachment, as if it had no data.
-    pub(super) fn body(&self) -> &[u8] {
-        match self.in_chunk {
-            true => &self.file.unpacked[self.within.clone()],
-            false => &self.file.body,
-        }
-    }
-
-    /// The current record, parsed, or the reason why it cannot be read.
+    /// The current record, parsed, or the reason why it cannot be read. An attachment is parsed as
+    /// if it had no data.
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
-        mcap::parse_record(opcode, self.body()).map_err(|e| format!("a record cannot be read: {e}"))
+        let body = match &self.in_chunk {
+            Some(body) => &self.file.unpacked[body.clone()],
+            None => &self.file.body[..],
+        };
+        mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
     }
 
     /// Advances to the next record and returns its opcode; `None` at the end of the file.
@@ -245,17 +243,17 @@ impl Records {
                 return Ok(Some(opcode));
             }
             self.start = self.at;
-            if self.finished && self.at == self.file.len() {
+            if self.part.finished && self.at == self.file.len {
                 return Ok(None);
             }
             let loaded = match self.file.load(self.at)? {
                 Ok(loaded) if loaded.opcode == ANOTHER => return Ok(Some(ANOTHER)),
-                _ if self.finished => Err(Fault::cut("other data follow after its end")),
+                _ if self.part.finished => Err(RecordFault::cut("other data follow after its end")),
                 Ok(loaded) => self.accept(loaded)?,
                 Err(fault) => Err(fault),
             };
             match loaded {
-                // Its records follow; nothing reads a footer.
+                // The records of a chunk follow; nothing reads a footer.
                 Ok(op::CHUNK | op::FOOTER) => {}
                 Ok(opcode) => return Ok(Some(opcode)),
                 Err(fault) => self.pass_over(fault)?,
@@ -264,23 +262,21 @@ impl Records {
     }
 
     fn next_in_chunk(&mut self) -> Option<u8> {
-        let rest = self.file.unpacked.get(self.within.end..);
-        let next = rest.filter(|_| self.in_chunk).and_then(split);
-        self.in_chunk = next.is_some();
-        let (opcode, body, _) = next?;
-        let start = self.within.end + HEAD as usize;
-        self.within = start..start + body.len();
+        let end = self.in_chunk.take()?.end;
+        let (opcode, body, _) = split(&self.file.unpacked[end..])?;
+        let start = end + HEAD as usize;
+        self.in_chunk = Some(start..start + body.len());
         Some(opcode)
     }
 
     /// Takes the loaded record in, unless there is a reason not to trust it.
-    fn accept(&mut self, loaded: Loaded) -> IoResult<std::result::Result<u8, Fault>> {
+    fn accept(&mut self, loaded: LoadedRecord) -> IoResult<std::result::Result<u8, RecordFault>> {
         let opcode = loaded.opcode;
         // No writer mixes messages inside and outside of chunks, and one flipped bit can turn
         // another record into a message.
-        if opcode == op::MESSAGE && self.has_chunks {
+        if opcode == op::MESSAGE && self.part.has_chunks {
             let reason = "a message is outside of the chunks";
-            return Ok(Err(Fault::beside(loaded.end, reason)));
+            return Ok(Err(RecordFault::beside(loaded.end, reason)));
         }
         // After damage any byte from 0x80 on looks like a private record, and the bytes after it
         // like its length.
@@ -293,32 +289,33 @@ impl Records {
         if unknown < loaded.end {
             if self.file.find(unknown..loaded.end)?.is_some() {
                 let reason = "the unknown part of a record covers others";
-                return Ok(Err(Fault::beside(loaded.end, reason)));
+                return Ok(Err(RecordFault::beside(loaded.end, reason)));
             }
             // The search has loaded others.
             let _ = self.file.load(self.at)?;
         }
         if self.file.is_proven(&loaded)? {
-            self.sure = loaded.end;
+            self.part.sure = loaded.end;
         }
-        self.at = loaded.end;
-        self.attached = loaded.bytes;
-        let before = self.crc.clone();
-        self.crc.iter_mut().for_each(|crc| crc.combine(&loaded.crc));
+        (self.at, self.attached) = (loaded.end, loaded.bytes);
+        let before = self.part.crc.clone();
+        self.part
+            .crc
+            .iter_mut()
+            .for_each(|crc| crc.combine(&loaded.crc));
         match opcode {
             op::CHUNK => {
-                (self.in_chunk, self.within, self.has_chunks) = (true, 0..0, true);
-                self.unchecked[0] |= !loaded.is_checked;
+                (self.in_chunk, self.part.has_chunks) = (Some(0..0), true);
+                self.part.unchecked[0] |= !loaded.is_checked;
             }
-            op::MESSAGE => self.unchecked[0] = true,
+            op::MESSAGE => self.part.unchecked[0] = true,
             // MCAP requires it first; it is accepted anywhere, as its position does not matter.
-            op::HEADER => self.has_header = true,
+            op::HEADER => self.part.has_header = true,
             op::DATA_END => {
-                let saved = u32_at(&self.file.body, 0).unwrap_or(0);
-                let is_checked = self.check_crc("data section", before, saved);
-                let [section, earlier] = self.unchecked;
-                self.unchecked = [false, earlier || section && !is_checked];
-                self.crc = Some(Hasher::new());
+                let is_checked = self.check_crc("data section", before, 0);
+                let [section, earlier] = self.part.unchecked;
+                self.part.unchecked = [false, earlier || section && !is_checked];
+                self.part.crc = self.part.crc.take().map(|_| Hasher::new());
             }
             op::FOOTER => return self.finish(before),
             _ => {}
@@ -327,59 +324,60 @@ impl Records {
     }
 
     /// Ends a file at its footer. `section`: CRC of the summary section before it.
-    fn finish(&mut self, section: Option<Hasher>) -> IoResult<std::result::Result<u8, Fault>> {
+    fn finish(
+        &mut self,
+        mut section: Option<Hasher>,
+    ) -> IoResult<std::result::Result<u8, RecordFault>> {
         // The CRC covers the footer up to the CRC itself.
-        let (known, saved) = self.file.body.split_at(16);
-        let head = [&[op::FOOTER][..], &20_u64.to_le_bytes(), known].concat();
-        let saved = u32_at(saved, 0).unwrap_or(0);
-        let section = section.map(|mut section| {
-            section.update(&head);
-            section
-        });
-        self.check_crc("summary section", section, saved);
-        if !self.has_header && !self.has_losses() {
+        let head = [
+            &[op::FOOTER][..],
+            &20_u64.to_le_bytes(),
+            &self.file.body[..16],
+        ]
+        .concat();
+        section.iter_mut().for_each(|section| section.update(&head));
+        self.check_crc("summary section", section, 16);
+        if !self.part.has_header && self.reads_all() && !self.has_losses() {
             self.missing("it has no header");
         }
         self.start = self.at;
         if !self.file.is_magic(self.at)? {
-            return Ok(Err(Fault::cut("it does not end as an MCAP file does")));
+            return Ok(Err(RecordFault::cut(
+                "it does not end as an MCAP file does",
+            )));
         }
-        self.at += mcap::MAGIC.len() as u64;
-        (self.finished, self.sure) = (true, self.at);
+        self.at += MAGIC;
+        (self.part.finished, self.part.sure) = (true, self.at);
         Ok(Ok(op::FOOTER))
     }
 
-    /// Checks the CRC of a section; returns true if it has one, which matches.
-    fn check_crc(&mut self, section: &str, crc: Option<Hasher>, saved: u32) -> bool {
-        let Some(calculated) = crc.map(Hasher::finalize) else {
+    /// Checks the CRC of a section, which is at `place` in the current record; returns true if it
+    /// has one, which matches.
+    fn check_crc(&mut self, section: &str, crc: Option<Hasher>, place: usize) -> bool {
+        let saved = u32_at(&self.file.body, place).unwrap_or(0);
+        let Some(calculated) = crc.map(Hasher::finalize).filter(|_| saved != 0) else {
             return false;
         };
         // Damage found before explains a CRC that does not match.
-        if saved != 0 && saved != calculated && !self.has_losses() {
+        if saved != calculated && !self.has_losses() {
             self.missing(&format!(
                 "the CRC of its {section} is {calculated:08x}, {saved:08x} expected"
             ));
         }
-        saved == calculated && saved != 0
+        saved == calculated
     }
 
     /// Continues in the appended file that begins here, see [`ANOTHER`].
     pub(super) fn begin_another(&mut self) {
         // Both files are read; the note is that there are two.
-        let reason = ["it is truncated, and another", "another"][usize::from(self.finished)];
+        let reason = ["it is truncated, and another", "another"][usize::from(self.part.finished)];
         self.note(
             self.start..self.start,
             &format!("{reason} MCAP file follows"),
         );
-        self.is_broken = true;
-        self.before = self.losses.len();
-        self.at = self.start + mcap::MAGIC.len() as u64;
-        self.sure = self.at;
-        (self.has_header, self.has_chunks, self.finished) = (false, false, false);
-        self.unchecked = [false, !self.is_checked()];
-        let mut crc = Hasher::new();
-        crc.update(mcap::MAGIC);
-        self.crc = Some(crc);
+        (self.is_broken, self.unchecked) = (true, !self.is_checked());
+        self.at = self.start + MAGIC;
+        self.part = Part::new(self.at, self.losses.len());
     }
 
     /// Skips the current record and notes the reason.
@@ -387,12 +385,12 @@ impl Records {
     /// # Errors
     /// [`Error::Io`].
     pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
-        if self.in_chunk {
+        if self.in_chunk.is_some() {
             self.note(self.start..self.at, reason);
-            (self.is_broken, self.skipped) = (true, true);
+            self.is_broken = true;
             return Ok(());
         }
-        self.pass_over(Fault::new(self.at, reason))
+        self.pass_over(RecordFault::new(self.at, reason))
             .map_err(|e| self.io(e))
     }
 
@@ -403,32 +401,29 @@ impl Records {
     }
 
     /// Skips the record at `start`: up to its end, or to a proven record before that.
-    fn pass_over(&mut self, fault: Fault) -> IoResult<()> {
-        let end = fault.end.unwrap_or(self.file.len());
+    fn pass_over(&mut self, fault: RecordFault) -> IoResult<()> {
+        let end = fault.end.unwrap_or(self.file.len);
         // Not at `sure` itself, where the corrupt record begins. Nor at the skipped record, which
         // its known part may prove.
-        let from = self.sure + 1;
-        let found = match self.file.find(from..self.start)? {
+        let (sure, begin) = (self.part.sure, self.start);
+        let found = match self.file.find(sure + 1..begin)? {
             Some(found) => found,
-            None => {
-                let after = from.max(self.start + 1);
-                self.file.find(after..end)?.unwrap_or(end)
-            }
+            None => self
+                .file
+                .find((sure + 1).max(begin + 1)..end)?
+                .unwrap_or(end),
         };
         // Bytes read before and again after the search count, or two corrupt lengths could loop.
-        let read = fault.end.unwrap_or(self.start);
+        let read = fault.end.unwrap_or(begin);
         self.file.spend(read.saturating_sub(found));
         // The length that led here may itself be corrupt, and point too far.
-        let start = if found < self.start {
-            self.sure
-        } else {
-            self.start
-        };
-        self.note(start..found, &fault.reason);
+        self.note(
+            if found < begin { sure } else { begin }..found,
+            &fault.reason,
+        );
         self.is_broken |= !fault.is_beside;
-        self.skipped |= fault.end.is_some() || found < self.file.len();
-        self.finished = found == self.file.len();
-        (self.at, self.sure) = (found, found);
+        (self.at, self.part.sure) = (found, found);
+        self.part.finished = found == self.file.len;
         Ok(())
     }
 
@@ -438,7 +433,7 @@ impl Records {
             bytes: part.end - part.start,
             reason: reason.to_owned(),
         };
-        match self.losses[self.before..].last_mut() {
+        match self.losses[self.part.before..].last_mut() {
             Some(last) if *last == loss => {}
             // Adjacent parts, or parts of the same chunk, are one.
             Some(last)
@@ -459,7 +454,7 @@ impl Records {
         if self.opcode_at(start)?.is_none() {
             return Ok(None);
         }
-        self.in_chunk = false;
+        self.in_chunk = None;
         match self.file.load(start).map_err(|e| self.io(e))? {
             Ok(loaded) => Ok(self.parse(loaded.opcode).ok()),
             Err(_) => Ok(None),
@@ -482,7 +477,7 @@ impl Records {
             return Ok(false);
         };
         let (data, mut taken) = (loaded.unknown - 4 - loaded.bytes, Ok(()));
-        let read = self.file.read_pieces(data, loaded.bytes, |piece| {
+        let read = self.file.pieces(data, loaded.bytes, |piece| {
             if taken.is_ok() {
                 taken = take(piece);
             }

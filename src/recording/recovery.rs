@@ -58,7 +58,7 @@ impl Recording {
         };
         let mut messages = Messages::salvage(from)?;
         let first = messages.advance()?;
-        let (profile, library) = match first.map(|opcode| messages.parse(opcode)) {
+        let (profile, library) = match first.map(|opcode| messages.records.parse(opcode)) {
             Some(Ok(Record::Header(header))) => (header.profile, header.library),
             _ => Default::default(),
         };
@@ -130,10 +130,7 @@ fn recover_ros1(from: &McapFile, to: &Path) -> Result<Recovery> {
         *recovery.messages.entry(topic.clone()).or_default() += 1;
     }
     recovery.losses = messages.take_losses();
-    recovery.partial = recovery
-        .losses
-        .iter()
-        .any(|loss| loss.bytes > 0 && loss.at_byte + loss.bytes < from.len());
+    recovery.partial = DamagedPart::have_records_behind(&recovery.losses, from.len());
     completed(Ok(()), (copy, recovery), (from.path(), to))
 }
 
@@ -159,17 +156,17 @@ impl Copier {
             declare(&mut self.file, channel, schema)?;
         }
         let recovery = &mut self.recovery;
-        recovery.losses = messages.losses().to_vec();
+        recovery.losses = messages.records.losses.clone();
         recovery.missing = messages.take_missing();
         recovery.partial = messages.has_more();
-        recovery.checksums = messages.is_checked();
+        recovery.checksums = messages.records.is_checked();
         Ok(())
     }
 
     /// Copies the current record.
     fn take_in(&mut self, messages: &Messages, opcode: u8) -> Result<()> {
         // Checked already.
-        let Ok(record) = messages.parse(opcode) else {
+        let Ok(record) = messages.records.parse(opcode) else {
             return Ok(());
         };
         match record {
@@ -202,7 +199,7 @@ impl Copier {
                     .or_default() += 1;
             }
             Record::Attachment { header, .. } => {
-                let (start, bytes) = messages.attachment();
+                let (start, bytes) = (messages.records.start, messages.records.attached);
                 let file = &mut self.file;
                 file.begin_attachment(bytes, header)?;
                 let copy = |piece: &[u8]| file.attachment_piece(piece);

@@ -9,10 +9,19 @@ use super::chunk;
 use super::file::{FileReader, McapFile};
 use super::layout::{HEAD, MAX_RECORD, has_fields, is_record, known_size};
 use super::layout::{u32_at, u64_at};
+use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::io::{self, BufReader, Read as _};
+use std::io::{Read as _, Result as IoResult, Seek as _, SeekFrom};
 use std::ops::Range;
 
+/// First bytes of the records that can be proven, and of MCAP's magic.
+const CAN_BE_PROVEN: [u8; 5] = [
+    op::CHUNK,
+    op::ATTACHMENT,
+    op::METADATA,
+    op::DATA_END,
+    mcap::MAGIC[0],
+];
 /// Code for the magic of an appended file. No record has this opcode.
 pub(super) const ANOTHER: u8 = 0;
 /// Opcodes from here on are private to other programs.
@@ -27,9 +36,8 @@ const MAX_BESIDE: u64 = 1 << 16;
 
 /// One file, and the last record loaded from it.
 pub(super) struct RecordSearch {
-    file: BufReader<FileReader>,
-    at: u64,
-    len: u64,
+    file: FileReader,
+    pub(super) len: u64,
     /// Bytes that may still be read and unpacked in vain, and those read so far.
     budget: u64,
     read: u64,
@@ -41,13 +49,13 @@ pub(super) struct RecordSearch {
 }
 
 /// A record with a length that fits the file and its own fields.
-pub(super) struct Loaded {
+pub(super) struct LoadedRecord {
     pub(super) opcode: u8,
     pub(super) end: u64,
     /// Start of what is behind the known fields.
     pub(super) unknown: u64,
     /// CRC of all its bytes.
-    pub(super) crc: crc32fast::Hasher,
+    pub(super) crc: Hasher,
     pub(super) proof: Proof,
     /// True unless a chunk has no CRC.
     pub(super) is_checked: bool,
@@ -66,7 +74,7 @@ pub(super) enum Proof {
 }
 
 /// A record that cannot be used.
-pub(super) struct Fault {
+pub(super) struct RecordFault {
     /// Where the next record begins; `None` if that is unknown.
     pub(super) end: Option<u64>,
     pub(super) reason: String,
@@ -74,7 +82,7 @@ pub(super) struct Fault {
     pub(super) is_beside: bool,
 }
 
-impl Fault {
+impl RecordFault {
     pub(super) fn cut(reason: impl Into<String>) -> Self {
         let reason = reason.into();
         Self {
@@ -105,8 +113,7 @@ impl RecordSearch {
     pub(super) fn open(file: &McapFile) -> svl_core::Result<Self> {
         let zstd = zstd::bulk::Decompressor::new();
         Ok(Self {
-            file: BufReader::with_capacity(WINDOW as usize, file.reader()?),
-            at: 0,
+            file: file.reader()?,
             len: file.len(),
             // 16 times the file size: many fake chunk heads end the search early instead of taking
             // the user's time.
@@ -118,43 +125,35 @@ impl RecordSearch {
         })
     }
 
-    pub(super) fn len(&self) -> u64 {
-        self.len
-    }
-
     /// Opcode and length of the record at `at`; `None` if the file has no room for it.
-    pub(super) fn head(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
+    pub(super) fn head(&mut self, at: u64) -> IoResult<Option<(u8, u64)>> {
         let Some(left) = self.len.checked_sub(at.saturating_add(HEAD)) else {
             return Ok(None);
         };
-        let mut head = [0; HEAD as usize];
-        self.read_at(at, &mut head)?;
+        let head = self.bytes(at, HEAD)?;
         let length = u64_at(&head, 1).filter(|&length| length <= left.min(MAX_RECORD));
         Ok(length.map(|length| (head[0], length)))
     }
 
     /// True if the bytes at `at` look like a record.
-    fn is_record(&mut self, at: u64) -> io::Result<bool> {
+    fn is_record(&mut self, at: u64) -> IoResult<bool> {
         Ok(self.head(at)?.is_some_and(|(opcode, _)| is_record(opcode)))
     }
 
     /// True if MCAP's magic is there.
-    pub(super) fn is_magic(&mut self, at: u64) -> io::Result<bool> {
-        let mut magic = [0; 8];
-        Ok(self.len.checked_sub(at).is_some_and(|left| left >= 8)
-            && self
-                .read_at(at, &mut magic)
-                .map(|()| magic == *mcap::MAGIC)?)
+    pub(super) fn is_magic(&mut self, at: u64) -> IoResult<bool> {
+        let left = self.len.saturating_sub(at);
+        Ok(self.bytes(at, left.min(8))? == mcap::MAGIC)
     }
 
     /// True if the header record of a file is there.
-    pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
+    pub(super) fn is_header(&mut self, at: u64) -> IoResult<bool> {
         let is_header = |(opcode, length)| opcode == op::HEADER && length <= MAX_BESIDE;
         Ok(self.head(at)?.is_some_and(is_header) && self.load(at)?.is_ok())
     }
 
     /// True if the loaded record is proven.
-    pub(super) fn is_proven(&mut self, loaded: &Loaded) -> io::Result<bool> {
+    pub(super) fn is_proven(&mut self, loaded: &LoadedRecord) -> IoResult<bool> {
         Ok(loaded.proof == Proof::Sure
             || loaded.proof == Proof::IfFollowed && self.is_record(loaded.end)?)
     }
@@ -165,18 +164,18 @@ impl RecordSearch {
     }
 
     /// The first position in `places` where a proven record begins.
-    pub(super) fn find(&mut self, places: Range<u64>) -> io::Result<Option<u64>> {
-        let mut window = Vec::new();
+    pub(super) fn find(&mut self, places: Range<u64>) -> IoResult<Option<u64>> {
         let mut from = places.start;
         while from < places.end && self.budget > 0 {
             let left = self.len - from;
-            window.resize(left.min(WINDOW) as usize, 0);
-            self.read_at(from, &mut window)?;
+            let window = self.bytes(from, left.min(WINDOW))?;
             // Records that begin near the end of the window are examined in the next one.
             let heads = if left > WINDOW { WINDOW - LOOK } else { left };
             let heads = heads.min(places.end - from);
             for i in 0..heads as usize {
-                if may_be_proven(&window[i..], left - i as u64) {
+                if CAN_BE_PROVEN.contains(&window[i])
+                    && may_be_proven(&window[i..], left - i as u64)
+                {
                     let read = self.read;
                     if self.proves(from + i as u64)? {
                         return Ok(Some(from + i as u64));
@@ -192,7 +191,7 @@ impl RecordSearch {
         Ok(None)
     }
 
-    fn proves(&mut self, at: u64) -> io::Result<bool> {
+    fn proves(&mut self, at: u64) -> IoResult<bool> {
         match self.load(at)? {
             Ok(loaded) if loaded.opcode == ANOTHER => self.is_header(at + 8),
             Ok(loaded) => self.is_proven(&loaded),
@@ -204,84 +203,84 @@ impl RecordSearch {
     ///
     /// # Errors
     /// The errors of reading the file; inside, the reason why there is no such record.
-    pub(super) fn load(&mut self, at: u64) -> io::Result<Result<Loaded, Fault>> {
+    pub(super) fn load(&mut self, at: u64) -> IoResult<Result<LoadedRecord, RecordFault>> {
         let left = self.len - at;
         if left < HEAD {
             let reason = ["it was never finished", "it ends inside a record"];
-            return Ok(Err(Fault::cut(reason[usize::from(left > 0)])));
+            return Ok(Err(RecordFault::cut(reason[usize::from(left > 0)])));
         }
-        let mut head = [0; HEAD as usize];
-        self.read_at(at, &mut head)?;
+        let head = self.bytes(at, HEAD)?;
         let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
-        let mut crc = crc32fast::Hasher::new();
-        crc.update(&head);
-        let (is_another, left) = (head.starts_with(mcap::MAGIC), left - HEAD);
-        if !is_another && let Some(reason) = head_fault(opcode, length, left) {
-            return Ok(Err(Fault::cut(reason)));
-        }
-        let mut loaded = Loaded {
-            opcode: if is_another { ANOTHER } else { opcode },
-            end: at + HEAD + if is_another { 0 } else { length },
-            unknown: 0,
-            crc,
+        let mut loaded = LoadedRecord {
+            opcode: ANOTHER,
+            end: at + HEAD,
+            unknown: at + HEAD,
+            crc: Hasher::new(),
             proof: Proof::No,
             is_checked: true,
             bytes: 0,
         };
-        if is_another {
+        if head.starts_with(mcap::MAGIC) {
             return Ok(Ok(loaded));
+        }
+        if let Some(reason) = head_fault(opcode, length, left - HEAD) {
+            return Ok(Err(RecordFault::cut(reason)));
         }
         // At most the rest of the file, so a corrupt length cannot allocate more than that.
         let all = opcode != op::ATTACHMENT;
         let bytes = if all { length } else { length.min(MAX_BESIDE) };
-        self.read_body(at + HEAD, bytes)?;
+        self.body = self.bytes(at + HEAD, bytes)?;
         let known = known_size(opcode, &self.body, length);
-        loaded.unknown = at + HEAD + known.unwrap_or(length);
+        (loaded.opcode, loaded.end) = (opcode, at + HEAD + length);
         if let Some(reason) = fields_fault(opcode, known) {
-            let is_beside = matches!(opcode, op::MESSAGE_INDEX..) && opcode != op::ATTACHMENT;
-            return Ok(Err(Fault {
-                is_beside,
-                ..Fault::new(loaded.end, reason)
-            }));
+            let is_beside = !matches!(opcode, op::HEADER..=op::CHUNK | op::DATA_END)
+                && !matches!(opcode, op::ATTACHMENT | op::METADATA | op::STATISTICS);
+            let fault = RecordFault::new(loaded.end, reason);
+            return Ok(Err(RecordFault { is_beside, ..fault }));
         }
+        loaded.unknown = at + HEAD + known.unwrap_or(length);
+        loaded.crc.update(&head);
         Ok(match opcode {
             op::ATTACHMENT => self.stream(at + HEAD, loaded)?,
             op::CHUNK => self.unpack(loaded),
             _ => {
                 loaded.crc.update(&self.body);
-                let is_named = || match mcap::parse_record(opcode, &self.body) {
-                    Ok(Record::Metadata(metadata)) => !metadata.name.is_empty(),
-                    _ => false,
-                };
-                let proves = opcode == op::DATA_END
-                    || opcode == op::METADATA && length <= MAX_BESIDE && is_named();
-                loaded.proof = [Proof::No, Proof::IfFollowed][usize::from(proves)];
+                let is_metadata = opcode == op::METADATA && length <= MAX_BESIDE;
+                let record = mcap::parse_record(opcode, &self.body);
+                let is_named =
+                    matches!(record, Ok(Record::Metadata(data)) if !data.name.is_empty());
+                if opcode == op::DATA_END || is_metadata && is_named {
+                    loaded.proof = Proof::IfFollowed;
+                }
                 Ok(loaded)
             }
         })
     }
 
-    fn unpack(&mut self, mut loaded: Loaded) -> Result<Loaded, Fault> {
+    fn unpack(&mut self, mut loaded: LoadedRecord) -> Result<LoadedRecord, RecordFault> {
         loaded.crc.update(&self.body);
         let checked = chunk::unpack(&self.body, &mut self.zstd, &mut self.unpacked);
         self.read += self.unpacked.len() as u64;
         loaded.is_checked = checked.map_err(|reason| {
             self.unpacked.clear();
-            Fault::new(loaded.end, format!("a chunk is damaged: {reason}"))
+            RecordFault::new(loaded.end, format!("a chunk is damaged: {reason}"))
         })?;
-        let is_sure = loaded.is_checked && !self.unpacked.is_empty();
-        loaded.proof = match is_sure {
+        loaded.proof = match loaded.is_checked {
+            _ if self.unpacked.is_empty() => Proof::No,
             true => loaded.sure(),
             // Also a chunk with a corrupt length may unpack into records.
-            false if !self.unpacked.is_empty() => Proof::IfFollowed,
-            false => Proof::No,
+            false => Proof::IfFollowed,
         };
         Ok(loaded)
     }
 
     /// Checks the CRC of the attachment whose first bytes are loaded, in bounded memory.
-    fn stream(&mut self, body: u64, mut loaded: Loaded) -> io::Result<Result<Loaded, Fault>> {
-        let fault = |reason: &str| Ok(Err(Fault::new(loaded.end, reason)));
+    fn stream(
+        &mut self,
+        body: u64,
+        mut loaded: LoadedRecord,
+    ) -> IoResult<Result<LoadedRecord, RecordFault>> {
+        let fault = |reason: &str| Ok(Err(RecordFault::new(loaded.end, reason)));
         let name = u32_at(&self.body, 16).map_or(0, u64::from);
         let media = u32_at(&self.body, 20 + name as usize).map_or(0, u64::from);
         // Behind the length of the data.
@@ -290,66 +289,52 @@ impl RecordSearch {
             return fault("an attachment is truncated");
         };
         loaded.bytes = u64_at(head, start - 8).unwrap_or(0);
-        let mut crc = crc32fast::Hasher::new();
+        let mut crc = Hasher::new();
         crc.update(head);
         self.body.truncate(start);
-        self.read_pieces(body + start as u64, loaded.bytes, |piece| crc.update(piece))?;
-        let mut saved = [0; 4];
-        self.read_at(loaded.unknown - 4, &mut saved)?;
+        self.pieces(body + start as u64, loaded.bytes, |piece| crc.update(piece))?;
+        let saved = self.bytes(loaded.unknown - 4, 4)?;
         loaded.crc.combine(&crc);
         loaded.crc.update(&saved);
         let unknown = loaded.end - loaded.unknown;
-        self.read_pieces(loaded.unknown, unknown, |piece| loaded.crc.update(piece))?;
-        let (saved, calculated) = (u32::from_le_bytes(saved), crc.finalize());
+        self.pieces(loaded.unknown, unknown, |piece| loaded.crc.update(piece))?;
+        let (saved, calculated) = (u32_at(&saved, 0).unwrap_or(0), crc.finalize());
         if saved != 0 && saved != calculated {
             let reason = format!("the CRC of an attachment is {calculated:08x}, not {saved:08x}");
             return fault(&reason);
         }
         // Without a CRC any bytes could be an attachment.
         loaded.proof = [Proof::No, loaded.sure()][usize::from(saved != 0)];
-        // As if it had no data, and no CRC.
+        // The body is that of an attachment without data and CRC.
         self.body.truncate(start - 8);
         self.body.extend([0; 12]);
         Ok(Ok(loaded))
     }
 
     /// Reads `bytes` from `at` on, a piece at a time.
-    pub(super) fn read_pieces(
+    pub(super) fn pieces(
         &mut self,
         at: u64,
         bytes: u64,
         mut take: impl FnMut(&[u8]),
-    ) -> io::Result<()> {
-        let mut piece = vec![0; bytes.min(WINDOW) as usize];
+    ) -> IoResult<()> {
         for from in (0..bytes).step_by(WINDOW as usize) {
-            let piece = &mut piece[..(bytes - from).min(WINDOW) as usize];
-            self.read_at(at + from, piece)?;
-            take(piece);
+            take(&self.bytes(at + from, (bytes - from).min(WINDOW))?);
         }
         Ok(())
     }
 
-    fn read_body(&mut self, at: u64, bytes: u64) -> io::Result<()> {
-        let mut body = std::mem::take(&mut self.body);
-        body.resize(bytes as usize, 0);
-        let read = self.read_at(at, &mut body);
-        self.body = body;
-        read
-    }
-
     /// Reads bytes, which must be in the file.
-    fn read_at(&mut self, at: u64, bytes: &mut [u8]) -> io::Result<()> {
-        self.file
-            .seek_relative(at.wrapping_sub(self.at).cast_signed())?;
-        self.at = at;
-        self.file.read_exact(bytes)?;
-        self.at += bytes.len() as u64;
-        self.read += bytes.len() as u64;
-        Ok(())
+    fn bytes(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
+        let mut read = vec![0; bytes as usize];
+        self.file.seek(SeekFrom::Start(at))?;
+        self.file.read_exact(&mut read)?;
+        self.read += bytes;
+        Ok(read)
     }
 }
 
-impl Loaded {
+impl LoadedRecord {
     /// The proof by a CRC.
     fn sure(&self) -> Proof {
         match self.end - self.unknown {

@@ -184,9 +184,9 @@ impl Recording {
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
-        seen.found.losses = messages.losses().to_vec();
+        seen.found.losses = messages.records.losses.clone();
         seen.found.missing = messages.take_missing();
-        seen.found.checksums = messages.is_checked();
+        seen.found.checksums = messages.records.is_checked();
         // Damage is reported already.
         let manifest = self.attachment(MANIFEST).ok().flatten();
         seen.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
