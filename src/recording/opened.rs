@@ -6,7 +6,7 @@ use super::container::Container;
 use super::header::{Header, RECORD};
 use super::index::Index;
 use super::messages::Channel;
-use super::records::Records;
+use super::records::attachment;
 use super::ros1_bag::Ros1Messages;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -203,18 +203,14 @@ impl RecordingFile {
 
     /// The contents of the attachment whose record begins at `start`.
     fn attachment(&self, start: u64) -> Result<Vec<u8>> {
-        let mut data = Vec::new();
-        let is_read = match &self.file {
-            Container::Mcap(file) => Records::open(file, false)?.attachment(start, |piece| {
-                data.extend_from_slice(piece);
-                Ok(())
-            })?,
-            Container::Sqlite(_) | Container::Ros1(_) => false,
+        let data = match &self.file {
+            Container::Mcap(file) => attachment(file, start)?,
+            Container::Sqlite(_) | Container::Ros1(_) => None,
         };
         let bad = || {
             let reason = format!("the attachment at byte {start} cannot be read");
             Error::damaged(self.file.path(), reason)
         };
-        is_read.then_some(data).ok_or_else(bad)
+        data.ok_or_else(bad)
     }
 }

@@ -496,6 +496,19 @@ impl Records {
     }
 }
 
+/// The data of the attachment at `start`; `None` if it cannot be read.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(super) fn attachment(file: &McapFile, start: u64) -> Result<Option<Vec<u8>>> {
+    let mut data = Vec::new();
+    let is_read = Records::unread(file)?.attachment(start, |piece| {
+        data.extend_from_slice(piece);
+        Ok(())
+    })?;
+    Ok(is_read.then_some(data))
+}
+
 fn no_mcap(file: &McapFile) -> Error {
     let mut start = Vec::new();
     let io = |e| Error::io(file.path(), e);

@@ -14,14 +14,6 @@ use mcap::records::{Record, op};
 use std::io::{Read as _, Result as IoResult, Seek as _, SeekFrom};
 use std::ops::Range;
 
-/// First bytes of the records that can be proven, and of MCAP's magic.
-const CAN_BE_PROVEN: [u8; 5] = [
-    op::CHUNK,
-    op::ATTACHMENT,
-    op::METADATA,
-    op::DATA_END,
-    mcap::MAGIC[0],
-];
 /// Code for the magic of an appended file. No record has this opcode.
 pub(super) const ANOTHER: u8 = 0;
 /// Opcodes from here on are private to other programs.
@@ -172,10 +164,13 @@ impl RecordSearch {
             // Records that begin near the end of the window are examined in the next one.
             let heads = if left > WINDOW { WINDOW - LOOK } else { left };
             let heads = heads.min(places.end - from);
-            for i in 0..heads as usize {
-                if CAN_BE_PROVEN.contains(&window[i])
-                    && may_be_proven(&window[i..], left - i as u64)
-                {
+            for (i, first) in window[..heads as usize].iter().enumerate() {
+                // The magic's first byte is no opcode.
+                let may_be = matches!(
+                    *first,
+                    op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END | 0x89
+                );
+                if may_be && may_be_proven(&window[i..], left - i as u64) {
                     let read = self.read;
                     if self.proves(from + i as u64)? {
                         return Ok(Some(from + i as u64));
@@ -355,7 +350,8 @@ fn may_be_proven(bytes: &[u8], left: u64) -> bool {
     match bytes[0] {
         op::CHUNK => length()
             .is_some_and(|length| chunk::may_be_chunk(&bytes[9..bytes.len().min(73)], length)),
-        op::ATTACHMENT | op::DATA_END => length().is_some(),
+        op::ATTACHMENT => length().is_some(),
+        op::DATA_END => length() == Some(4),
         op::METADATA => length().is_some_and(|length| length <= MAX_BESIDE),
         _ => bytes.starts_with(mcap::MAGIC),
     }

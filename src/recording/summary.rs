@@ -6,7 +6,7 @@ use super::foreign::{
     is_image, is_picture, pair_stamps, pose_summary,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
-use super::records::DamagedPart;
+use super::records::{DamagedPart, attachment};
 use super::ros1_bag::Ros1Messages;
 use super::skew::SkewSummary;
 use super::sync::{PairGeometry, StereoSync};
@@ -187,8 +187,8 @@ impl Recording {
         seen.found.losses = messages.records.losses.clone();
         seen.found.missing = messages.take_missing();
         seen.found.checksums = messages.records.is_checked();
-        // Damage is reported already.
-        let manifest = self.attachment(MANIFEST).ok().flatten();
+        let manifest = seen.manifest.map(|start| attachment(file, start));
+        let manifest = manifest.transpose()?.flatten();
         seen.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
         // Neither the profile nor a sync message: svl did not write it.
         if seen.found.profile != PROFILE && seen.sequences.is_empty() {
@@ -216,6 +216,8 @@ impl RecordingSummary {
 struct SummaryScan {
     /// The parts of the summary that are found as they come.
     found: RecordingSummary,
+    /// Start of the first attached manifest.
+    manifest: Option<u64>,
     topics: BTreeMap<String, Topic>,
     /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
@@ -254,7 +256,10 @@ impl SummaryScan {
                     .take()
                     .or_else(|| Header::from_record(&metadata))
             }
-            FileEvent::Attachment { name, bytes, .. } => {
+            FileEvent::Attachment { start, name, bytes } => {
+                if name == MANIFEST {
+                    self.manifest.get_or_insert(start);
+                }
                 self.found.attachments.push((name, bytes));
             }
             FileEvent::Message(channel, log_time, data) => self.count(channel, log_time, &data),
