@@ -15,7 +15,7 @@ const SOURCES: [&str; 11] = [
     "src/recording",
     "src/score",
     "src/bench/source",
-    "src/bench/run",
+    "src/bench/pass",
     "src/bench/drive",
     "src/bench/sink/table.rs",
     "Cargo.lock",

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use svl::arena::{Arena, ArenaConfig};
 use svl::manifest::Manifest;
-use svl::run::{Matchers, Monitor, Pace, run};
+use svl::pass::{Matchers, Monitor, Pace, run};
 use svl::score::{Judge, Judged, Verdict};
-use svl::sink::{RunStart, Sink, finish};
+use svl::sink::{PassStart, Sink, finish};
 use svl::source::ArenaSource;
 
 #[derive(Default)]
@@ -42,7 +42,7 @@ pub fn main() -> svl::Result<()> {
     let algorithms = ["v3".parse()?, "bm".parse()?];
     let mut source = ArenaSource::new(Arena::new(&ArenaConfig::default(), 1)?, 1);
     let (manifest, judge) = (Manifest::new("arena", &algorithms)?, Judge::default());
-    let start = RunStart::new(&manifest, Some(1), &judge);
+    let start = PassStart::new(&manifest, Some(1), &judge);
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(WrongCells::default())];
     let (matchers, pace) = (&mut Matchers::new(&algorithms)?, Pace::Asap);
     let (_, ran) = run(

@@ -4,7 +4,7 @@
 //! of `sim:…` the cameras are real.
 
 use svl::grab::{GrabRequest, Host};
-use svl::source::{LiveSource, Source};
+use svl::source::{CameraSource, Source};
 
 const CAMERAS: &str = "sim:size=320x240,pictures=4,right.jitter_ms=10";
 
@@ -13,7 +13,7 @@ pub fn main() -> svl::Result<()> {
         rate_hz: Some(60.0),
         ..GrabRequest::default()
     };
-    let mut source = LiveSource::open(CAMERAS, &request, Host::default())?;
+    let mut source = CameraSource::open(CAMERAS, &request, Host::default())?;
     let mut pairs = 0;
     while pairs < 20 {
         let Some(frame) = source.next()? else { break };

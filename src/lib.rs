@@ -18,7 +18,7 @@
 //! # Ok::<(), svl::Error>(())
 //! ```
 
-pub use svl_bench::{console, drive, evaluation, record, run, runs, sink, source, tune};
+pub use svl_bench::{console, drive, evaluation, pass, record, runs, sink, source, tune};
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,

@@ -94,7 +94,7 @@ const PACKAGES: [Package; 15] = [
         layers: &[
             &["source"],
             &["sink"],
-            &["run"],
+            &["pass"],
             &["console", "drive", "record"],
             &["runs"],
             &["evaluation", "tune"],

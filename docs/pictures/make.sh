@@ -28,7 +28,7 @@ page() {
 
 svl record arena --frames 60 --seed 7 --ros2 --quiet -o bag.mcap
 # The sentences below the table name times, which are those of the machine.
-terminal terminal.svg ' has the most ' \
+terminal terminal.svg '^[*] best' \
   "svl score bag.mcap --truth /truth/depth --beyond 2 --algo v5 --algo sgm --algo v3 --columns right,wrong,unknown,missed"
 echo 'resize:100x27 down down down down right right right wait screen q' >keys
 terminal tune.svg '^v3:texture_delta' 'svl tune bag.mcap --truth /truth/depth --algo v3 --rerun none --script keys'

@@ -1,7 +1,7 @@
 //! The console of a program: the display of long work.
 
-use crate::run::Monitor;
-use crate::sink::LiveTable;
+use crate::pass::Monitor;
+use crate::sink::RunningTable;
 use svl_core::interrupt;
 use svl_score::notice::Notice;
 
@@ -54,7 +54,7 @@ pub trait Bar: Send + Sync {
 /// Shows the progress of a run, and ends the run on Ctrl-C.
 pub struct Watch {
     bar: Box<dyn Bar>,
-    table: Option<LiveTable>,
+    table: Option<RunningTable>,
 }
 
 impl Watch {
@@ -63,7 +63,7 @@ impl Watch {
         console: &dyn Console,
         work: &str,
         pairs: Option<u64>,
-        table: Option<&LiveTable>,
+        table: Option<&RunningTable>,
     ) -> Self {
         let bar = console.bar(work, Unit::Pairs, pairs);
         if let Some(table) = table {

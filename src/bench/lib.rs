@@ -5,8 +5,8 @@
 pub mod console;
 pub mod drive;
 pub mod evaluation;
+pub mod pass;
 pub mod record;
-pub mod run;
 pub mod runs;
 pub mod sink;
 pub mod source;

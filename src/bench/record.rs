@@ -1,7 +1,7 @@
 //! Records a source into an MCAP file or a stream, and keeps a cache of simulated runs.
 
-use crate::run::{Matchers, Monitor, Outcome, Pace, run, run_through};
-use crate::sink::{PairStreamSink, RunStart, Sink, SinkRequest, Sinks};
+use crate::pass::{Matchers, Monitor, Outcome, Pace, run, run_through};
+use crate::sink::{PairStreamSink, PassStart, Sink, SinkRequest, Sinks};
 use crate::source::{Opened, RecordingSource, Source, open_arena};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub fn record(
         Err(error) => return (Outcome::default(), Err(error)),
     };
     let judge = Judge::default();
-    let start = RunStart::new(&manifest, opened.header.seed, &judge);
+    let start = PassStart::new(&manifest, opened.header.seed, &judge);
     // Only a bag gets them: of svl's own recordings `svl replay` makes new ones.
     let has_results =
         |recording: &&Recording| format.dialect == Dialect::Ros2 && recording.header().is_ok();
@@ -79,7 +79,7 @@ pub fn stream(
         Err(error) => return (Outcome::default(), Err(error)),
     };
     let judge = Judge::default();
-    let start = RunStart::new(&manifest, opened.header.seed, &judge);
+    let start = PassStart::new(&manifest, opened.header.seed, &judge);
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(PairStreamSink::new(to))];
     run_through(
         &mut *opened.source,

@@ -2,7 +2,7 @@
 
 use crate::console::{Console, Unit, Watch};
 use crate::record;
-use crate::sink::LiveTable;
+use crate::sink::RunningTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
     self, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind, SourceMaps,
@@ -14,7 +14,7 @@ use svl_core::matcher::{Algorithm, MapPlace};
 use svl_core::{Error, Result, interrupt};
 use svl_grab::Host;
 use svl_score::judge::Judge;
-use svl_score::manifest::RunRecord;
+use svl_score::manifest::InputRecord;
 use svl_score::notice::Notice;
 use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
 
@@ -77,7 +77,7 @@ pub enum ScoredSource {
 
 impl ScoredSource {
     /// The recording of the user's that it reads.
-    pub fn record(&self) -> Option<RunRecord> {
+    pub fn record(&self) -> Option<InputRecord> {
         match self {
             Self::Opened(opened) => opened.0.record.clone(),
             Self::Arena(_) => None,
@@ -108,7 +108,7 @@ impl ScoredSource {
         self,
         scenario: &Scenario,
         console: &dyn Console,
-        table: Option<&LiveTable>,
+        table: Option<&RunningTable>,
     ) -> Result<(RunSource, Judge)> {
         let seed = match self {
             Self::Opened(opened) => return Ok(*opened),
@@ -225,7 +225,7 @@ pub fn cached_run(
     scenario: &Scenario,
     seed: u64,
     console: &dyn Console,
-    table: Option<&LiveTable>,
+    table: Option<&RunningTable>,
 ) -> Result<PathBuf> {
     let folder = Path::new(RECORDINGS);
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;

@@ -79,12 +79,6 @@ pub enum Error {
         path.display(), path.display()
     )]
     Damaged { path: PathBuf, reason: String },
-    /// A limit is exceeded, or could not be checked.
-    #[error("{0}")]
-    Gate(String),
-    /// The work is done, but something is missing.
-    #[error("{0}")]
-    Incomplete(String),
     /// A matcher panicked, at this pair or an earlier one.
     #[error("svl panicked; this is a bug, and the ranger can only be closed")]
     Panicked,
@@ -98,15 +92,15 @@ pub enum Error {
         reason: String,
         stderr: String,
     },
-    /// A camera or its trigger failed during the recording. Earlier frames are valid.
-    #[error("{camera}: {reason}")]
-    Camera { camera: String, reason: String },
     /// A request that contradicts itself, or an option that does not apply to what it is given for.
     #[error("{0}")]
     Usage(String),
     /// A scenario or setting that contradicts itself.
     #[error("{0}")]
     Invalid(String),
+    /// A failure that another package knows, such as a camera's.
+    #[error(transparent)]
+    Other(Box<dyn std::error::Error + Send + Sync>),
 }
 
 impl Error {
@@ -136,11 +130,16 @@ impl Error {
         }
     }
 
-    /// A camera or trigger that failed.
-    pub fn camera(camera: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Camera {
-            camera: camera.into(),
-            reason: reason.into(),
+    /// A failure that another package knows.
+    pub fn other(failure: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        Self::Other(failure.into())
+    }
+
+    /// The failure that another package knows, if it is an `E`.
+    pub fn downcast_ref<E: std::error::Error + 'static>(&self) -> Option<&E> {
+        match self {
+            Self::Other(failure) => failure.downcast_ref(),
+            _ => None,
         }
     }
 

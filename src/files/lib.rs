@@ -38,6 +38,16 @@ pub(crate) use svl_core::bounded::read_bounded;
 pub use svl_core::bounded::read_text;
 
 use std::path::{Component, Path, PathBuf, absolute};
+
+/// A text as a name of a file or folder, of at most `max` characters: letters, digits, `_`, `-`
+/// and, unless it is the first, `.`; every other character becomes `-`.
+pub fn safe_name(text: &str, max: usize) -> String {
+    let is_safe = |i, c: char| c.is_ascii_alphanumeric() || "_-".contains(c) || (c == '.' && i > 0);
+    let characters = text.chars().take(max).enumerate();
+    characters
+        .map(|(i, c)| if is_safe(i, c) { c } else { '-' })
+        .collect()
+}
 use svl_core::stereo::Plane;
 
 /// Limit on the size of an image or map file, in bytes.

@@ -1,6 +1,6 @@
 //! The acquisition thread of a camera: executes orders, and reports the camera's state.
 
-use super::camera::{Camera, Settings, Taken, camera_error};
+use super::camera::{Camera, Settings, Taken, on_side};
 use super::mailbox::{Mailbox, Received};
 use std::time::Duration;
 use svl_core::Error;
@@ -64,7 +64,7 @@ pub(super) fn acquire(
         });
         next = match followed {
             Ok(next) => next,
-            Err(error) => return report(CameraEvent::Failed(camera_error(side, error))),
+            Err(error) => return report(CameraEvent::Failed(on_side(side, error))),
         };
     }
 }

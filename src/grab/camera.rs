@@ -6,13 +6,27 @@ use std::time::Duration;
 use svl_core::stereo::{Gray, Side};
 use svl_core::{Error, Result};
 
+/// Failure of a camera or its trigger, in an [`Error::Other`]. Earlier frames are valid.
+#[derive(Debug, thiserror::Error)]
+#[error("{camera}: {reason}")]
+pub struct CameraError {
+    pub camera: String,
+    pub reason: String,
+}
+
+/// A [`CameraError`].
+pub fn camera_error(camera: impl Into<String>, reason: impl Into<String>) -> Error {
+    let (camera, reason) = (camera.into(), reason.into());
+    Error::other(CameraError { camera, reason })
+}
+
 /// The error of one side's camera, with the side before the camera's name.
-pub(super) fn camera_error(side: Side, error: Error) -> Error {
-    match error {
-        Error::Camera { camera, reason } => {
-            Error::camera(format!("{} camera, {camera}", side.name()), reason)
+pub(super) fn on_side(side: Side, error: Error) -> Error {
+    match error.downcast_ref() {
+        Some(CameraError { camera, reason }) => {
+            camera_error(format!("{} camera, {camera}", side.name()), reason)
         }
-        other => other,
+        None => error,
     }
 }
 
@@ -66,7 +80,7 @@ impl Limits {
     /// The settings common to both cameras.
     ///
     /// # Errors
-    /// [`Error::Camera`] if there are none.
+    /// [`CameraError`] if there are none.
     pub fn common(&self, other: &Self) -> Result<Self> {
         let common = Self {
             shutter_us: intersection(&self.shutter_us, &other.shutter_us),
@@ -77,7 +91,7 @@ impl Limits {
                 "no {what} in common: left {left}, right {right}; use two of one \
                                   model"
             );
-            Err(Error::camera("the cameras", reason))
+            Err(camera_error("the cameras", reason))
         };
         if common.shutter_us.is_empty() {
             let words = |limits: &Self| match (limits.shutter_us.start(), limits.shutter_us.end()) {
@@ -149,13 +163,13 @@ pub trait Camera: Send {
     /// armed or exposed before and not captured are discarded.
     ///
     /// # Errors
-    /// [`Error::Camera`] if it fails.
+    /// [`CameraError`] if it fails.
     fn arm(&mut self, settings: Settings) -> Result<()>;
 
     /// Waits for the exposure and its image; `None` if none arrived within `timeout`. After that,
     /// and after [`Taken::Unready`], it may be called again without arming.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the camera is gone.
+    /// [`CameraError`] if the camera is gone.
     fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>>;
 }

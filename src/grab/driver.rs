@@ -37,7 +37,7 @@ pub struct DriverFunctions {
     ///
     /// # Errors
     /// [`Error::Usage`] and [`Error::ParameterValue`] for errors in the user's text,
-    /// [`Error::Camera`] for the state of cameras and triggers.
+    /// [`crate::CameraError`] for the state of cameras and triggers.
     pub open: fn(&CameraRequest<'_>) -> Result<CameraPair>,
     /// The cameras connected now.
     pub list: fn() -> Vec<ListedCamera>,

@@ -22,10 +22,10 @@ const STEP_DOWN: f64 = 0.8;
 /// Deviations that are not corrected, so that noise causes no changes; also the largest change in
 /// brightness within the same view.
 const TOLERANCE: f64 = 0.1;
-/// Largest fraction of the light that was too much; a view that demands more than `ANOTHER` times
-/// that light is a different view.
+/// Largest fraction of the light that was too much; a view that demands more than
+/// `MAX_DEMAND_FACTOR` times that light is a different view.
 const BELOW: f64 = 0.9;
-const ANOTHER: f64 = 2.0;
+const MAX_DEMAND_FACTOR: f64 = 2.0;
 /// Interval of the sampled rows and columns.
 const STEP: usize = 4;
 
@@ -90,7 +90,7 @@ impl Balance {
         }
         self.too_bright = self
             .too_bright
-            .filter(|too_bright| wanted <= ANOTHER * too_bright);
+            .filter(|too_bright| wanted <= MAX_DEMAND_FACTOR * too_bright);
         if let Some(too_bright) = self.too_bright.filter(|_| factor > 1.0) {
             // There may be no suitable light between two coarse steps of a sensor: stay below.
             wanted = wanted.min(BELOW * too_bright).max(light);

@@ -11,12 +11,13 @@ use super::queue::{Queue, WhenFull};
 use super::tally::Tally;
 use super::trigger::Policy;
 use super::watchdog::{CameraState, PairWatchdog};
+use crate::camera_error;
 use parking_lot::Mutex;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use svl_core::Result;
 use svl_core::stereo::{Frame, Rig, Side};
-use svl_core::{Error, Result};
 
 /// Two opened cameras with the settings of the grabber.
 pub struct Setup {
@@ -63,7 +64,8 @@ impl Grabber {
     /// Starts the threads.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the cameras have no settings in common or a thread cannot be started.
+    /// [`crate::CameraError`] if the cameras have no settings in common or a thread cannot be
+    /// started.
     pub fn start(setup: Setup) -> Result<Self> {
         let (clock, cameras) = (setup.clock, setup.cameras);
         let limits = common_limits(&cameras, setup.max_shutter_us)?;
@@ -118,7 +120,7 @@ impl Grabber {
         };
         for (name, work) in work {
             let thread = std::thread::Builder::new().name(name.clone()).spawn(work);
-            let failed = |e| Error::camera(&name, format!("cannot start its thread: {e}"));
+            let failed = |e| camera_error(&name, format!("cannot start its thread: {e}"));
             grabber.threads.push(thread.map_err(failed)?);
         }
         Ok(grabber)
@@ -128,7 +130,7 @@ impl Grabber {
     /// its latency is recorded here.
     ///
     /// # Errors
-    /// [`Error::Camera`] if a camera or the trigger failed, once, after all earlier pairs.
+    /// [`crate::CameraError`] if a camera or the trigger failed, once, after all earlier pairs.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         self.next_pair_unless(|| false)
     }

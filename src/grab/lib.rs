@@ -37,7 +37,7 @@ mod triggering;
 pub mod v4l2;
 mod watchdog;
 
-pub use camera::{Camera, Capture, Limits, Settings, Taken};
+pub use camera::{Camera, CameraError, Capture, Limits, Settings, Taken, camera_error};
 pub use clock::{GrabClock, Participant};
 pub use device_clock::DeviceClock;
 pub use driver::{CameraPair, CameraRequest, Driver, DriverFunctions, Host, ListedCamera};
@@ -70,7 +70,7 @@ const BALANCE_EVERY: u32 = 10;
 ///
 /// # Errors
 /// [`Error::Usage`] and [`Error::ParameterValue`] for a request that contradicts itself or its
-/// driver, [`Error::Camera`] for the state of cameras and triggers, or after [`Host::stopped`].
+/// driver, [`CameraError`] for the state of cameras and triggers, or after [`Host::stopped`].
 pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabber> {
     let driver = driver(source).ok_or_else(|| {
         let sources: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
@@ -82,7 +82,7 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
     let trigger = request.trigger_source(driver, source)?;
     let functions = driver.functions.as_ref();
     let functions = functions.map_err(|cure| {
-        Error::camera(
+        camera_error(
             source,
             format!("this svl was built without {}; {cure}", driver.name),
         )

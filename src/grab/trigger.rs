@@ -19,7 +19,7 @@ pub trait Trigger: Send {
     /// Sends one pulse.
     ///
     /// # Errors
-    /// [`Error::Camera`] if none was sent, or if that is unknown.
+    /// [`crate::CameraError`] if none was sent, or if that is unknown.
     fn pulse(&mut self) -> Result<Pulse>;
 }
 

@@ -7,11 +7,12 @@ use super::mailbox::{Mailbox, Received};
 use super::tally::Tally;
 use super::trigger::{Policy, Pulse, Trigger};
 use super::watchdog::MAX_MISSES;
+use crate::camera_error;
 use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use svl_core::Result;
 use svl_core::stereo::Side;
-use svl_core::{Error, Result};
 
 /// The state of a policy.
 pub(super) enum Triggering {
@@ -66,7 +67,7 @@ impl Triggering {
     /// Starts a fixed-rate trigger.
     ///
     /// # Errors
-    /// The trigger's; [`Error::Camera`] if its thread cannot be started.
+    /// The trigger's; [`crate::CameraError`] if its thread cannot be started.
     pub(super) fn pulse_if_due(
         &mut self,
         clock: &Arc<GrabClock>,
@@ -205,7 +206,7 @@ impl FixedRateThread {
             .spawn(run);
         spawned
             .map(|_| thread)
-            .map_err(|e| Error::camera("trigger", format!("cannot start its thread: {e}")))
+            .map_err(|e| camera_error("trigger", format!("cannot start its thread: {e}")))
     }
 }
 

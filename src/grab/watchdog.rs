@@ -1,8 +1,9 @@
 //! Watchdogs: the state of each camera and its duration, and the time without a pair. A camera that
 //! is silent, delivers damaged images or yields no pairs for too long ends the run with a remedy.
 
-use super::camera::camera_error;
 use super::pairing::{Unpaired, UnpairedCounts};
+use crate::camera::on_side;
+use crate::camera_error;
 use svl_core::counted;
 use svl_core::stereo::Side;
 use svl_core::{Error, Result};
@@ -85,7 +86,7 @@ impl CameraState {
     /// A damaged image arrived.
     ///
     /// # Errors
-    /// [`Error::Camera`] if all images have been damaged for too long, or recording would run
+    /// [`crate::CameraError`] if all images have been damaged for too long, or recording would run
     /// forever without a pair.
     pub(super) fn on_damaged(&mut self, now_ns: u64, timeout_ns: u64) -> Result<()> {
         if self.damaged == 0 {
@@ -108,7 +109,7 @@ impl CameraState {
     /// It timed out after `timeout_ns`.
     ///
     /// # Errors
-    /// [`Error::Camera`] if it did so too often.
+    /// [`crate::CameraError`] if it did so too often.
     pub(super) fn on_timeout(&mut self, timeout_ns: u64) -> Result<()> {
         self.misses += 1;
         self.silent_ns = self.silent_ns.saturating_add(timeout_ns);
@@ -124,7 +125,7 @@ impl CameraState {
     }
 
     fn error(&self, reason: String) -> Error {
-        camera_error(self.side, Error::camera(&self.name, reason))
+        on_side(self.side, camera_error(&self.name, reason))
     }
 }
 
@@ -152,8 +153,8 @@ impl PairWatchdog {
     /// An image arrived; `unpaired` counts all unpaired images of the run.
     ///
     /// # Errors
-    /// [`Error::Camera`] if there has been no pair for too long, with the most frequent reason and
-    /// its remedy.
+    /// [`crate::CameraError`] if there has been no pair for too long, with the most frequent
+    /// reason and its remedy.
     pub(super) fn on_image(
         &mut self,
         side: Side,
@@ -188,7 +189,7 @@ impl PairWatchdog {
         // Cameras that never paired are set up wrongly. Those that did may recover, as when a cable
         // is plugged in again.
         if !self.had_pairs || lasted_ns >= limit_ns.saturating_mul(HAD_PAIRS_FACTOR) {
-            return Err(Error::camera("the cameras", text));
+            return Err(camera_error("the cameras", text));
         }
         if !std::mem::replace(&mut self.warned, true) {
             tracing::warn!("the cameras: {text}");

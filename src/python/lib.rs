@@ -17,9 +17,7 @@ fn exception(error: Error) -> PyErr {
         Error::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => {
             PyFileNotFoundError::new_err(words)
         }
-        Error::Io { .. } | Error::Damaged { .. } | Error::Camera { .. } => {
-            PyOSError::new_err(words)
-        }
+        Error::Io { .. } | Error::Damaged { .. } => PyOSError::new_err(words),
         Error::Memory { .. } => PyMemoryError::new_err(words),
         Error::Panicked => PyRuntimeError::new_err(words),
         Error::Interrupted => PyKeyboardInterrupt::new_err(words),

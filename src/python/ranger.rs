@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use svl_core::filter::FilterModel;
 use svl_core::ranger::{Cells, ImageRef, Optics, RangedCell, Ranger, RangerOptions};
-use svl_core::stereo::{CellState, GridShape, Rig};
+use svl_core::stereo::{GridShape, Rig};
 use svl_core::{Error, Result};
 
 /// A rig's numbers: focal_px, baseline_m, cx_px, cy_px, doffs_px.
@@ -193,12 +193,7 @@ impl RangedPair {
             floats(|cell| cell.probability.map_or(f32::NAN, |p| p as f32))?,
             floats(|cell| cell.valid_share as f32)?,
             // svl_bench.State.
-            codes(|cell| match cell.state {
-                CellState::Unknown => 0,
-                CellState::Known => 1,
-                CellState::TooClose => 2,
-                CellState::Near => 3,
-            })?,
+            codes(|cell| cell.state.code())?,
             codes(|cell| cell.reason as u8)?,
             array(py, self.disparities, [height, width])?.into_any(),
             array(py, self.reasons, [height, width])?.into_any(),

@@ -145,7 +145,7 @@ impl AccuracyTally {
     }
 
     /// A run begins: its first pair follows none.
-    pub(super) fn begin_run(&mut self) {
+    pub(super) fn begin_pass(&mut self) {
         let algorithms = self.algorithms.values_mut();
         algorithms.for_each(|own| own.last.clear());
     }

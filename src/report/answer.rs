@@ -1,16 +1,17 @@
-//! The answer of a run: the best algorithm by the headline metrics, its significance, and the
-//! fastest one with its cost.
+//! The answer of a report: the best algorithm by the headline metrics and by time, and those that
+//! are not told apart from it.
 
 use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
-use super::lead::{Certainty, Lead, PriorTest, RunnerUp};
+use super::prior_test::PriorTest;
 use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
 use super::samples::{resamples, run_key, sample};
-use super::words::value;
-use std::collections::BTreeMap;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use svl_core::joined;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
-use svl_score::judge::{Better, Metric, MetricUnit, RunKind};
+use svl_score::judge::{AreaChoice, Metric, TruthLevel};
 
 /// Limits of an algorithm that may be called best, as fractions: of cells where distances are
 /// scored, of pixels where disparities are. An algorithm that answers nothing misses nothing, so
@@ -35,117 +36,118 @@ pub(super) const USABLE: Usable = Usable {
 
 /// Fraction of found near obstacles below which the number of missed ones says nothing.
 const MIN_FOUND: f64 = 0.5;
+const MIN_FOUND_WORDS: &str = "at least half of the near obstacles";
 
 /// The metrics by which algorithms are called best.
-pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
+pub(super) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
-        RunKind::Distances => &["right", "wrong", "missed"],
-        RunKind::Disparities => &["total_bad2"],
-        RunKind::Courses => &["finished", "collisions"],
-        RunKind::NoTruth => &["unrivalled", "agreed"],
+        TruthLevel::Distances => &["right", "wrong", "missed"],
+        TruthLevel::Disparities => &["total_bad2"],
+        TruthLevel::Courses => &["finished", "collisions"],
+        TruthLevel::NoTruth => &["unrivalled", "agreed"],
     };
     names.iter().filter_map(|name| Metric::find(name)).collect()
 }
 
+/// The best of the usable algorithms by a metric.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Best {
+    pub metric: &'static Metric,
+    /// The cells that the metric is of; absent where it is of all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub area: Option<AreaChoice>,
+    pub algorithm: String,
+    pub value: f64,
+    /// The other usable algorithms with a value, the better first.
+    pub others: Vec<Other>,
+}
+
+/// An algorithm that is not the best by a metric.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Other {
+    pub algorithm: String,
+    pub certainty: Certainty,
+}
+
+/// Result of the paired interval of the difference from the best (95 %, the block bootstrap of
+/// `svl compare`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Certainty {
+    /// The interval excludes 0.
+    Clear,
+    /// The interval contains 0.
+    NoDifference,
+    /// Too few blocks of pairs, or too few courses, for an interval.
+    TooFew,
+}
+
+/// The mark of the best in tables.
+const BEST: &str = "*";
+
+impl Certainty {
+    /// The mark in tables.
+    fn mark(self) -> &'static str {
+        match self {
+            Self::Clear => "",
+            Self::NoDifference => "=",
+            Self::TooFew => "?",
+        }
+    }
+}
+
+impl Best {
+    /// The mark of an algorithm in the column of the metric.
+    pub(super) fn mark(&self, label: &str) -> &'static str {
+        let other = self.others.iter().find(|other| other.algorithm == label);
+        match other {
+            _ if label == self.algorithm => BEST,
+            Some(other) => other.certainty.mark(),
+            None => "",
+        }
+    }
+}
+
 impl Results {
-    /// Finds the best algorithms. `rows` and `drives`: those that the summary is of.
-    pub(super) fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
+    /// Finds the best algorithms. `rows` and `drives`: those that the results are of.
+    pub(super) fn find_best(&mut self, rows: &[Row], drives: &[DriveRow]) {
         let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
-        let lead = |metric| self.lead(metric, &rows, drives);
-        let metrics = answer_metrics(self.kind()).into_iter();
-        let leads: Vec<_> = metrics.filter_map(lead).collect();
-        let fastest = leads
-            .first()
-            .and_then(|first| self.fastest(&first.algorithm, &rows));
-        self.leads = leads.into_iter().chain(fastest).collect();
+        let kind = self.kind();
+        // Drives run beside each other, and their pairs differ.
+        let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
+        let time = Metric::find("time").filter(|_| is_timed);
+        let metrics = answer_metrics(kind).into_iter().chain(time);
+        let best = metrics.filter_map(|metric| self.best_by(metric, &rows, drives));
+        self.best = best.collect();
     }
 
-    fn lead(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Lead> {
-        let value = |a: &AlgorithmSummary| self.value(&a.algorithm, metric, None);
-        // The best of all is the first of equal ones.
-        let mut ranked = self.ranked_algorithms();
-        ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
-        let is_blind =
-            |a: &AlgorithmSummary| metric.name == "missed" && !self.sees_near_obstacles(a);
-        let blind: Vec<_> = ranked.extract_if(.., |a| is_blind(a)).collect();
-        ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        let place = ranked.iter().position(|a| self.is_usable(a))?;
-        let best = ranked[place];
-        // Beside the best of the usable stands the next usable one.
-        let mut others = ranked[place + 1..].iter();
-        let is_shown = place == 0 && self.kind() != RunKind::Courses;
-        let second = others.find(|a| is_shown || self.is_usable(a));
-        let second = second.and_then(|second| {
-            let labels = [best, second].map(|a| a.algorithm.as_str());
+    fn best_by(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Best> {
+        let value = |a: &AlgorithmSummary| self.ranked(a, metric);
+        let mut usable = self.ranked_algorithms();
+        usable.retain(|a| self.is_candidate(a) && self.is_usable(a) && value(a).is_some());
+        if metric.name == "missed" {
+            usable.retain(|a| self.sees_near_obstacles(a));
+        }
+        // Stable: the first of equal ones is the best.
+        usable.sort_by(|a, b| better_first(metric, value(a), value(b)));
+        let (best, others) = usable.split_first()?;
+        let other = |other: &&AlgorithmSummary| {
+            let labels = [best, other].map(|a| a.algorithm.as_str());
             let certainty = match self.kind() {
-                RunKind::Courses => course_certainty(metric, labels, drives),
+                TruthLevel::Courses => course_certainty(metric, labels, drives),
                 _ => pair_certainty(metric, labels, rows),
             };
-            Some(RunnerUp {
-                algorithm: second.algorithm.clone(),
-                value: value(second)?,
+            Other {
+                algorithm: other.algorithm.clone(),
                 certainty,
-            })
-        });
-        let second_value = second.as_ref().map(|second| second.value);
-        Some(Lead {
+            }
+        };
+        Some(Best {
             metric,
             area: self.area_of(metric),
             algorithm: best.algorithm.clone(),
             value: value(best)?,
-            is_outdone: place > 0,
-            is_of_seeing: blind
-                .iter()
-                .any(|a| second_value.is_some() && value(a) <= second_value),
-            second,
-        })
-    }
-
-    /// The fastest of the algorithms that may be called best. Its second is the best one, or, if
-    /// it is that itself, the next fastest. None for drives: each runs beside others, and their
-    /// pairs differ.
-    fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
-        let is_compared = self.kind() != RunKind::Courses && self.has_comparable_times();
-        let metric = Metric::find("time").filter(|_| is_compared)?;
-        let median_ms = |a: &AlgorithmSummary| self.ranked(a, metric);
-        let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
-        let usable = candidates().filter(|a| self.is_usable(a));
-        let mut timed: Vec<_> = usable.filter_map(|a| Some((median_ms(a)?, a))).collect();
-        timed.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let &(value, fastest) = timed.first()?;
-        let own = *timed.iter().find(|(_, a)| a.algorithm == best)?;
-        let is_best = fastest.algorithm == best;
-        let second = if is_best {
-            timed.get(1).copied()
-        } else {
-            Some(own)
-        };
-        let certainty = |(_, a): (f64, &AlgorithmSummary)| {
-            pair_certainty(metric, [&fastest.algorithm, &a.algorithm], rows)
-        };
-        let certainty = second.map(certainty);
-        // Without a difference the best one is named, whichever happened to be faster.
-        let is_equal = certainty == Some(Certainty::NoDifference) && !is_best;
-        let (lead, second) = if is_equal {
-            (own, Some((value, fastest)))
-        } else {
-            ((value, fastest), second)
-        };
-        let second = second
-            .zip(certainty)
-            .map(|((value, a), certainty)| RunnerUp {
-                algorithm: a.algorithm.clone(),
-                value,
-                certainty,
-            });
-        Some(Lead {
-            metric,
-            area: None,
-            algorithm: lead.1.algorithm.clone(),
-            value: lead.0,
-            is_outdone: candidates().any(|a| median_ms(a).is_some_and(|ms| ms < value)),
-            is_of_seeing: false,
-            second,
+            others: others.iter().map(other).collect(),
         })
     }
 
@@ -159,18 +161,18 @@ impl Results {
         let reaches = |name, min| share(name).is_none_or(|share| share >= min);
         let is_within = |name, max| share(name).is_none_or(|share| share <= max);
         match self.kind() {
-            RunKind::Distances => {
+            TruthLevel::Distances => {
                 reaches("right", USABLE.min_right) && is_within("wrong", USABLE.max_wrong)
             }
-            RunKind::Disparities => {
+            TruthLevel::Disparities => {
                 reaches("coverage", USABLE.min_coverage) && is_within("bad2", USABLE.max_bad)
             }
-            RunKind::Courses => {
+            TruthLevel::Courses => {
                 let mut drives = self.drives.iter();
                 let own = drives.find(|d| d.algorithm == algorithm.algorithm);
                 own.is_some_and(|own| own.has_driven)
             }
-            RunKind::NoTruth => true,
+            TruthLevel::NoTruth => true,
         }
     }
 
@@ -184,12 +186,12 @@ impl Results {
     fn usable_words(&self) -> String {
         let percent = |share: f64| 100.0 * share;
         match self.kind() {
-            RunKind::Disparities => format!(
+            TruthLevel::Disparities => format!(
                 "at most {:.0} % pixels off > 2 px and at least {:.0} % coverage",
                 percent(USABLE.max_bad),
                 percent(USABLE.min_coverage)
             ),
-            RunKind::Courses => format!(
+            TruthLevel::Courses => format!(
                 "at least {:.0} % of the courses' length driven",
                 percent(MIN_DRIVEN)
             ),
@@ -207,12 +209,13 @@ impl Results {
         }
     }
 
-    /// The answer in one or two sentences; none for a single algorithm, whose row suffices.
+    /// The answer in a sentence, and the meanings of the marks; none for a single algorithm, whose
+    /// row suffices.
     pub fn answer(&self) -> Vec<String> {
         if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
         }
-        if self.leads.is_empty() {
+        if self.best.is_empty() {
             let none = !self.algorithms.iter().any(|a| self.is_usable(a));
             let words = format!(
                 "No algorithm has {}, so none is called best.",
@@ -220,164 +223,51 @@ impl Results {
             );
             return Vec::from_iter(none.then_some(words));
         }
-        let mut sentences: Vec<(&str, Vec<String>)> = Vec::new();
-        let is_time = |lead: &&Lead| lead.metric.unit == MetricUnit::Ms;
-        for lead in self.leads.iter().filter(|lead| !is_time(lead)) {
-            let words = self.lead_words(lead);
-            match sentences
-                .iter_mut()
-                .find(|(algorithm, _)| *algorithm == lead.algorithm)
-            {
-                Some((_, parts)) => parts.push(words),
-                None => sentences.push((&lead.algorithm, vec![words])),
+        let mut names: Vec<(&str, Vec<&str>)> = Vec::new();
+        for best in &self.best {
+            let own = names.iter_mut().find(|(name, _)| *name == best.algorithm);
+            match own {
+                Some((_, metrics)) => metrics.push(best.metric.name),
+                None => names.push((&best.algorithm, vec![best.metric.name])),
             }
         }
-        let sentence = |(algorithm, parts): (&str, Vec<String>)| {
-            let last = parts.len() - 1;
-            let listed = match last {
-                0 => parts[0].clone(),
-                _ => format!("{} and {}", parts[..last].join(", "), parts[last]),
-            };
-            format!("{algorithm} has {listed}.")
-        };
-        let sentences = sentences.into_iter().map(sentence);
-        let fastest = self.leads.iter().find(is_time);
-        let fastest = fastest.and_then(|lead| self.speed_words(lead));
-        let passes = self.checkpoint_words();
-        let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
-        let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
-        let untold = (self.basis.prior_test == PriorTest::TooFewPairs)
-            .then(|| "Too few pairs to tell if they beat the prior.".to_owned());
-        let all = sentences
-            .chain(passes)
-            .chain(fastest)
-            .chain(usable)
-            .chain(untold);
-        all.collect()
-    }
-
-    /// The usable algorithm that passes the most frames of checkpoints, if the first one is not.
-    fn checkpoint_words(&self) -> Option<String> {
-        let metric = Metric::find("passed")?;
-        let passed = |label: &str| self.value(label, metric, None);
-        let first = &self.leads.first()?.algorithm;
-        let own = passed(first)?;
-        let mut ranked = self.ranked_algorithms();
-        ranked.retain(|a| self.is_candidate(a) && self.is_usable(a));
-        ranked.sort_by(|a, b| better_first(metric, passed(&a.algorithm), passed(&b.algorithm)));
-        let best = &ranked.first()?.algorithm;
-        passed(best).filter(|most| *most > own)?;
-        let [(most, frames), (own, _)] = [best, first].map(|label| self.passes(label, None));
-        let words = "passes more checkpoint frames";
-        Some(format!(
-            "{best} {words} ({most} of {frames}, {first} {own})."
-        ))
-    }
-
-    /// The fastest algorithm with its cost, in words.
-    fn speed_words(&self, fastest: &Lead) -> Option<String> {
-        let name = &fastest.algorithm;
-        let usable = if fastest.is_outdone {
-            " of the usable ones"
+        let names = names
+            .iter()
+            .map(|(name, metrics)| format!("{name} by {}", joined(metrics.iter())));
+        let names = names.collect::<Vec<_>>().join("; ");
+        let others = self.best.iter().flat_map(|best| &best.others);
+        let certainties: BTreeSet<_> = others.map(|other| other.certainty).collect();
+        let items = if self.kind() == TruthLevel::Courses {
+            "courses"
         } else {
-            ""
+            "pairs"
         };
-        let sizes = match self.basis.scope.sizes.len() {
-            0 | 1 => String::new(),
-            count => format!(", the median over {count} sizes"),
-        };
-        let time = format!("{} per pair{sizes}", value(fastest.metric, fastest.value));
-        let second = fastest.second.as_ref();
-        let second_words =
-            second.map_or_else(String::new, |s| self.second_words(fastest.metric, s));
-        let fast = if second.is_some_and(|s| s.certainty == Certainty::NoDifference) {
-            "among the fastest"
-        } else {
-            "the fastest"
-        };
-        let first = self.leads.first()?;
-        if first.algorithm == *name {
-            return Some(format!(
-                "{name} is also {fast}{usable} ({time}{second_words})."
+        let marks = certainties.iter().filter_map(|certainty| match certainty {
+            Certainty::Clear => None,
+            Certainty::NoDifference => Some(" = not told apart from the best.".to_owned()),
+            Certainty::TooFew => Some(format!(" ? too few {items} to tell.")),
+        });
+        let marks: String = marks.collect();
+        let mut sentences = vec![format!("{BEST} best: {names}.{marks}")];
+        if self.kind() != TruthLevel::NoTruth {
+            let usable = self.usable_words();
+            let of_missed = self.best.iter().any(|best| best.metric.name == "missed");
+            let found = of_missed.then(|| format!("; by missed if they find {MIN_FOUND_WORDS}"));
+            let found = found.unwrap_or_default();
+            sentences.push(format!(
+                "Only algorithms with {usable} are called best{found}."
             ));
         }
-        let best = &first.algorithm;
-        let own = |metric| Some(value(metric, self.value(name, metric, None)?));
-        let cost = format!("{} {}", own(first.metric)?, self.words(first.metric));
-        let most = self.coverage_words(name, best);
-        Some(format!(
-            "{name} is {fast}{usable} ({time}{second_words}), with {cost}{most}."
-        ))
-    }
-
-    /// The coverage of two algorithms, where errors are of the estimated pixels alone.
-    fn coverage_words(&self, name: &str, other: &str) -> String {
-        let metric = Metric::find("coverage").filter(|_| self.kind() == RunKind::Disparities);
-        let words = |metric| {
-            let [own, others] = [name, other].map(|label| self.value(label, metric, None));
-            let (own, others) = (value(metric, own?), value(metric, others?));
-            Some(format!(" and {own} {} ({other} {others})", metric.words))
-        };
-        metric.and_then(words).unwrap_or_default()
-    }
-
-    /// The second best behind the value of the best.
-    fn second_words(&self, metric: &Metric, second: &RunnerUp) -> String {
-        let certainty = match second.certainty.words() {
-            "" => String::new(),
-            words => format!(": {words}"),
-        };
-        let label = &second.algorithm;
-        let value = self.value_words(metric, label, second.value);
-        format!(", {label} {value}{certainty}")
-    }
-
-    /// The words of a lead after the name of its algorithm and "has".
-    fn lead_words(&self, lead: &Lead) -> String {
-        let most = match lead.metric.better {
-            Better::Less => "the fewest",
-            _ => "the most",
-        };
-        let second = lead.second.as_ref();
-        let value = self.value_words(lead.metric, &lead.algorithm, lead.value);
-        let second = second.map_or_else(String::new, |s| {
-            if self.value_words(lead.metric, &s.algorithm, s.value) == value {
-                format!(", {} the same", s.algorithm)
-            } else {
-                self.second_words(lead.metric, s)
-            }
-        });
-        let usable = if lead.is_outdone {
-            " of the usable"
-        } else {
-            ""
-        };
-        let seeing = if lead.is_of_seeing {
-            format!(" of those that find {:.0} %", 100.0 * MIN_FOUND)
-        } else {
-            String::new()
-        };
-        format!(
-            "{most} {}{usable}{seeing} ({value}{second})",
-            self.words(lead.metric)
-        )
-    }
-
-    /// A value in a sentence. An algorithm that reports little misses little, so a number of missed
-    /// obstacles has the fraction of found ones with it.
-    fn value_words(&self, metric: &Metric, label: &str, number: f64) -> String {
-        let found = Metric::find("found").filter(|_| metric.name == "missed");
-        let found = found.and_then(|found| {
-            let share = self.value(label, found, None)?;
-            Some(format!(" with {} found", value(found, share)))
-        });
-        value(metric, number) + &found.unwrap_or_default()
+        if self.basis.prior_test == PriorTest::TooFewPairs {
+            sentences.push("Too few pairs to tell if they beat the prior.".to_owned());
+        }
+        sentences
     }
 }
 
-fn certainty(interval: Option<Interval>, too_few: Certainty) -> Certainty {
+fn certainty(interval: Option<Interval>) -> Certainty {
     match interval {
-        None => too_few,
+        None => Certainty::TooFew,
         Some((low, high)) if low > 0.0 || high < 0.0 => Certainty::Clear,
         Some(_) => Certainty::NoDifference,
     }
@@ -396,22 +286,22 @@ fn pair_certainty(metric: &Metric, labels: [&str; 2], rows: &[&Row]) -> Certaint
     let (best, second): (Vec<_>, Vec<_>) = both.unzip();
     let samples = [&best, &second].map(|rows| sample(metric, rows));
     let [Some(a), Some(b)] = samples else {
-        return Certainty::TooFewPairs;
+        return Certainty::TooFew;
     };
     let interval = Sample::interval_between(&a, &b, |a, b| b - a, &resamples(&best));
-    certainty(interval, Certainty::TooFewPairs)
+    certainty(interval)
 }
 
 /// The difference of a number of drives over the courses that both algorithms have.
 fn course_certainty(metric: &Metric, labels: [&str; 2], rows: &[DriveRow]) -> Certainty {
     let samples = labels.map(|label| drives::sample(metric, label, rows));
     let [Some(a), Some(b)] = samples else {
-        return Certainty::TooFewCourses;
+        return Certainty::TooFew;
     };
     if a.items() != b.items() {
-        return Certainty::TooFewCourses;
+        return Certainty::TooFew;
     }
     let resamples = Resamples::draw(&[a.items()], true);
     let interval = Sample::interval_between(&a, &b, |a, b| b - a, &resamples);
-    certainty(interval, Certainty::TooFewCourses)
+    certainty(interval)
 }

@@ -20,7 +20,7 @@ use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::{FolderRule, remove_special_files, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
-use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
+use svl_score::losses::{EndState, Ending, FailedPairs, LossLimit};
 use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
 use svl_score::notice::Notice;
 use svl_score::scenario::{Limit, SourceOptions};
@@ -130,6 +130,10 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
+    // The area is set before anything is computed of the rows. The results are complete before the
+    // manifest, which records their warnings and labels; gates read both. The page shows all of
+    // these. The summaries are written last and for a whole report only: a report that has them is
+    // complete.
     fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
         let tables = &mut self.tables;
@@ -316,7 +320,7 @@ impl Report<'_> {
     }
 
     /// The end of the run: what is missing of it.
-    fn ending(&self) -> Result<RunEnding> {
+    fn ending(&self) -> Result<Ending> {
         let plan = self.plan;
         let mut missing = plan.lost.clone().unwrap_or_default();
         for run in self.runs {
@@ -347,7 +351,7 @@ impl Report<'_> {
         }
         let mut runs = self.runs.iter();
         if let Some(error) = runs.find_map(|run| run.facts.error.as_ref()) {
-            return Ok(RunEnding::early(RunState::Failed, error.clone(), missing));
+            return Ok(Ending::early(EndState::Failed, error.clone(), missing));
         }
         let partial = self.runs.iter().filter(|run| !run.is_whole(plan));
         let partial: Vec<_> = partial.map(|run| run.run.words()).collect();
@@ -364,10 +368,10 @@ impl Report<'_> {
                 partial.len(),
                 counted(self.runs.len() as u64, what)
             );
-            return Ok(RunEnding::early(RunState::Incomplete, words, missing));
+            return Ok(Ending::early(EndState::Incomplete, words, missing));
         }
         let allowed = plan.manifest.allow_loss()?;
-        Ok(RunEnding::new(missing, self.options.allow_loss.or(allowed)))
+        Ok(Ending::new(missing, self.options.allow_loss.or(allowed)))
     }
 
     /// The algorithms whose times may be compared, by a number that they share: those of each block

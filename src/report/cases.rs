@@ -8,7 +8,7 @@ use super::rows::Row;
 use super::samples::{is_scene, total};
 use super::table::{NONE, Table};
 use super::words::number;
-use svl_score::judge::{Metric, RunKind};
+use svl_score::judge::{Metric, TruthLevel};
 
 /// Limit of the rows: the tables of the report have all cases.
 const MAX_CASES: usize = 40;
@@ -31,7 +31,7 @@ impl Results {
     /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
     /// of. None for other runs and for a single case.
     pub fn case_table(&self, rows: &[Row], drives: &[DriveRow]) -> Option<Table> {
-        let is_driven = self.kind() == RunKind::Courses;
+        let is_driven = self.kind() == TruthLevel::Courses;
         let (metric, mut cases) = if is_driven {
             (Metric::find("collisions")?, courses(drives))
         } else {

@@ -4,14 +4,14 @@ use crate::rows::{CheckpointRow, FrameRow, Row};
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally};
 
 /// The checkpoints of a run, by checkpoint and algorithm.
-pub(crate) struct RunTallies<'a> {
+pub(crate) struct CheckpointTallies<'a> {
     checkpoints: &'a [Checkpoint],
     labels: Vec<&'a str>,
     tallies: Vec<Vec<CheckpointTally<u64>>>,
     took_part: Vec<bool>,
 }
 
-impl<'a> RunTallies<'a> {
+impl<'a> CheckpointTallies<'a> {
     /// Empty tallies of these algorithms.
     pub(crate) fn new(labels: Vec<&'a str>, checkpoints: &'a [Checkpoint]) -> Self {
         let tallies = vec![CheckpointTally::default(); labels.len()];

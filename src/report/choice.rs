@@ -2,7 +2,7 @@
 
 use super::results::{AlgorithmSummary, Results};
 use std::cmp::Ordering;
-use svl_score::judge::{Better, Metric, RunKind};
+use svl_score::judge::{Better, Metric, TruthLevel};
 
 impl Results {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
@@ -43,7 +43,7 @@ impl Results {
         let algorithms = self.algorithms.iter();
         let is_shown = |a: &&AlgorithmSummary| {
             // A robot that stands hits nothing.
-            self.is_candidate(a) && (self.kind() != RunKind::Courses || self.is_usable(a))
+            self.is_candidate(a) && (self.kind() != TruthLevel::Courses || self.is_usable(a))
         };
         algorithms.filter(is_shown).collect()
     }
@@ -65,10 +65,10 @@ impl Results {
     /// dominates: at least as good by all of them, and better by one.
     pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
         let objectives: &[_] = match self.kind() {
-            RunKind::Distances | RunKind::NoTruth => &OBJECTIVES,
-            RunKind::Disparities => &["bad2", "coverage", "time"],
+            TruthLevel::Distances | TruthLevel::NoTruth => &OBJECTIVES,
+            TruthLevel::Disparities => &["bad2", "coverage", "time"],
             // Drives run beside each other, so their times decide nothing.
-            RunKind::Courses => &["finished", "collisions"],
+            TruthLevel::Courses => &["finished", "collisions"],
         };
         let candidates = self.candidates();
         let value = |a: &&AlgorithmSummary, metric: &Metric| self.ranked(a, metric);

@@ -26,7 +26,6 @@ mod drives;
 mod gate;
 pub mod html;
 mod junit;
-mod lead;
 mod maps;
 mod markdown;
 pub mod page;
@@ -52,6 +51,7 @@ mod words;
 
 pub use accuracy::AccuracyRow;
 pub use algorithm_parameters::write_algorithms;
+pub use answer::{Best, Certainty, Other};
 pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
@@ -59,8 +59,8 @@ pub use descriptions::{METRIC_NAMES, TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
-pub use lead::{Certainty, Lead, PriorTest, RunnerUp};
 pub use prior::{PRIOR, TruthRow};
+pub use prior_test::PriorTest;
 pub use reliability::{ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart};
 pub use results::{
     AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,
@@ -68,7 +68,6 @@ pub use results::{
 };
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
-    hash_words,
 };
 pub use sources::Sources;
 pub use stress::StressSummary;

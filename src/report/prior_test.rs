@@ -1,25 +1,38 @@
 //! The test against the prior: nothing is called best that does not beat who looks at nothing.
 
-use super::lead::PriorTest;
 use super::results::Results;
 use super::rows::Row;
 use super::samples::resamples;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::Sample;
-use svl_score::judge::{Metric, RunKind};
+use svl_score::judge::{Metric, TruthLevel};
 
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
-const STILL: f64 = 0.8;
+const MIN_RIGHT: f64 = 0.8;
+
+/// The test of algorithms against the prior.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PriorTest {
+    /// There is no prior.
+    #[default]
+    None,
+    /// `Results::behind_prior` has those that do not beat it.
+    Tested,
+    /// Too few blocks of pairs for an interval.
+    TooFewPairs,
+    /// The prior is right nearly everywhere, so it is no test.
+    Still,
+}
 
 impl Results {
     /// Finds the algorithms that do not beat the prior by right minus wrong cells, beyond the 95 %
     /// interval. `rows` and `prior`: those that the summary is of.
     pub(super) fn test_prior(&mut self, rows: &[Row], prior: &[Row]) {
-        let right = Metric::find("right").filter(|_| self.kind() == RunKind::Distances);
+        let right = Metric::find("right").filter(|_| self.kind() == TruthLevel::Distances);
         let Some(right) = right.and_then(|right| self.prior.as_ref()?.value(right)) else {
             return;
         };
-        if right >= STILL {
+        if right >= MIN_RIGHT {
             self.basis.prior_test = PriorTest::Still;
             return;
         }

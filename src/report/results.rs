@@ -1,8 +1,9 @@
-//! The results of a run: per algorithm, and per checkpoint and algorithm.
+//! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
+use super::answer::Best;
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
-use super::lead::{Lead, PriorTest};
+use super::prior_test::PriorTest;
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
 use super::samples::run_key;
@@ -16,19 +17,19 @@ use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_files::slow_profile;
 use svl_score::judge::{
-    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricValues, RunKind,
+    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricValues, TruthLevel,
 };
-use svl_score::losses::RunEnding;
+use svl_score::losses::Ending;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
 
-/// The results of a run.
+/// The results of a report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Results {
     /// Version of the files of a report, [`SCHEMA`].
     pub schema: u32,
-    /// The end of the run, and the pairs that it misses.
+    /// The end of the report, and the pairs that it misses.
     #[serde(flatten)]
-    pub ending: RunEnding,
+    pub ending: Ending,
     /// Digest of the pairs' hashes in their order; absent without pairs.
     pub pairs_hash: Option<String>,
     /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
@@ -44,10 +45,10 @@ pub struct Results {
     pub made_of: Sources,
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub leads: Vec<Lead>,
+    pub best: Vec<Best>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
-    /// The warnings of the run, in their order.
+    /// The warnings of the report, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// Algorithms that matched as programs of their own.
@@ -102,10 +103,10 @@ pub struct ReportTables {
     pub tracks: Vec<TrackRow>,
 }
 
-/// The results of a run besides its tables.
+/// The results of a report besides its tables.
 #[derive(Default)]
 pub struct ResultParts<'a> {
-    pub ending: RunEnding,
+    pub ending: Ending,
     pub latency: Vec<TopicDelay>,
     pub made_of: Sources,
     /// Programs, failures and warnings.
@@ -120,7 +121,7 @@ pub struct ResultParts<'a> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ResultBasis {
     /// The pairs, their size and their runs.
-    pub(super) scope: RunScope,
+    pub(super) scope: ResultScope,
     /// The area whose numbers tables, sentences and plots have: that of the rows.
     pub(super) area: AreaChoice,
     /// The test against the prior, and the algorithms that do not beat it.
@@ -133,14 +134,14 @@ pub(super) struct ResultBasis {
     /// The profile of svl's build, if its times are not those of svl.
     pub(super) slow_profile: Option<String>,
     pub(super) is_measured: bool,
-    /// The algorithms whose times may be compared have the same number; all of a run without a
+    /// The algorithms whose times may be compared have the same number; all of results without a
     /// report, which has none.
     pub(super) time_groups: BTreeMap<String, usize>,
 }
 
-/// The extent of a run.
+/// The extent of the results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct RunScope {
+pub(super) struct ResultScope {
     /// Number of unperturbed pairs that any algorithm matched.
     pub pairs: u64,
     /// Widths and heights of the images, pixels, each once.
@@ -260,7 +261,7 @@ record! {
     }
 }
 
-impl RunScope {
+impl ResultScope {
     fn new(rows: &[&Row], algorithms: &[AlgorithmSummary]) -> Self {
         let pairs: BTreeSet<_> = rows
             .iter()
@@ -345,7 +346,7 @@ impl AlgorithmSummary {
         Some((pairs, if metric.by_area { of_area() } else { cells }))
     }
 
-    /// The value of a metric of frames, absent if the run does not measure it; for other metrics
+    /// The value of a metric of frames, absent if the report does not measure it; for other metrics
     /// see [`Results::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         self.value_in(metric, self.totals.area())
@@ -420,13 +421,13 @@ impl Results {
             results.add_manifest(manifest);
         }
         // The order matters: the manifest has the algorithms that failed on every pair, which are
-        // sorted, too, and those that may not lead; a lead is the first of equal ones, and beats
-        // the prior.
+        // sorted, too, and those that may not be called best; the best is the first of equal ones, and
+        // beats the prior.
         if let Some(metric) = results.shown.sort {
             results.sort_by(metric);
         }
         results.test_prior(&tables.rows, &tables.prior);
-        results.find_leads(&tables.rows, &tables.drives);
+        results.find_best(&tables.rows, &tables.drives);
         Ok(results)
     }
 
@@ -447,7 +448,7 @@ impl Results {
             pairs_hash: pairs_hash(rows),
             truth: truths(rows),
             basis: ResultBasis {
-                scope: RunScope::new(rows, &algorithms),
+                scope: ResultScope::new(rows, &algorithms),
                 area: area.unwrap_or_default(),
                 ..ResultBasis::default()
             },
@@ -521,8 +522,8 @@ impl Results {
         self.are_times_comparable(self.algorithms.iter().map(|a| a.algorithm.as_str()))
     }
 
-    /// The value of any metric, absent if the run does not measure it. `checkpoint`: the only one
-    /// that counts, in place of all.
+    /// The value of any metric, absent if the report does not measure it. `checkpoint`: the only
+    /// one that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
         self.value_in(label, metric, checkpoint, self.basis.area)
     }
@@ -592,12 +593,12 @@ impl Results {
         super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
 
-    /// The kind of the run by what was measured.
-    pub fn kind(&self) -> RunKind {
+    /// The kind of the report by what was measured.
+    pub fn kind(&self) -> TruthLevel {
         let has = |name: &str| self.algorithms.iter().any(|a| a.totals.get(name).is_some());
         match self.drives[..] {
-            [] => RunKind::from_measured(has),
-            _ => RunKind::Courses,
+            [] => TruthLevel::from_measured(has),
+            _ => TruthLevel::Courses,
         }
     }
 

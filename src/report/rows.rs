@@ -175,11 +175,6 @@ record! {
     }
 }
 
-/// A hash of pixels or of a result in the form of the tables.
-pub fn hash_words(hash: u128) -> String {
-    format!("{hash:032x}")
-}
-
 record! {
     /// One pair through one algorithm.
     Row {

@@ -112,17 +112,17 @@ impl LeftImages {
     }
 
     /// True if it is there, as [`LeftImages::read`] reads it.
-    pub fn hold(&self, row: &Row, run: Option<&str>) -> bool {
-        let key = (row.seed, run.map(str::to_owned), row.sequence);
+    pub fn hold(&self, row: &Row) -> bool {
+        let key = (row.seed, row.run.clone(), row.sequence);
         self.units.contains_key(&key)
     }
 
-    /// The image of the row's pair, which the report has under that name of the recording.
+    /// The image of the row's pair.
     ///
     /// # Errors
     /// The errors of [`LeftImages::find`].
-    pub fn read(&self, row: &Row, run: Option<&str>) -> Result<Option<StoredImage>> {
-        let key = (row.seed, run.map(str::to_owned), row.sequence);
+    pub fn read(&self, row: &Row) -> Result<Option<StoredImage>> {
+        let key = (row.seed, row.run.clone(), row.sequence);
         let unit = self.units.get(&key);
         let pictures = unit.map(StoredUnit::pictures).transpose()?.flatten();
         pictures.map_or(Ok(None), |pictures| pictures.left(row))
@@ -130,15 +130,15 @@ impl LeftImages {
 }
 
 /// A pair, by the places of its run and of itself in it.
-type PlaceInRuns = (usize, u64);
+type ShotPlace = (usize, u64);
 
 /// The pictures of the runs so far.
 struct ChosenPictures {
     checkpoints: Vec<Checkpoint>,
     /// Shots that are chosen from, by checkpoint and algorithm, with run and place.
-    shots: BTreeMap<(u32, String), Vec<(PlaceInRuns, CheckpointShot)>>,
-    samples: BTreeMap<PlaceInRuns, CheckpointFigure>,
-    scenes: BTreeMap<PlaceInRuns, SceneFigure>,
+    shots: BTreeMap<(u32, String), Vec<(ShotPlace, CheckpointShot)>>,
+    samples: BTreeMap<ShotPlace, CheckpointFigure>,
+    scenes: BTreeMap<ShotPlace, SceneFigure>,
 }
 
 impl ChosenPictures {
@@ -237,10 +237,10 @@ impl ChosenPictures {
 }
 
 /// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
-fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
+fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
     // A run that was interrupted has as many pairs as are known.
     let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
-    let on_stride = |(run, place): &PlaceInRuns| place.is_multiple_of(stride(pairs(*run), limit));
+    let on_stride = |(run, place): &ShotPlace| place.is_multiple_of(stride(pairs(*run), limit));
     let kept: Vec<_> = all
         .into_iter()
         .filter(|(key, _)| on_stride(key))
@@ -251,7 +251,7 @@ fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Ve
 }
 
 /// The worst and the best frame of a checkpoint: of equal ones the first.
-fn leading(mut shots: Vec<(PlaceInRuns, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
+fn leading(mut shots: Vec<(ShotPlace, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
     shots.sort_by_key(|(place, _)| *place);
     let mut tally = CheckpointTally::default();
     for (i, (_, shot)) in shots.iter().enumerate() {

@@ -8,7 +8,7 @@ use super::stress::{StressSummary, kinds};
 use super::table::{NONE, Table, TableCell, TableColumn};
 use super::words::{digits, mark, number, percent, time};
 use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, RunKind};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, TruthLevel};
 use svl_sim::stress::StressKind;
 
 /// A column of numbers of algorithms: its group, its head, the number.
@@ -194,7 +194,7 @@ impl Results {
     pub(super) fn merit(&self, a: &AlgorithmSummary) -> Option<f64> {
         let metric = self.first_metric()?;
         let value = |name| a.value(Metric::find(name)?);
-        if self.kind() == RunKind::Distances {
+        if self.kind() == TruthLevel::Distances {
             return Some(value("right")? - value("wrong")?);
         }
         let value = self.value(&a.algorithm, metric, None)?;
@@ -208,7 +208,7 @@ impl Results {
     /// That number in words.
     pub(super) fn merit_words(&self) -> Option<&'static str> {
         match self.kind() {
-            RunKind::Distances => Some("right minus wrong"),
+            TruthLevel::Distances => Some("right minus wrong"),
             _ => Some(self.first_metric()?.words),
         }
     }
@@ -284,7 +284,10 @@ impl Results {
                             ..TableColumn::new(group, head)
                         };
                         add(column, &|a| match a.p50_ms.filter(|_| is_headline) {
-                            Some(ms) => TableCell::Time(ms),
+                            Some(ms) => TableCell::Time {
+                                ms,
+                                mark: self.mark(metric, &a.algorithm),
+                            },
                             None => text(number(a)),
                         });
                     }
@@ -303,7 +306,14 @@ impl Results {
                         is_less_better: metric.better == Better::Less,
                         ..TableColumn::new(self.group(metric), metric.head)
                     };
-                    add(column, &|a| metric_cell(metric, value(a, metric)));
+                    add(column, &|a| {
+                        let mark = if is_all {
+                            ""
+                        } else {
+                            self.mark(metric, &a.algorithm)
+                        };
+                        metric_cell(metric, value(a, metric), mark)
+                    });
                 }
                 _ => {}
             }
@@ -317,10 +327,21 @@ impl Results {
         table
     }
 
+    /// The mark of an algorithm by a metric: the best, or not told apart from it. All marks of a
+    /// column are as wide.
+    fn mark(&self, metric: &Metric, label: &str) -> &'static str {
+        let best = self.best.iter().find(|best| best.metric == metric);
+        match best.map(|best| best.mark(label)) {
+            None => "",
+            Some("") => " ",
+            Some(mark) => mark,
+        }
+    }
+
     /// The meanings of a table's metrics.
     fn metric_notes(&self, table: &mut Table, metrics: &[&Metric]) {
         // Obstacles have a distance, so they are counted where there is a calibration.
-        let has_distances = matches!(self.kind(), RunKind::Distances | RunKind::Courses);
+        let has_distances = matches!(self.kind(), TruthLevel::Distances | TruthLevel::Courses);
         let rule = self.shown.rule.for_rig(has_distances);
         let is_shown = |metric: &&&Metric| {
             let own = |column: &TableColumn| {
@@ -455,11 +476,11 @@ impl Results {
 }
 
 /// The value of a metric; one of more wrong cells than a usable algorithm has is an alert.
-fn metric_cell(metric: &Metric, value: Option<f64>) -> TableCell {
+fn metric_cell(metric: &Metric, value: Option<f64>, mark: &str) -> TableCell {
     let Some(value) = value else {
         return TableCell::Text(NONE.to_owned());
     };
-    let shown = number(metric.unit, value);
+    let shown = number(metric.unit, value) + mark;
     if metric.name == "wrong" && value > USABLE.max_wrong {
         TableCell::Alert(shown)
     } else {

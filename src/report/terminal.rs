@@ -1,12 +1,12 @@
 //! A summary on the terminal: the answer first.
 
-use super::lead::Lead;
+use super::answer::Best;
 use super::prior::PRIOR;
 use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::stereo::TruthOrigin;
 use svl_core::{counted, joined};
-use svl_score::judge::{ColumnChoice, Metric, RunKind};
+use svl_score::judge::{ColumnChoice, Metric, TruthLevel};
 
 /// Largest number of algorithms that are all shown, and the number of the first ones shown of
 /// more.
@@ -36,8 +36,8 @@ impl Results {
                 _ => 0,
             };
             let is_best = |row: &[TableCell]| {
-                let is_own = |lead: &Lead| TableCell::Text(lead.algorithm.clone()) == row[0];
-                row[0] == TableCell::Text(PRIOR.to_owned()) || self.leads.iter().any(is_own)
+                let is_own = |best: &Best| TableCell::Text(best.algorithm.clone()) == row[0];
+                row[0] == TableCell::Text(PRIOR.to_owned()) || self.best.iter().any(is_own)
             };
             let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
             let shown = rows.filter(|(i, row)| more == 0 || *i < FIRST_ALGORITHMS || is_best(row));
@@ -140,7 +140,7 @@ impl Results {
         let exact = TruthOrigin::Exact.to_string();
         let truth = match &self.truth[..] {
             [] => "no ground truth".to_owned(),
-            [one] if *one == exact && self.kind() == RunKind::Disparities => {
+            [one] if *one == exact && self.kind() == TruthLevel::Disparities => {
                 "truth of the data set".to_owned()
             }
             [one] if *one == exact => "exact truth".to_owned(),

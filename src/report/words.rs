@@ -1,6 +1,6 @@
 //! Number formats of tables and texts.
 
-use svl_score::judge::{Metric, MetricUnit};
+use svl_score::judge::MetricUnit;
 
 /// Shown for a number that does not exist.
 pub const NONE: &str = "–";
@@ -14,14 +14,6 @@ pub(super) fn number(unit: MetricUnit, value: f64) -> String {
         MetricUnit::M => format!("{value:.3}"),
         MetricUnit::Per100M => format!("{value:.1}"),
         MetricUnit::Ms => ms(value),
-    }
-}
-
-/// A value with its unit in a sentence.
-pub(super) fn value(metric: &Metric, value: f64) -> String {
-    match metric.unit {
-        MetricUnit::Ms => format!("{} ms", ms(value)),
-        _ => metric.show(value),
     }
 }
 

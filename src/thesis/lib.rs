@@ -34,8 +34,8 @@ pub use finding::{
 pub use page::{ExperimentFinding, FindingsPage};
 
 use std::path::Path;
-use svl_bench::run::{self, Matchers, Monitor, Pace};
-use svl_bench::sink::{self, CollectSink, RunStart, Sink};
+use svl_bench::pass::{self, Matchers, Monitor, Pace};
+use svl_bench::sink::{self, CollectSink, PassStart, Sink};
 use svl_bench::source::Source;
 use svl_bench::source::dataset::Scene;
 use svl_core::stereo::Frame;
@@ -198,7 +198,7 @@ impl<'a> Context<'a> {
             .map(|a| a.parse())
             .collect::<Result<Vec<_>>>()?;
         let manifest = Manifest::new("reproduce", &algorithms)?;
-        let start = RunStart::new(&manifest, None, judge);
+        let start = PassStart::new(&manifest, None, judge);
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         let mut monitor = Counting {
             done: &mut self.done,
@@ -206,7 +206,7 @@ impl<'a> Context<'a> {
         };
         let mut matchers = Matchers::new(&algorithms)?;
         // Called also with one core: the run is then sequential.
-        let (outcome, ran) = run::run(
+        let (outcome, ran) = pass::run(
             source,
             &mut matchers,
             &start,

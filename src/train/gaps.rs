@@ -1,13 +1,13 @@
 //! Training of the network of v5's gaps, with its figures.
 
-use super::learned_cells::RunShare;
+use super::learned_cells::TrainingPart;
 
 use crate::fit::{GapEpoch, GapSample, GapSettings, fit_gaps, gap_samples};
 use serde::Serialize;
 use svl_bench::console::{Console, Unit, Watch};
-use svl_bench::run::{Matchers, frames_through};
+use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::runs;
-use svl_bench::sink::{CollectSink, RunStart};
+use svl_bench::sink::{CollectSink, PassStart};
 use svl_bench::source::{PairRegister, Source};
 use svl_core::filter::ModelFacts;
 use svl_core::matcher::{GapSampler, GapWeights};
@@ -61,7 +61,7 @@ impl LearnedGaps {
     pub fn learn(
         &mut self,
         scenario: &Scenario,
-        share: RunShare,
+        share: TrainingPart,
         console: &dyn Console,
     ) -> Result<()> {
         let manifest = Manifest::new(&scenario.name, &[])?;
@@ -80,7 +80,7 @@ impl LearnedGaps {
                 }
                 gap_samples(&mut sampler, &judged.frame, GAP_PIXELS)
             });
-            let start = RunStart::new(&manifest, run.seed, &judge);
+            let start = PassStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("gaps of {name}"), run.pairs(), None);
             let collected = frames_through(
                 &mut run,

@@ -1,13 +1,14 @@
 //! Cells of scenarios that the tables of v5 are learned from.
 
 use crate::fit::{
-    CellFit, CellRun, CellSample, CellTarget, FOLDS, PairCell, PairCells, fit_cells, pair_cells,
+    CellFit, CellSample, CellSequence, CellTarget, FOLDS, PairCell, PairCells, fit_cells,
+    pair_cells,
 };
 use std::path::Path;
 use svl_bench::console::{Console, Watch};
-use svl_bench::run::{Matchers, frames_through};
+use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::runs;
-use svl_bench::sink::{CollectSink, RunStart};
+use svl_bench::sink::{CollectSink, PassStart};
 use svl_bench::source::{PairRegister, Source};
 use svl_core::depth::decision::{SafeChoice, VerdictTable};
 use svl_core::matcher::Algorithm;
@@ -18,7 +19,7 @@ use svl_score::scenario::{Scenario, ScenarioSource};
 
 /// A part of a scenario's runs, or of the scenes of a data set.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RunShare {
+pub enum TrainingPart {
     All,
     /// Two of three, for the network.
     Network,
@@ -26,7 +27,7 @@ pub enum RunShare {
     Tables,
 }
 
-impl RunShare {
+impl TrainingPart {
     pub(super) fn has(self, number: u64) -> bool {
         match self {
             Self::All => true,
@@ -50,7 +51,7 @@ pub struct LearnedCells {
     /// By the nearest quarter, with their weights, of the scenarios that are fitted to.
     near: (Vec<CellSample>, Vec<f64>),
     /// The runs that are fitted to and whose pairs follow each other.
-    pub runs: Vec<CellRun>,
+    pub runs: Vec<CellSequence>,
     /// Runs and scenes.
     groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
@@ -82,7 +83,7 @@ impl LearnedCells {
         mut scenario: Scenario,
         path: &Path,
         algorithms: &CellAlgorithms,
-        (share, tested): (RunShare, bool),
+        (share, tested): (TrainingPart, bool),
         console: &dyn Console,
     ) -> Result<()> {
         let CellAlgorithms { median, near } = algorithms;
@@ -109,7 +110,7 @@ impl LearnedCells {
                 let cells = is_own.then(|| pair_cells(judged, &run_judge, &targets));
                 (judged.frame.name.clone(), cells.unwrap_or_default())
             });
-            let start = RunStart::new(&manifest, run.seed, &judge);
+            let start = PassStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is not another scene.
             let seed_name = run
                 .seed
@@ -129,7 +130,7 @@ impl LearnedCells {
             let pairs = self.add_pairs(collected, tested);
             if !tested && !scenario.has_separate_pairs() {
                 let group = self.group(name);
-                self.runs.push(CellRun {
+                self.runs.push(CellSequence {
                     group,
                     weight: 1.0,
                     pairs,

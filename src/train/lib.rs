@@ -20,4 +20,4 @@ pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario};
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{scenario_filters, with_filters};
 pub use v5::{NearTraining, TrainedV5, TrainingScenario, V5Training, train_v5};
-pub use windows::{LabelledRuns, train, windows};
+pub use windows::{LabelledInputs, train, windows};

@@ -1,6 +1,6 @@
 //! The filters of a scenario, behind its algorithms.
 
-use super::windows::{LabelledRuns, train, windows};
+use super::windows::{LabelledInputs, train, windows};
 use super::{REVISION, TrainSettings};
 use std::path::Path;
 use std::sync::Arc;
@@ -73,7 +73,7 @@ fn model(
     }
     let runs = training
         .into_iter()
-        .map(|training| LabelledRuns::open(training, None, console));
+        .map(|training| LabelledInputs::open(training, None, console));
     let runs = runs.collect::<Result<_>>()?;
     let (mut samples, fitted) = windows(kind, settings.range_px, runs, console)?;
     let (model, training) = train(&mut samples, &fitted, &settings, console)?;

@@ -2,7 +2,7 @@
 
 use super::cells::CellTraining;
 use super::gaps::{GapTraining, LearnedGaps, LearnedNetwork};
-use super::learned_cells::{CellAlgorithms, LearnedCells, RunShare};
+use super::learned_cells::{CellAlgorithms, LearnedCells, TrainingPart};
 use crate::fit::{CellSample, GapSettings, TimeFigures, fit_time};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -78,15 +78,15 @@ pub fn train_v5(
             model.network = Some(network.weights.clone());
             model.fitted = network.fitted.clone();
             model.facts.extend(network.facts.clone());
-            RunShare::Tables
+            TrainingPart::Tables
         }
-        None => RunShare::All,
+        None => TrainingPart::All,
     };
     let algorithms = with(&model)?;
     let mut learned = LearnedCells::default();
     for scenario in scenarios {
         let share = if scenario.tested {
-            RunShare::All
+            TrainingPart::All
         } else {
             share
         };
@@ -142,7 +142,7 @@ fn learn_network(
 ) -> Result<LearnedNetwork> {
     let mut learned = LearnedGaps::default();
     for scenario in scenarios.iter().filter(|scenario| !scenario.tested) {
-        learned.learn(&scenario.scenario, RunShare::Network, console)?;
+        learned.learn(&scenario.scenario, TrainingPart::Network, console)?;
     }
     let network = learned.train(settings, console)?;
     if network.training.interrupted {

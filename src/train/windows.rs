@@ -7,9 +7,9 @@ use crate::fit::filter::{
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_bench::console::{Console, Unit, Watch};
-use svl_bench::run::{Matchers, frames_through};
+use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::{ScoredSource, runs};
-use svl_bench::sink::{CollectSink, RunStart};
+use svl_bench::sink::{CollectSink, PassStart};
 use svl_bench::source::{PairRegister, Source};
 use svl_core::filter::{Features, FilterKind, FilterModel, Spectrum};
 use svl_core::stereo::FittedTo;
@@ -19,14 +19,14 @@ use svl_score::manifest::Manifest;
 use svl_score::scenario::Scenario;
 
 /// Runs that are labelled in one way.
-pub struct LabelledRuns {
+pub struct LabelledInputs {
     scenario: Scenario,
     runs: Vec<ScoredSource>,
     /// Labels of a person, with the recording; else those by the truth.
     labels: Option<(PathBuf, FrameLabels)>,
 }
 
-impl LabelledRuns {
+impl LabelledInputs {
     /// Opens the runs of a scenario.
     pub fn open(
         scenario: Scenario,
@@ -46,7 +46,7 @@ impl LabelledRuns {
 pub fn windows(
     kind: FilterKind,
     range_px: f64,
-    labelled: Vec<LabelledRuns>,
+    labelled: Vec<LabelledInputs>,
     console: &dyn Console,
 ) -> Result<(WindowSamples, FittedTo)> {
     let features = kind.spec().features;
@@ -55,7 +55,7 @@ pub fn windows(
     let register = PairRegister::default();
     let mut group = 0;
     for own in labelled {
-        let LabelledRuns {
+        let LabelledInputs {
             scenario,
             runs,
             labels,
@@ -69,7 +69,7 @@ pub fn windows(
             let read = (features, range_px);
             let look = frame_windows(read, group, labels.clone(), samples.empty());
             let sink = CollectSink::new(look);
-            let start = RunStart::new(&manifest, run.seed, &judge);
+            let start = PassStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
             let collected = frames_through(&mut run, &mut Matchers::none(), &start, sink, watch)?;
             // Training and test are never on the same pairs.

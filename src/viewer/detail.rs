@@ -21,7 +21,7 @@ pub(crate) struct ListedFrames {
 
 impl ListedFrames {
     /// Starts a run, whose first frame is listed.
-    pub(crate) fn begin_run(&mut self) {
+    pub(crate) fn begin_pass(&mut self) {
         *self = Self::default();
     }
 
@@ -57,13 +57,13 @@ mod tests {
     fn the_first_every_nth_and_checkpoint_frames_and_scenes_are_listed() {
         let mut frames = ListedFrames::default();
         let mut at = |checkpoint: std::ops::Range<u64>| {
-            frames.begin_run();
+            frames.begin_pass();
             let mut has = |i: &u64| frames.choose(false, checkpoint.contains(i));
             (0..75).filter(|i| has(i)).collect::<Vec<_>>()
         };
         assert_eq!(at(0..0), [0, 30, 60]);
         assert_eq!(at(40..52), [0, 30, 40, 50]);
-        frames.begin_run();
+        frames.begin_pass();
         let scenes = (0..200).filter(|_| frames.choose(true, false)).count();
         assert_eq!(scenes, 64 + 4);
     }

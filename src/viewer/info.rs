@@ -1,7 +1,8 @@
 //! Static facts of a run in Rerun, and the entity paths of its algorithms.
 
-use svl_bench::sink::RunInfo;
+use svl_bench::sink::ViewedScene;
 use svl_core::stereo::ExtraPlanes;
+use svl_files::safe_name;
 
 /// An algorithm of the run: its label, and the label as part of a path.
 pub(crate) struct AlgorithmPath {
@@ -21,17 +22,10 @@ impl AlgorithmPath {
 /// The labels as parts of entity paths: letters, digits, `_` and `.` are kept, the rest becomes
 /// `-`. Labels that would become equal are numbered.
 pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmPath> {
-    // Rerun parses `/ : = ,` and spaces in entity paths.
-    let safe = |c: char| {
-        if c.is_ascii_alphanumeric() || matches!(c, '_' | '.') {
-            c
-        } else {
-            '-'
-        }
-    };
     let mut made: Vec<AlgorithmPath> = Vec::new();
     for label in labels {
-        let stem: String = label.chars().map(safe).collect();
+        // Rerun parses `/ : = ,` and spaces in entity paths.
+        let stem = safe_name(&label, usize::MAX);
         let names = std::iter::once(stem.clone()).chain((2..).map(|n| format!("{stem}-{n}")));
         // The numbers never end, so one of them is unused.
         let part = names
@@ -48,7 +42,7 @@ pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmP
 }
 
 /// The scenario's name and the parameters of the algorithms, as Markdown.
-pub(crate) fn parameters(run: &RunInfo) -> String {
+pub(crate) fn parameters(run: &ViewedScene) -> String {
     let rows = run
         .algorithms
         .iter()
@@ -57,7 +51,7 @@ pub(crate) fn parameters(run: &RunInfo) -> String {
 }
 
 /// Placeholder for the results, as Markdown.
-pub(crate) fn awaiting(run: &RunInfo) -> String {
+pub(crate) fn awaiting(run: &ViewedScene) -> String {
     format!(
         "# {}\n\nNo checkpoint has been scored yet: verdicts come at the end of `svl score`.\n",
         run.scenario

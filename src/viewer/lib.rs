@@ -50,7 +50,7 @@ use std::path::Path;
 use std::time::Duration;
 use step::RerunSteps;
 use svl_bench::sink::{
-    BoardView, RerunDetail, RerunTarget, RunInfo, RunStart, Sink, StepView, Verdicts, Viewer,
+    BoardView, PassStart, RerunDetail, RerunTarget, Sink, StepView, Verdicts, ViewedScene, Viewer,
 };
 use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
@@ -91,14 +91,14 @@ impl Viewer for Rerun {
         &self,
         target: RerunTarget,
         detail: RerunDetail,
-        info: &RunInfo,
+        info: &ViewedScene,
         verdicts: Option<Verdicts>,
     ) -> Result<Box<dyn Sink>> {
         let sink = RerunSink::new(target, detail, info)?;
         Ok(Box::new(RerunSink { verdicts, ..sink }))
     }
 
-    fn tuning(&self, target: RerunTarget, info: &RunInfo) -> Result<Box<dyn Sink>> {
+    fn tuning(&self, target: RerunTarget, info: &ViewedScene) -> Result<Box<dyn Sink>> {
         let sink = RerunSink::new(target, RerunDetail::Full, info)?;
         let changes = Some(0);
         Ok(Box::new(RerunSink { changes, ..sink }))
@@ -164,7 +164,7 @@ impl RerunSink {
     /// # Errors
     /// If the file exists (it is never overwritten: remove it first) or cannot be created; if there
     /// is no viewer to spawn, or none at the URL. Always one line.
-    fn new(target: RerunTarget, detail: RerunDetail, run: &RunInfo) -> Result<Self> {
+    fn new(target: RerunTarget, detail: RerunDetail, run: &ViewedScene) -> Result<Self> {
         let mut builder = RecordingStreamBuilder::new(APPLICATION)
             .recording_id(run.recording_id.as_str())
             .recording_name(run.scenario.as_str())
@@ -341,12 +341,12 @@ fn line(name: &str, color: Rgba32) -> SeriesLines {
 
 impl Sink for RerunSink {
     /// Places the next run after the previous one on the timelines, with a second between.
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
         let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
-        self.frames.begin_run();
+        self.frames.begin_pass();
         if self.changes.is_some() {
-            let info = RunInfo::new(start.manifest, Vec::new());
+            let info = ViewedScene::new(start.manifest, Vec::new());
             let parameters = TextDocument::from_markdown(info::parameters(&info));
             self.log_static("run/parameters", &parameters)?;
         } else if let Some(last) = self.last {

@@ -37,13 +37,14 @@ pub(crate) fn classes() -> AnnotationContext {
 fn color(reason: Reason) -> Rgba32 {
     match reason {
         Reason::Valid => Rgba32::from_unmultiplied_rgba(0, 0, 0, 0),
-        Reason::Border => Rgba32::from_rgb(90, 90, 100),
         Reason::Untextured => Rgba32::from_rgb(66, 133, 214),
         Reason::Ambiguous => Rgba32::from_rgb(245, 166, 35),
         Reason::Inconsistent => Rgba32::from_rgb(208, 62, 140),
         Reason::SelfCheck => Rgba32::from_rgb(44, 160, 110),
         Reason::Unmatched => Rgba32::from_rgb(150, 100, 60),
         Reason::Floor => Rgba32::from_rgb(120, 160, 60),
+        // The border, and what is not known here.
+        _ => Rgba32::from_rgb(90, 90, 100),
     }
 }
 

@@ -4,7 +4,7 @@ use svl_core::stereo::Frame;
 use svl_files::overlay::{NEAR_M, Nearness, lowest_disparity};
 
 /// Colours end at this multiple of the near distance: 3 m in the arena.
-const FAR: f64 = 15.0;
+const COLOUR_END: f64 = 15.0;
 
 /// Scale of all pictures of one camera, so that a colour and a size have the same meaning in every
 /// frame of a run.
@@ -32,7 +32,7 @@ impl Scale {
             .and_then(|(rig, lowest)| rig.depth_m(lowest.into()));
         Self {
             nearness,
-            far_m: farthest_m.map_or(FAR * near_m, |far| far.min(FAR * near_m)),
+            far_m: farthest_m.map_or(COLOUR_END * near_m, |far| far.min(COLOUR_END * near_m)),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Duration;
 use svl::arena::WireObject;
 use svl::score::Judge;
-use svl::sink::{RerunDetail, RerunTarget, RunInfo, Viewer};
+use svl::sink::{RerunDetail, RerunTarget, ViewedScene, Viewer};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
     Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
@@ -113,7 +113,7 @@ fn write_frames(path: &Path, rig: bool, frames: u64, detail: RerunDetail) {
         name: "wall".into(),
         strips: vec![vec![[0.0; 3], [1.0, 0.0, 0.0]]],
     };
-    let run = RunInfo {
+    let run = ViewedScene {
         recording_id: "run-1".into(),
         scenario: "test".into(),
         algorithms: LABELS
@@ -355,7 +355,7 @@ fn a_target_that_cannot_be_is_one_line() {
     for target in targets {
         let name = target.to_string();
         let error = Rerun
-            .run(target, RerunDetail::Full, &RunInfo::default(), None)
+            .run(target, RerunDetail::Full, &ViewedScene::default(), None)
             .err()
             .expect("not a target")
             .to_string();
@@ -415,7 +415,7 @@ fn tuning_replaces_the_tuned_maps_and_keeps_the_rest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tuned.rrd");
     let labels = ["now", "compared"];
-    let info = RunInfo {
+    let info = ViewedScene {
         recording_id: "tuned".into(),
         scenario: "test".into(),
         algorithms: labels.map(|label| (label.to_owned(), String::new())).into(),

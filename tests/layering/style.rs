@@ -65,6 +65,57 @@ fn lines_are_no_longer_than_100_columns() {
     at_most(LONG_LINES, &long, "long lines");
 }
 
+/// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
+/// says in its message what is worth the lines.
+const LINES: [(&str, usize); 16] = [
+    ("bench", 12092),
+    ("c", 465),
+    ("calibrate", 4866),
+    ("cli", 11741),
+    ("core", 17534),
+    ("files", 2076),
+    ("grab", 5079),
+    ("live", 419),
+    ("python", 317),
+    ("recording", 12039),
+    ("report", 12616),
+    ("score", 7632),
+    ("sim", 3497),
+    ("thesis", 3692),
+    ("train", 3308),
+    ("viewer", 1754),
+];
+
+/// Lines of code of a file before its tests: without comments and empty lines.
+fn lines_of_code(file: &Path) -> usize {
+    let text = fs::read_to_string(file).unwrap();
+    let is_code = |line: &&str| !line.trim().is_empty() && !line.trim().starts_with("//");
+    let before_tests = text.lines().take_while(|line| *line != "#[cfg(test)]");
+    before_tests.filter(is_code).count()
+}
+
+#[test]
+fn packages_do_not_grow() {
+    let mut grown = Vec::new();
+    let mut folders: Vec<_> = fs::read_dir(root().join("src"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_dir())
+        .collect();
+    folders.sort();
+    for folder in folders {
+        let files = rust(&folder);
+        let files = files.iter().filter(|file| !file.ends_with("tests.rs"));
+        let lines: usize = files.map(|file| lines_of_code(file)).sum();
+        let name = folder.file_name().unwrap().to_str().unwrap();
+        let limit = LINES.iter().find(|(folder, _)| *folder == name);
+        if limit.is_none_or(|(_, limit)| lines > *limit) {
+            grown.push(format!("(\"{name}\", {lines}),"));
+        }
+    }
+    at_most(0, &grown, "packages above their limit of lines");
+}
+
 #[test]
 fn small_files_are_few() {
     let lines = |file: &Path| fs::read_to_string(file).unwrap().lines().count();

@@ -12,11 +12,11 @@
 //! algorithm is busy are skipped.
 
 mod course;
+mod plan;
 mod proof;
-mod run;
 mod source;
 
 pub use course::Course;
-pub use run::{DrivePlan, DriveResult};
+pub use plan::{DrivePlan, DriveResult};
 pub use source::DriveSource;
 pub use svl_score::drive::{DriveEvent, DriveLog, TrackPoint};

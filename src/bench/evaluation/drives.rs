@@ -4,13 +4,14 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::run::{Monitor, Pace};
+use crate::pass::{Monitor, Pace};
 use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
+use svl_files::safe_name;
 use svl_report::CoursePlan;
 use svl_report::units::{
     BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter, remove_file,
@@ -112,14 +113,12 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
         .stress
         .map(|stress| format!("-{stress}"))
         .unwrap_or_default();
-    let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.+".contains(c);
-    if label.chars().all(is_safe) {
+    let safe = safe_name(label, 40);
+    if safe == label {
         format!("course-{seed}-{label}{stress}.mcap")
     } else {
         // Two labels may differ only in characters that no file name may contain.
-        let safe = |c: char| if is_safe(c) { c } else { '-' };
-        let label: String = label.chars().take(40).map(safe).collect();
-        format!("course-{seed}-{}-{label}{stress}.mcap", unit.algorithm + 1)
+        format!("course-{seed}-{}-{safe}{stress}.mcap", unit.algorithm + 1)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
-use super::{drives, scored_runs};
+use super::{drives, work};
 use crate::console::Console;
 use svl_core::{Result, counted, joined};
 use svl_files::outputs::{Outputs, remove_special_files};
@@ -37,7 +37,7 @@ impl EvaluationPlan<'_> {
         }
         let measure = match &self.scenario.source {
             ScenarioSource::Drive { .. } => drives::measure,
-            _ => scored_runs::measure,
+            _ => work::measure,
         };
         let MeasuredUnits {
             ran,

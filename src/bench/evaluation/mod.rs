@@ -6,10 +6,10 @@ mod merge;
 mod plan;
 mod programs;
 mod run_opener;
-mod scored_runs;
 mod session;
 mod shard;
 mod sweep;
+mod work;
 
 pub use evaluate::Evaluation;
 pub use merge::Parts;

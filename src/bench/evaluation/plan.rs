@@ -1,7 +1,7 @@
 //! The plan of an evaluation: the scenario, the algorithms and the options.
 
 use super::shard::Shard;
-use crate::run::Pace;
+use crate::pass::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::Result;

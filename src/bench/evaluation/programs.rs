@@ -2,11 +2,12 @@
 //! another program than before, or the same one with other files.
 
 use super::run_opener::OpenedRun;
-use super::scored_runs::RunWork;
+use super::work::EvaluationWork;
 use crate::source::Chain;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
-use svl_report::{Row, hash_words};
+use svl_report::Row;
+use svl_score::judge::hash_words;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {
@@ -17,7 +18,7 @@ enum ProgramAnswer {
     OtherPairs,
 }
 
-impl RunWork<'_> {
+impl EvaluationWork<'_> {
     /// Matches the first pair of each block again by each program that results are kept of, and
     /// forgets them if an answer is another. Pairs that a program failed on are matched again.
     pub(super) fn check_programs(&mut self) -> Result<()> {

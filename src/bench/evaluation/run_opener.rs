@@ -3,7 +3,7 @@
 use super::shard::Shard;
 use crate::console::Console;
 use crate::runs::{self, ScoredSource};
-use crate::sink::{LiveTable, Wanted};
+use crate::sink::{RunningTable, Wanted};
 use crate::source::{Chain, PairRegister, RunSource};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use svl_core::Result;
 use svl_core::inputs::InputLog;
 use svl_report::units::{BLOCK, ReportRun, RunUnits};
 use svl_score::judge::Judge;
-use svl_score::manifest::RunRecord;
+use svl_score::manifest::InputRecord;
 use svl_score::notice::NoticeLog;
 use svl_score::scenario::Scenario;
 use svl_sim::stress::Stress;
@@ -27,15 +27,15 @@ pub(super) struct OpenedRun {
 }
 
 /// A run that is opened, unless that failed, with the notices of opening it.
-pub(super) type BegunRun = (NoticeLog, Result<OpenedRun>);
+pub(super) type OpeningResult = (NoticeLog, Result<OpenedRun>);
 
 /// Opens the runs of a scenario, in their order.
 pub(super) struct RunOpener<'a> {
     scenario: &'a Scenario,
     console: &'a dyn Console,
-    live: LiveTable,
+    live: RunningTable,
     /// The recording of each run, or its seed.
-    identities: Vec<(Option<RunRecord>, Option<u64>)>,
+    identities: Vec<(Option<InputRecord>, Option<u64>)>,
     /// The runs that were not opened yet: perturbed, a run is opened anew.
     runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
@@ -52,7 +52,7 @@ impl<'a> RunOpener<'a> {
     pub(super) fn new(
         scenario: &'a Scenario,
         console: &'a dyn Console,
-        live: &LiveTable,
+        live: &RunningTable,
     ) -> Result<Self> {
         let count = runs::checked_count(scenario)?;
         let runs = (0..count).map(|place| logged(scenario, place, console));
@@ -75,7 +75,7 @@ impl<'a> RunOpener<'a> {
     }
 
     /// The recordings among the runs.
-    pub(super) fn records(&self) -> Vec<RunRecord> {
+    pub(super) fn records(&self) -> Vec<InputRecord> {
         let records = self.identities.iter().map(|(record, _)| record);
         records.flatten().cloned().collect()
     }
@@ -102,7 +102,7 @@ impl<'a> RunOpener<'a> {
         Ok(layers.filter(|layer| chains.contains(layer)).collect())
     }
 
-    pub(super) fn live(&self) -> &LiveTable {
+    pub(super) fn live(&self) -> &RunningTable {
         &self.live
     }
 
@@ -118,7 +118,7 @@ impl<'a> RunOpener<'a> {
     }
 
     /// Opens a run, and takes the notices of that.
-    pub(super) fn begin(&mut self, run: RunPlace) -> BegunRun {
+    pub(super) fn begin(&mut self, run: RunPlace) -> OpeningResult {
         let notices = NoticeLog::default();
         let _entered = notices.enter();
         let opened = self.open(run);

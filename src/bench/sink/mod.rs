@@ -1,38 +1,38 @@
 //! Sinks: tables, checkpoints, pictures, viewer, recordings. [`Sinks::open`] builds them.
 
 mod collect;
-mod live;
 mod pair_stream;
 mod pictures;
 #[cfg(feature = "ros2")]
 mod publish;
 mod recording;
+mod running_table;
 mod table;
 mod units;
 mod viewer;
 
 pub use collect::{CollectSink, WatchSink};
-pub use live::LiveTable;
 pub use pair_stream::PairStreamSink;
 pub use pictures::find_left;
 pub(crate) use pictures::frame_shot;
 pub use recording::RecordingSink;
-pub(crate) use table::RunIdentity;
+pub use running_table::RunningTable;
+pub(crate) use table::RowIdentity;
 pub use table::TableSink;
-pub use units::{RunPairs, UnitSink};
+pub use units::{SeenPairs, UnitSink};
 pub use viewer::{
-    BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
+    BoardView, CellNote, RerunDetail, RerunTarget, StepView, Verdicts, ViewedScene, Viewer,
 };
 
 use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::Losses;
 use svl_recording::{ResultOptions, StoredResults, Writer};
 use svl_report::units::{ReportPlan, Units};
 use svl_report::{Row, checkpoint_results};
 use svl_score::judge::{Judge, Judged};
+use svl_score::losses::Losses;
 use svl_score::manifest::Manifest;
 
 /// The runs for Rerun in the folder of a report, a file per session, in their order.
@@ -42,7 +42,7 @@ pub fn report_runs(folder: &Path) -> Vec<PathBuf> {
     paths.take_while(|path| path.exists()).collect()
 }
 
-/// The file for the run of the next session.
+/// The file for the passes of the next session.
 pub fn next_report_run(folder: &Path) -> PathBuf {
     report_run(folder, report_runs(folder).len() as u64 + 1)
 }
@@ -51,13 +51,13 @@ fn report_run(folder: &Path, number: u64) -> PathBuf {
     folder.join(format!("run-{number}.rrd"))
 }
 
-/// Takes the frames of one run after the other.
+/// Takes the frames of one pass after the other.
 pub trait Sink: Send {
-    /// A run begins.
+    /// A pass begins.
     ///
     /// # Errors
     /// The errors of [`Sink::take`].
-    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+    fn begin_pass(&mut self, _: &PassStart<'_>) -> Result<()> {
         Ok(())
     }
 
@@ -75,15 +75,15 @@ pub trait Sink: Send {
         Ok(())
     }
 
-    /// The run is over, complete or not.
+    /// The pass is over, complete or not.
     ///
     /// # Errors
     /// The errors of [`Sink::take`].
-    fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
+    fn end_pass(&mut self, _: &PassEnd<'_>) -> Result<()> {
         Ok(())
     }
 
-    /// Completes the output, after the last run.
+    /// Completes the output, after the last pass.
     ///
     /// # Errors
     /// The errors of [`Sink::take`].
@@ -92,26 +92,26 @@ pub trait Sink: Send {
     }
 }
 
-/// The results of a run that are asked for.
+/// The results of a pass that are asked for.
 pub trait Wanted: Sync {
     /// True for the result of an algorithm of the pair at `place`, counted from 0. Where results
-    /// depend on all earlier pairs, all of a run are asked for, or none.
+    /// depend on all earlier pairs, all of a pass are asked for, or none.
     fn wants(&self, place: u64, algorithm: &str) -> bool;
 }
 
-/// Facts that hold for a whole run.
+/// Facts that hold for a whole pass.
 #[derive(Clone, Copy)]
-pub struct RunStart<'a> {
+pub struct PassStart<'a> {
     pub manifest: &'a Manifest,
     /// The results that are asked for, if not all are.
     pub wanted: Option<&'a dyn Wanted>,
-    /// Seed of the arena's run.
+    /// Seed of the arena's pass.
     pub seed: Option<u64>,
     pub judge: &'a Judge,
 }
 
-impl<'a> RunStart<'a> {
-    /// A run that matches every pair.
+impl<'a> PassStart<'a> {
+    /// A pass that matches every pair.
     pub fn new(manifest: &'a Manifest, seed: Option<u64>, judge: &'a Judge) -> Self {
         Self {
             manifest,
@@ -122,23 +122,23 @@ impl<'a> RunStart<'a> {
     }
 }
 
-/// The end of a run.
+/// The end of a pass.
 #[derive(Clone, Copy)]
-pub struct RunEnd<'a> {
+pub struct PassEnd<'a> {
     /// Everything of the source that is in no frame.
     pub losses: &'a Losses,
-    /// Reason why the run ended early.
+    /// Reason why the pass ended early.
     pub error: Option<&'a str>,
 }
 
-/// The outputs of a run.
+/// The outputs of a pass.
 #[derive(Default)]
 pub struct SinkRequest<'a> {
     /// A file for the rows, `.csv` or `.parquet`.
     pub rows: Option<&'a Path>,
     /// A file for the cells, likewise.
     pub cells: Option<&'a Path>,
-    /// Limit on the rows for the summary, the newest of a run without end; files have all.
+    /// Limit on the rows for the summary, the newest of a pass without end; files have all.
     pub newest_rows: Option<usize>,
     /// The folder of a report, for its units.
     pub report: Option<UnitRequest<'a>>,
@@ -156,16 +156,16 @@ pub struct UnitRequest<'a> {
     pub folder: &'a Path,
     pub plan: &'a ReportPlan,
     pub session: &'a str,
-    /// The pairs of the run under way.
-    pub pairs: &'a RunPairs,
+    /// The pairs of the pass under way.
+    pub pairs: &'a SeenPairs,
 }
 
-/// The viewer of a run, with its options.
+/// The viewer of a pass, with its options.
 pub struct ViewerRequest {
     pub viewer: &'static dyn Viewer,
     pub target: RerunTarget,
     pub detail: RerunDetail,
-    pub info: RunInfo,
+    pub info: ViewedScene,
 }
 
 /// Live topics for results.
@@ -192,7 +192,7 @@ impl PublishRequest<'_> {
     }
 }
 
-/// The sinks of one or several runs.
+/// The sinks of one or several passes.
 pub struct Sinks {
     sinks: Vec<Box<dyn Sink>>,
     rows: Outbox<Vec<Row>>,
@@ -257,7 +257,7 @@ impl Sinks {
         self.sinks.push(Box::new(sink));
     }
 
-    /// For [`crate::run::run`].
+    /// For [`crate::pass::run`].
     pub fn as_mut_slice(&mut self) -> &mut [Box<dyn Sink>] {
         &mut self.sinks
     }
@@ -272,7 +272,7 @@ impl Sinks {
         self.sinks
     }
 
-    /// Finishes all sinks in their order, also after one that fails. The rows, of runs without a
+    /// Finishes all sinks in their order, also after one that fails. The rows, of passes without a
     /// report, hold also then.
     pub fn finish(self) -> (Vec<Row>, Result<()>) {
         let finished = finish(self.sinks);
@@ -284,8 +284,8 @@ impl Sinks {
 struct MatchedSink(Box<dyn Sink>);
 
 impl Sink for MatchedSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.0.begin_run(start)
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
+        self.0.begin_pass(start)
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
@@ -300,8 +300,8 @@ impl Sink for MatchedSink {
         self.0.settle()
     }
 
-    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
-        self.0.end_run(end)
+    fn end_pass(&mut self, end: &PassEnd<'_>) -> Result<()> {
+        self.0.end_pass(end)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

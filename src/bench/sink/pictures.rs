@@ -1,17 +1,18 @@
 //! Pictures for the report page: the best and the worst frame of each checkpoint, or the scenes.
 
-use super::RunStart;
-use super::table::RunIdentity;
+use super::PassStart;
+use super::table::RowIdentity;
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_files as files;
 use svl_files::overlay::{self, Nearness, Picture};
 use svl_recording::Reader;
+use svl_report::Row;
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use svl_report::units::{BlockPictures, CheckpointShot, StoredImage};
-use svl_report::{Row, hash_words};
+use svl_score::judge::hash_words;
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
 use svl_score::manifest::Manifest;
 use svl_sim::arena::Arena;
@@ -53,7 +54,7 @@ impl RawShot {
     fn encoded(&self) -> Result<FrameShot> {
         let optional = |picture: &Option<Picture>| picture.as_ref().map(encoded).transpose();
         Ok(FrameShot {
-            preview: encoded(&self.preview)?,
+            preview: Some(encoded(&self.preview)?),
             true_preview: optional(&self.true_preview)?,
             errors: optional(&self.errors)?,
             ..self.shot.clone()
@@ -67,7 +68,7 @@ fn encoded(picture: &Picture) -> Result<Vec<u8>> {
 
 impl BlockShots {
     /// The empty pictures of a run.
-    pub(super) fn new(start: &RunStart<'_>) -> Self {
+    pub(super) fn new(start: &PassStart<'_>) -> Self {
         Self {
             checkpoints: start.judge.checkpoints.clone(),
             cells: start.judge.cells,
@@ -121,7 +122,7 @@ impl BlockShots {
         &mut self,
         place: u64,
         pictured: &[&str],
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
     ) -> Result<()> {
         if self.is_perturbed {
@@ -166,7 +167,7 @@ impl BlockShots {
         &mut self,
         c: usize,
         (place, frame): (u64, CheckpointFrame),
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
         scored: &JudgedEstimate,
     ) -> Result<()> {
@@ -195,7 +196,7 @@ impl BlockShots {
     /// A frame of a recording.
     fn sample(
         &self,
-        identity: &RunIdentity,
+        identity: &RowIdentity,
         judged: &Judged,
         shown: &[&JudgedEstimate],
     ) -> Result<CheckpointFigure> {
@@ -216,7 +217,7 @@ impl BlockShots {
 
 /// A scene with the results of the pictured algorithms.
 fn scene(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     name: &str,
     judged: &Judged,
     shown: &[&JudgedEstimate],
@@ -251,7 +252,7 @@ fn scene(
 /// # Errors
 /// The reason why its pictures cannot be encoded.
 pub(crate) fn frame_shot(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
@@ -260,7 +261,7 @@ pub(crate) fn frame_shot(
 
 /// [`frame_shot`] with the left image, encoded.
 fn raw_shot(
-    identity: &RunIdentity,
+    identity: &RowIdentity,
     judged: &Judged,
     scored: &JudgedEstimate,
     left: Vec<u8>,
@@ -283,7 +284,7 @@ fn raw_shot(
         size,
         estimate: marks(&estimate.grid),
         truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
-        preview: Vec::new(),
+        preview: None,
         true_preview: None,
         errors: None,
     };
@@ -299,22 +300,21 @@ fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
     encoded(&picture.at_most(width))
 }
 
-/// The left image of a row of a report, which has its recording under the name `run`: rendered
-/// again, or read from svl's recording at its original path. None if it is not there, or if the
-/// pair has other pixels.
-pub fn find_left(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<StoredImage> {
-    let frame = find_pair(manifest, run, row)?;
+/// The left image of a row of a report: rendered again, or read from svl's recording at its
+/// original path. None if it is not there, or if the pair has other pixels.
+pub fn find_left(manifest: &Manifest, row: &Row) -> Option<StoredImage> {
+    let frame = find_pair(manifest, row)?;
     let is_same = hash_words(frame.pair.hash()) == row.pair_hash;
     let file = is_same.then(|| left_image(&frame))?.ok()?;
     Some((file, frame.pair.size()))
 }
 
-fn find_pair(manifest: &Manifest, run: Option<&str>, row: &Row) -> Option<Frame> {
+fn find_pair(manifest: &Manifest, row: &Row) -> Option<Frame> {
     if let (Some(config), Some(seed)) = (manifest.part("arena").ok()?, row.seed) {
         return Arena::new(&config, seed).ok()?.frame(row.sequence).ok();
     }
     let mut runs = manifest.runs.iter();
-    let record = runs.find(|record| Some(&*record.name) == run)?;
+    let record = runs.find(|record| Some(&record.name) == row.run.as_ref())?;
     let mut reader = Reader::open(&record.path).ok()?;
     reader.seek(row.sequence).ok()?;
     reader.next_pair().ok()?

@@ -1,7 +1,7 @@
 //! Results to live ROS 2 topics: cloud, scan and disparities of each pair, and a status once a
 //! second.
 
-use super::{RunEnd, RunStart, Sink};
+use super::{PassEnd, PassStart, Sink};
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -210,7 +210,7 @@ impl Publication {
 }
 
 impl Sink for PublishSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
         let mut state = self.state.lock();
         if let Some(algorithm) = start.manifest.algorithms.first() {
             state.algorithm.clone_from(&algorithm.label);
@@ -222,7 +222,7 @@ impl Sink for PublishSink {
         self.state.lock().take(judged)
     }
 
-    fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
+    fn end_pass(&mut self, _: &PassEnd<'_>) -> Result<()> {
         let state = self.state.lock();
         if state.unsent > 0 {
             let (prefix, unsent) = (&state.prefix, state.unsent);

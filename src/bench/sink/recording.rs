@@ -1,6 +1,6 @@
 //! Frames and estimates into a recording.
 
-use super::{RunEnd, Sink};
+use super::{PassEnd, Sink};
 use svl_core::{Result, counted};
 use svl_recording::{GRABBER, PairResult, StoredResults, Writer};
 use svl_score::judge::Judged;
@@ -48,7 +48,7 @@ impl Sink for RecordingSink {
     }
 
     /// Writes the grabber's counts, and the reason why a run ended early.
-    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+    fn end_pass(&mut self, end: &PassEnd<'_>) -> Result<()> {
         if self.foreign > 0 {
             let results = counted(self.foreign, "result");
             tracing::warn!(

@@ -1,11 +1,12 @@
 //! Rows of the tables: one per pair and algorithm, one per cell.
 
-use super::{Outbox, RunStart, Sink};
+use super::{Outbox, PassStart, Sink};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
 use svl_core::timing::Stage;
-use svl_report::{CellRow, FailureRow, Row, TableWriter, hash_words};
+use svl_report::{CellRow, FailureRow, Row, TableWriter};
+use svl_score::judge::hash_words;
 use svl_score::judge::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 use svl_score::manifest::AlgorithmRecord;
 
@@ -16,7 +17,7 @@ const TRIMMED: usize = 500;
 pub struct TableSink {
     rows: TableWriter<Row>,
     cells: Option<TableWriter<CellRow>>,
-    identity: RunIdentity,
+    identity: RowIdentity,
     kept: Vec<Row>,
     /// Limit on the rows that are kept, if any: the newest.
     newest: Option<usize>,
@@ -39,7 +40,7 @@ impl TableSink {
         Ok(Self {
             rows,
             cells,
-            identity: RunIdentity::default(),
+            identity: RowIdentity::default(),
             kept: Vec::new(),
             newest: None,
             outbox: outbox.clone(),
@@ -63,8 +64,8 @@ impl TableSink {
 }
 
 impl Sink for TableSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = RunIdentity::new(start);
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
+        self.identity = RowIdentity::new(start);
         Ok(())
     }
 
@@ -93,7 +94,7 @@ impl Sink for TableSink {
 
 /// Values that all rows of a run share.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct RunIdentity {
+pub(crate) struct RowIdentity {
     pub session: String,
     pub scenario: String,
     pub seed: Option<u64>,
@@ -104,8 +105,8 @@ pub(crate) struct RunIdentity {
     algorithms: Vec<AlgorithmRecord>,
 }
 
-impl RunIdentity {
-    pub(crate) fn new(start: &RunStart<'_>) -> Self {
+impl RowIdentity {
+    pub(crate) fn new(start: &PassStart<'_>) -> Self {
         Self {
             session: start.manifest.run_id.clone(),
             scenario: start.manifest.scenario.clone(),

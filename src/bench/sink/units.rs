@@ -1,8 +1,8 @@
 //! Writes the units of a report: the results of a run, block by block.
 
 use super::pictures::BlockShots;
-use super::table::RunIdentity;
-use super::{RunEnd, RunStart, Sink};
+use super::table::RowIdentity;
+use super::{PassEnd, PassStart, Sink};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,8 @@ use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
 };
-use svl_report::{FrameRow, TruthRow, hash_words};
+use svl_report::{FrameRow, TruthRow};
+use svl_score::judge::hash_words;
 use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
@@ -33,7 +34,7 @@ fn truths(judged: &Judged) -> Vec<TruthRow> {
 }
 
 /// The pairs of a run so far.
-pub type RunPairs = Arc<Mutex<Vec<PairFacts>>>;
+pub type SeenPairs = Arc<Mutex<Vec<PairFacts>>>;
 
 /// Writes the results of a run, and collects the facts of its pairs.
 pub struct UnitSink {
@@ -41,7 +42,7 @@ pub struct UnitSink {
     plan: ReportPlan,
     session: String,
     run: ReportRun,
-    identity: RunIdentity,
+    identity: RowIdentity,
     checkpoints: Vec<Checkpoint>,
     start_ns: u64,
     shots: BlockShots,
@@ -50,19 +51,19 @@ pub struct UnitSink {
     scales: TruthScales,
     /// Frames with a truth so far.
     truths: u64,
-    pairs: RunPairs,
+    pairs: SeenPairs,
 }
 
 impl UnitSink {
     /// Writes into the units of a report, for a session; the pairs of the run under way, or of the
     /// last one, are in `pairs`.
-    pub fn new(units: &Units, plan: &ReportPlan, session: &str, pairs: &RunPairs) -> Self {
+    pub fn new(units: &Units, plan: &ReportPlan, session: &str, pairs: &SeenPairs) -> Self {
         Self {
             units: units.clone(),
             plan: plan.clone(),
             session: session.to_owned(),
             run: ReportRun::default(),
-            identity: RunIdentity::default(),
+            identity: RowIdentity::default(),
             checkpoints: Vec::new(),
             start_ns: 0,
             shots: BlockShots::default(),
@@ -185,9 +186,9 @@ impl UnitSink {
 }
 
 impl Sink for UnitSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = RunIdentity::new(start);
-        let RunIdentity {
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
+        self.identity = RowIdentity::new(start);
+        let RowIdentity {
             run, seed, stress, ..
         } = &self.identity;
         let mut runs = self.plan.runs.iter();
@@ -211,7 +212,7 @@ impl Sink for UnitSink {
         taken
     }
 
-    fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
+    fn end_pass(&mut self, _: &PassEnd<'_>) -> Result<()> {
         self.end_block()
     }
 }

@@ -20,7 +20,7 @@ pub trait Viewer: Sync {
         &self,
         target: RerunTarget,
         detail: RerunDetail,
-        info: &RunInfo,
+        info: &ViewedScene,
         verdicts: Option<Verdicts>,
     ) -> Result<Box<dyn Sink>>;
 
@@ -31,7 +31,7 @@ pub trait Viewer: Sync {
     ///
     /// # Errors
     /// The errors of [`Viewer::run`].
-    fn tuning(&self, target: RerunTarget, info: &RunInfo) -> Result<Box<dyn Sink>>;
+    fn tuning(&self, target: RerunTarget, info: &ViewedScene) -> Result<Box<dyn Sink>>;
 
     /// Pairs of a calibration board of `columns` corners in a row.
     ///
@@ -190,7 +190,7 @@ pub enum RerunDetail {
 
 /// The algorithms of a run and the true geometry of its scene.
 #[derive(Clone, Debug, Default)]
-pub struct RunInfo {
+pub struct ViewedScene {
     /// One for all algorithms of a run.
     pub recording_id: String,
     /// Name of the scenario or source, shown as the recording's name.
@@ -201,7 +201,7 @@ pub struct RunInfo {
     pub wireframe: Vec<WireObject>,
 }
 
-impl RunInfo {
+impl ViewedScene {
     pub fn new(manifest: &Manifest, wireframe: Vec<WireObject>) -> Self {
         let algorithms = manifest.algorithms.iter();
         Self {

@@ -21,7 +21,7 @@ use svl_score::scenario::SourceOptions;
 const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
 /// Pairs are measured for vertical misalignment until that many points have matched.
-const ENOUGH_POINTS: usize = 500;
+const MAX_POINTS: usize = 500;
 
 /// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -100,7 +100,7 @@ impl SourceFacts {
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
-            if meter.matches().len() < ENOUGH_POINTS {
+            if meter.matches().len() < MAX_POINTS {
                 meter.add(&frame.pair);
             }
             own.count(&frame);

@@ -1,8 +1,9 @@
 //! Some of the pairs of another source: a range of its time, every n-th, or the first N.
 
 use super::{Source, wraps};
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_core::{Error, Result, counted};
+use svl_score::losses::Losses;
 use svl_score::scenario::PairRange;
 
 /// Limit on the first pairs of a source: by time and by number.

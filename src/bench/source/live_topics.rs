@@ -25,7 +25,7 @@ pub struct LiveTopics {
     /// Listens for some seconds, to say what there is, unless it is stopped.
     ///
     /// # Errors
-    /// [`svl_core::Error::Camera`] if nothing is published, and those of the network.
+    /// [`svl_core::Error::Other`] if nothing is published, and those of the network.
     pub listen: Listen,
 }
 

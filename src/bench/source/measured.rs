@@ -3,10 +3,11 @@
 use super::{MapFiles, Source, wraps};
 use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
-use svl_core::stereo::{Frame, Losses, MapDensity, Plane, RecordedMap, Surface, Truth};
+use svl_core::stereo::{Frame, MapDensity, Plane, RecordedMap, Surface, Truth};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
 use svl_report::TopicDelay;
+use svl_score::losses::Losses;
 
 /// The measurements of another sensor or program.
 pub enum MeasuredMaps {

@@ -4,13 +4,13 @@ mod alignment_monitor;
 mod arena;
 mod board;
 mod calibration;
+mod cameras;
 mod chain;
 pub mod dataset;
 mod facts;
 mod floored;
 mod folder;
 mod limited;
-mod live;
 mod live_topics;
 mod measured;
 mod open;
@@ -24,7 +24,7 @@ mod request;
 mod resized;
 #[cfg(feature = "ros2")]
 mod ros2;
-mod runs;
+mod run_source;
 mod stressed;
 mod usability;
 mod video;
@@ -32,11 +32,11 @@ mod video;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
+pub use cameras::CameraSource;
 pub use chain::Chain;
 pub use facts::{NearestDistance, SourceFacts, TruthFacts};
 pub use folder::{FolderRequest, FolderSource, MapFiles};
 pub use limited::FirstPairs;
-pub use live::LiveSource;
 #[cfg(not(feature = "ros2"))]
 pub(crate) use live_topics::without_ros2;
 pub use live_topics::{Listen, LiveTopics};
@@ -46,14 +46,15 @@ pub use opened::{Heard, Opened};
 pub use recording::RecordingSource;
 pub use registered::{PairRegister, Registration};
 pub use request::Request;
-pub use runs::{RunSource, run_request};
+pub use run_source::{RunSource, run_request};
 pub use stressed::Perturbation;
 pub use usability::Usability;
 pub use video::VideoSource;
 
 use svl_core::Result;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_score::judge::Judged;
+use svl_score::losses::Losses;
 
 /// Forwards what a wrapper does not change to the source in its field `source`.
 macro_rules! wraps {

@@ -8,7 +8,7 @@ use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, MapFiles, RecordingSource, SourceMaps,
+    ArenaSource, BoardSource, CameraSource, FolderSource, MapFiles, RecordingSource, SourceMaps,
     VideoSource,
 };
 use std::path::Path;
@@ -377,7 +377,7 @@ fn cameras(request: &Request<'_>) -> Result<Opened> {
         max_skew_ns: request.max_skew_ns(),
         ..request.grab.clone()
     };
-    let source = LiveSource::open(name, &grab, request.host)?;
+    let source = CameraSource::open(name, &grab, request.host)?;
     let header = Header {
         seed: source.seed(),
         ..Header::new(name)

@@ -16,7 +16,7 @@ use svl_recording::{
     CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
 };
 use svl_report::TopicDelay;
-use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
+use svl_score::manifest::{InputRecord, Manifest, hash, hash_bytes};
 use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
@@ -190,7 +190,7 @@ impl Opened {
     }
 
     /// The recording at that path, which is `name` in rows, with the way in which it was opened.
-    pub fn record(&self, name: &str, path: &Path) -> RunRecord {
+    pub fn record(&self, name: &str, path: &Path) -> InputRecord {
         let by = self.header.calibration.as_ref();
         let rectified = by.map(|by| format!("rectified by {by}"));
         let changes: Vec<_> = rectified
@@ -200,9 +200,9 @@ impl Opened {
         let changes = (!changes.is_empty()).then(|| changes.join(", "));
         let files = self.calibration.iter();
         let hashes: Vec<_> = files.map(|(_, bytes)| hash_bytes(bytes)).collect();
-        RunRecord {
+        InputRecord {
             calibration: (!hashes.is_empty()).then(|| hash(&hashes.join("\n"))),
-            ..RunRecord::new(name, path, changes)
+            ..InputRecord::new(name, path, changes)
         }
     }
 

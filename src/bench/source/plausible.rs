@@ -2,8 +2,9 @@
 
 use super::{Source, wraps};
 use std::collections::VecDeque;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
+use svl_score::losses::Losses;
 use svl_score::plausibility::remove_impossible;
 
 /// Impossible truths at the start that refuse all of them: a single one may be damaged.

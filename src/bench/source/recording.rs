@@ -2,9 +2,10 @@
 
 use super::Source;
 use std::path::PathBuf;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_recording::{Reader, Recording, SCENARIO, Selection};
+use svl_score::losses::Losses;
 
 /// A recording as a source.
 ///

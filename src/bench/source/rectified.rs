@@ -3,8 +3,9 @@
 use super::{Source, wraps};
 use std::sync::Arc;
 use svl_core::rectify::{Framing, Rectifier, bouguet};
-use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoPair};
+use svl_core::stereo::{Frame, Geometry, Gray, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
+use svl_score::losses::Losses;
 
 /// The calibration that rectifies raw pairs.
 pub struct AppliedCalibration {

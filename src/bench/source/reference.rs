@@ -4,10 +4,11 @@ use super::{Source, wraps};
 use svl_core::depth::GridSettings;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
 use svl_core::stereo::{
-    CellRule, Frame, Losses, MapDensity, Plane, RectifiedPair, Truth, TruthKind, TruthOrigin,
+    CellRule, Frame, MapDensity, Plane, RectifiedPair, Truth, TruthKind, TruthOrigin,
 };
 use svl_core::{Error, Result};
 use svl_score::agreement::{both, consistent, textured};
+use svl_score::losses::Losses;
 
 /// A source whose frames get the disparities of references for their truth, in place of their own.
 ///

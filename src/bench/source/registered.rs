@@ -6,8 +6,9 @@ use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
+use svl_core::stereo::{FittedTo, Frame, PairId};
 use svl_core::{Error, Result, counted};
+use svl_score::losses::Losses;
 use svl_score::notice::Notice;
 
 /// Stamps from this on are of a clock (1973), not counted from the first pair: recordings share

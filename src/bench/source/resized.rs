@@ -19,8 +19,8 @@ pub fn resized(window: CropScale) -> impl FnMut(Frame, &dyn Source) -> Result<Fr
 mod tests {
     use super::super::chain::Mapped;
     use super::{CropScale, Frame, Result, Source};
-    use svl_core::stereo::Losses;
     use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair, Truth, Visibility};
+    use svl_score::losses::Losses;
 
     /// One frame: columns of grey 10·x, 6 px of true disparity, all seen by both.
     struct One(Option<Frame>);

@@ -8,16 +8,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use svl_core::stereo::{Frame, Geometry, GrabberReport, Losses};
+use svl_core::stereo::{Frame, Geometry};
 use svl_core::{Error, Result, counted};
 use svl_grab::{Pushed, Queue, WhenFull};
 use svl_live::dds::{Address, Domain, FoundTopic, TopicInbox};
 use svl_recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
+use svl_score::losses::{GrabberReport, Losses};
 
 /// Longest wait for publishers of the topics, and for the first pair of their messages.
 const MAX_WAIT: Duration = Duration::from_secs(10);
 /// Time without a new topic after which all are found.
-const SETTLED: Duration = Duration::from_secs(1);
+const SETTLING_TIME: Duration = Duration::from_secs(1);
 /// Longest wait for calibrations after the first message.
 const MAX_CALIBRATION_WAIT: Duration = Duration::from_secs(2);
 /// Longest silence of a topic that is not reported.
@@ -125,7 +126,7 @@ fn settled(
         if found != known {
             (known, changed) = (found, Instant::now());
         }
-        let is_settled = changed.elapsed() >= SETTLED && is_enough(&known);
+        let is_settled = changed.elapsed() >= SETTLING_TIME && is_enough(&known);
         if is_settled || began.elapsed() >= MAX_WAIT {
             return Ok(known);
         }
@@ -151,10 +152,9 @@ fn find(
     let pairs = choose(&known).map_err(|reason| {
         let found = counted(known.len() as u64, "topic");
         let cure = format!("`svl info {name}` lists what is published");
-        Error::camera(
-            name,
-            format!("{reason}; {found} found in {MAX_WAIT:?}; {cure}"),
-        )
+        Error::other(format!(
+            "{name}: {reason}; {found} found in {MAX_WAIT:?}; {cure}"
+        ))
     })?;
     let named = |name| known.iter().find(|found| found.topic.name == name).cloned();
     let needed = pairs.topics().filter_map(named).collect();
@@ -200,7 +200,10 @@ impl Receiver {
             return Ok(());
         }
         let why = self.pairs.facts().why_none;
-        Err(Error::camera(&self.name, format!("{why}, in {MAX_WAIT:?}")))
+        Err(Error::other(format!(
+            "{}: {why}, in {MAX_WAIT:?}",
+            self.name
+        )))
     }
 
     /// Takes in the messages that came.
@@ -479,19 +482,18 @@ const MAX_LISTEN_BYTES: usize = 512 << 20;
 /// Listens to images, calibrations and static transforms, to say what there is.
 ///
 /// # Errors
-/// [`Error::Camera`] if nothing is published; those of the network and of the temporary bag.
+/// [`Error::Other`] if nothing is published; those of the network and of the temporary bag.
 pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     let address: Address = name.parse()?;
     let named = address.pair()?;
     let domain = Domain::join(&address)?;
     let known = settled(&domain, stopped, |known| !known.is_empty())?;
     if known.is_empty() {
-        let reason = format!(
-            "no topic in domain {} in {MAX_WAIT:?}: publishers need the same ROS_DOMAIN_ID and a \
-             network with multicast, or the same host",
+        return Err(Error::other(format!(
+            "{name}: no topic in domain {} in {MAX_WAIT:?}: publishers need the same \
+             ROS_DOMAIN_ID and a network with multicast, or the same host",
             address.domain
-        );
-        return Err(Error::camera(name, reason));
+        )));
     }
     let is_wanted = |found: &FoundTopic| {
         let topic = &found.topic;

@@ -1,7 +1,7 @@
 //! Frames spread over a source, kept in memory, and the runs of algorithms over them.
 
-use crate::run::{Matchers, Monitor, Pace, run};
-use crate::sink::{RunStart, Sink};
+use crate::pass::{Matchers, Monitor, Pace, run};
+use crate::sink::{PassStart, Sink};
 use crate::source::{Chain, Source};
 use std::sync::Arc;
 use svl_core::stereo::Frame;
@@ -152,7 +152,7 @@ impl Source for HeldFrames<'_> {
 pub fn evaluate(
     frames: &[Arc<Frame>],
     matchers: &mut Matchers,
-    start: &RunStart<'_>,
+    start: &PassStart<'_>,
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,

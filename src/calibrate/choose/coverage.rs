@@ -16,9 +16,9 @@ pub(super) const AREAS: [&str; 9] = [
     "lower right",
 ];
 /// Fewest corners that cover an area.
-const COVERED: u32 = 6;
+const MIN_AREA_CORNERS: u32 = 6;
 /// Least tilt of a tilted view, radians.
-const TILTED: f64 = 0.2;
+const MIN_TILT: f64 = 0.2;
 /// Fewest tilted views in each direction: they determine the focal length.
 const TILTED_VIEWS: u32 = 2;
 
@@ -55,7 +55,7 @@ impl ViewCoverage {
         }
         let tilts = [-tilt.x, tilt.x, -tilt.y, tilt.y];
         for (count, tilt) in self.tilts.iter_mut().zip(tilts) {
-            *count += u32::from(tilt > TILTED);
+            *count += u32::from(tilt > MIN_TILT);
         }
     }
 
@@ -65,8 +65,8 @@ impl ViewCoverage {
             short.map(|(name, _)| *name).collect()
         };
         MissingCoverage {
-            left: below(&AREAS, &self.areas[0], COVERED),
-            right: below(&AREAS, &self.areas[1], COVERED),
+            left: below(&AREAS, &self.areas[0], MIN_AREA_CORNERS),
+            right: below(&AREAS, &self.areas[1], MIN_AREA_CORNERS),
             tilted: below(&["left", "right", "up", "down"], &self.tilts, TILTED_VIEWS),
         }
     }

@@ -44,25 +44,25 @@ pub enum Refusal {
 }
 
 /// Number of views that suffices if no coverage is missing.
-pub const ENOUGH: usize = 20;
+pub const SUFFICIENT_VIEWS: usize = 20;
 /// Number of views that suffices whatever coverage is missing.
 pub const MAX_VIEWS: usize = 60;
 
 /// Largest blur that still gives good corners: pixels, or fraction of the image's width.
-const BLUR: (f64, f64) = (2.0, 0.003);
+const MAX_BLUR: (f64, f64) = (2.0, 0.003);
 /// Least difference of dark and bright squares, grey levels.
-const FAINT: f64 = 25.0;
+const MIN_CONTRAST: f64 = 25.0;
 /// Largest motion from pair to pair of a board that is held still: pixels, or fraction of the
 /// image's width.
-const STILL: (f64, f64) = (1.0, 0.0025);
+const MAX_HELD_MOTION: (f64, f64) = (1.0, 0.0025);
 /// Largest motion of the board between consecutive pairs, in widths of the image.
-const JUMP: f64 = 0.08;
+const MAX_STEP: f64 = 0.08;
 /// Longest interval between consecutive pairs.
-const FOLLOWING_NS: u64 = 300_000_000;
+const MAX_INTERVAL_NS: u64 = 300_000_000;
 
 /// Least difference of unrelated images, as a fraction of that for pairs of a stream: they were
 /// selected already, and each lowers the standard deviations a little.
-const ANOTHER: f64 = 0.3;
+const UNRELATED_FRACTION: f64 = 0.3;
 
 impl Chooser {
     /// For images of `size`, width and height.
@@ -96,7 +96,7 @@ impl Chooser {
             .map(|(side, seen)| self.whole(side, seen));
         let (left, right) = (left?, right?);
         if let (Some(stamp), Some((earlier, corners))) = (stamp_ns, before)
-            && stamp.saturating_sub(earlier) < FOLLOWING_NS
+            && stamp.saturating_sub(earlier) < MAX_INTERVAL_NS
             && self.moves(&corners, &left.corners)
         {
             return Err(Refusal::Moving);
@@ -104,7 +104,11 @@ impl Chooser {
         // Only the left image: the right one shows the same board from almost the same direction.
         let pose = RoughPose::new(&self.board, self.size, &left.corners)
             .ok_or(Refusal::Hidden(Side::Left))?;
-        let new = if stamp_ns.is_some() { 1.0 } else { ANOTHER };
+        let new = if stamp_ns.is_some() {
+            1.0
+        } else {
+            UNRELATED_FRACTION
+        };
         if self.known.iter().any(|known| known.difference(&pose) < new) {
             return Err(Refusal::NothingNew);
         }
@@ -141,14 +145,17 @@ impl Chooser {
 
     /// True if there are enough views.
     pub fn is_done(&self) -> bool {
-        self.views.len() >= MAX_VIEWS || (self.views.len() >= ENOUGH && self.missing().is_empty())
+        self.views.len() >= MAX_VIEWS
+            || (self.views.len() >= SUFFICIENT_VIEWS && self.missing().is_empty())
     }
 
     /// The sighting of a complete, sharp board.
     fn whole<'a>(&self, side: Side, seen: &'a Detection) -> Result<&'a Sighting, Refusal> {
         match seen {
-            Detection::Whole(sighting) if sighting.contrast < FAINT => Err(Refusal::Faint(side)),
-            Detection::Whole(sighting) if sighting.blur_px > self.limit(BLUR) => {
+            Detection::Whole(sighting) if sighting.contrast < MIN_CONTRAST => {
+                Err(Refusal::Faint(side))
+            }
+            Detection::Whole(sighting) if sighting.blur_px > self.limit(MAX_BLUR) => {
                 Err(Refusal::Blurred(side))
             }
             Detection::Whole(sighting) => Ok(sighting),
@@ -166,7 +173,7 @@ impl Chooser {
             .zip(now)
             .map(|(before, now)| (now - before).norm());
         let mean = steps.sum::<f64>() / now.len() as f64;
-        mean > self.limit(STILL) && mean < JUMP * self.size.0 as f64
+        mean > self.limit(MAX_HELD_MOTION) && mean < MAX_STEP * self.size.0 as f64
     }
 
     fn limit(&self, (pixels, widths): (f64, f64)) -> f64 {

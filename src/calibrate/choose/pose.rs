@@ -19,11 +19,11 @@ pub(super) struct RoughPose {
 
 /// Differences that justify another view; the largest of the three counts. Position, in widths of
 /// the image,
-const APART: f64 = 0.08;
+const MIN_POSITION_CHANGE: f64 = 0.08;
 /// orientation, radians,
-const TURNED: f64 = 0.17;
+const MIN_ROTATION: f64 = 0.17;
 /// and natural logarithm of the ratio of the distances.
-const NEARER: f64 = 0.18;
+const MIN_DISTANCE_CHANGE: f64 = 0.18;
 
 impl RoughPose {
     /// From a board's corners, in the order of [`Board::corners`]; `None` if they are degenerate.
@@ -59,10 +59,10 @@ impl RoughPose {
 
     /// Difference of two poses; 1 justifies another view.
     pub(super) fn difference(&self, other: &Self) -> f64 {
-        let apart = (self.middle - other.middle).norm() / APART;
-        let rotated = self.normal.angle(&other.normal) / TURNED;
+        let apart = (self.middle - other.middle).norm() / MIN_POSITION_CHANGE;
+        let rotated = self.normal.angle(&other.normal) / MIN_ROTATION;
         // The logarithm treats nearer and farther equally.
-        let nearer = (self.distance / other.distance).ln().abs() / NEARER;
+        let nearer = (self.distance / other.distance).ln().abs() / MIN_DISTANCE_CHANGE;
         apart.max(rotated).max(nearer)
     }
 

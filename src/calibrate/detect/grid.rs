@@ -23,7 +23,7 @@ const MAX_OFFSET: f64 = 0.35;
 /// Cosine of the largest angle (25°) between the edges of neighbours.
 const PARALLEL: f64 = 0.906;
 /// Cosine of the largest angle (12°) between an edge and the step to the first neighbour.
-const AHEAD: f64 = 0.978;
+const MIN_COSINE_AHEAD: f64 = 0.978;
 /// Least step, pixels.
 const SHORTEST: f64 = 3.0;
 
@@ -161,8 +161,9 @@ fn first_steps(
             .zip(free)
             .filter(|(to, free)| **free && exchanged(from, to));
         let steps = ahead.map(|(to, _)| to.at - from.at);
-        let steps = steps
-            .filter(|step| step.dot(&axis).abs() > AHEAD * step.norm() && step.norm() > SHORTEST);
+        let steps = steps.filter(|step| {
+            step.dot(&axis).abs() > MIN_COSINE_AHEAD * step.norm() && step.norm() > SHORTEST
+        });
         let nearest = steps.min_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
         // Axes have no sign: a neighbour on either side gives the step.
         Some(nearest * nearest.dot(&axis).signum())

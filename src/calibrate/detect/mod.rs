@@ -102,7 +102,7 @@ pub struct Detector {
 }
 
 /// Images of at most this many pixels are also searched enlarged if no complete board is found.
-const SMALL: usize = 1_000_000;
+const MAX_ENLARGED_PIXELS: usize = 1_000_000;
 
 impl Detector {
     /// # Errors
@@ -134,7 +134,7 @@ impl Detector {
             return Detection::Whole(sighting);
         }
         // Enlarging is slow, and the squares of a board in a large image are rarely that small.
-        if image.width() * image.height() > SMALL {
+        if image.width() * image.height() > MAX_ENLARGED_PIXELS {
             return plain;
         }
         let candidates = self.finder.find_enlarged(image);

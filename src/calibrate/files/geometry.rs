@@ -16,7 +16,7 @@ const SAME: f64 = 1e-6;
 
 /// Largest difference between a rectification and the extrinsics in the same file: fraction of the
 /// baseline, radians.
-const AGREES: f64 = 0.02;
+const GEOMETRY_TOLERANCE: f64 = 0.02;
 
 /// The cameras of a file, in its unit of length.
 pub(super) struct StereoParameters {
@@ -71,7 +71,9 @@ impl StereoParameters {
         let baseline = stated.translation.vector.norm();
         // With a rectification, R and T state the extrinsics a second time; both must agree.
         let off = (implied.translation.vector - stated.translation.vector).norm() / baseline;
-        if off > AGREES || implied.rotation.angle_to(&stated.rotation) > AGREES {
+        if off > GEOMETRY_TOLERANCE
+            || implied.rotation.angle_to(&stated.rotation) > GEOMETRY_TOLERANCE
+        {
             return Err(document.error(format!(
                 "its rectification does not agree with its R and T: a baseline of {} and of \
                  {baseline}; take both from one calibration",

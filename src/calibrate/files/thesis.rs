@@ -46,7 +46,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 };
 
 /// Largest difference between poses and homographies, radians.
-const CONTRADICTS: f64 = 0.17;
+const MAX_CONTRADICTION: f64 = 0.17;
 
 /// Homographies belong to one pinhole if they agree to this fraction of its focal length.
 const SAME: f64 = 1e-6;
@@ -76,7 +76,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     };
     let by_warps = warps.motion();
     let apart = by_warps.rotation.angle_to(&by_poses.rotation);
-    let (right_from_left, unit) = if apart > CONTRADICTS {
+    let (right_from_left, unit) = if apart > MAX_CONTRADICTION {
         remarks.push(format!(
             "its two boards were numbered in different directions: its poses and its Coeffs are \
              {:.0}° apart. Rotation and direction of the baseline are those of the Coeffs; its \

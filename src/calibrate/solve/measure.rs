@@ -11,9 +11,9 @@ use svl_core::stereo::{Intrinsics, StereoCalibration};
 use svl_core::{Error, Result};
 
 /// A focal length whose standard deviation exceeds this fraction of it is undetermined.
-const UNCERTAIN: f64 = 0.03;
+const MAX_DEVIATION: f64 = 0.03;
 /// Correlations beyond this are reported.
-const STRONG: f64 = 0.9;
+const MAX_CORRELATION: f64 = 0.9;
 /// Columns and rows of the fields for which coverage is counted.
 const FIELDS: (usize, usize) = (8, 6);
 
@@ -98,7 +98,7 @@ fn check_focal_lengths(bundle: &BundleProblem, deviations: &[f64]) -> Result<()>
         let (fx, fy) = bundle.cameras[i].intrinsics.focal_px();
         let begin = bundle.begin(i);
         for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
-            if deviation.is_nan() || deviation > UNCERTAIN * focal {
+            if deviation.is_nan() || deviation > MAX_DEVIATION * focal {
                 return Err(parallel(bundle, Some((name, focal, deviation))));
             }
         }
@@ -245,7 +245,7 @@ fn correlations(covariance: &DMatrix<f64>, camera: &Intrinsics) -> Vec<Correlati
     for (j, second) in names.iter().enumerate() {
         for (i, first) in names[..j].iter().enumerate() {
             let correlation = covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-            if correlation.abs() > STRONG {
+            if correlation.abs() > MAX_CORRELATION {
                 pairs.push(Correlation {
                     first: first.clone(),
                     second: second.clone(),

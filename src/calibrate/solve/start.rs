@@ -13,7 +13,7 @@ const ITERATIONS: usize = 200;
 
 /// Determinant below which a balanced homography of norm 1 maps the board to a line; that of a
 /// board seen frontally is 0.19.
-const FLAT: f64 = 1e-3;
+const MIN_DETERMINANT: f64 = 1e-3;
 
 /// The homography from the board's plane to an image by the normalized direct linear transformation
 /// (Hartley, In defense of the eight-point algorithm, 1997), and its residual rms distance, pixels.
@@ -44,7 +44,7 @@ pub(super) fn homography(
         return None;
     }
     let balanced = Matrix3::from_row_slice(vector.as_slice());
-    if balanced.determinant().abs() < FLAT {
+    if balanced.determinant().abs() < MIN_DETERMINANT {
         return None;
     }
     let h = to_image.try_inverse()? * balanced * to_board;

@@ -1,9 +1,10 @@
 //! `svl datasets`: the data sets svl reads, and their files in a folder.
 
-use crate::cli::shared::terminal::{print, print_json, size, style, width, wrapped};
+use crate::cli::shared::data::data_table;
+use crate::cli::shared::terminal::{print, print_json, size, width, wrapped};
 use serde::Serialize;
 use std::path::PathBuf;
-use svl::report::table::{NONE, Table};
+use svl::report::table::NONE;
 use svl::runs::data_folder;
 use svl::source::dataset::{DATASETS, Dataset, Inventory};
 
@@ -26,6 +27,12 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
+
+const COLUMNS: [(&str, &str); 3] = [
+    ("name", "data set"),
+    ("scenes", "scenes"),
+    ("title", "content"),
+];
 
 /// A data set, and what is there of it if a folder is known.
 #[derive(Serialize)]
@@ -51,19 +58,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     match root {
         Some(_) => print(&there(&listed)),
-        None => print(&known()),
+        None => print(&data_table(&listed, &COLUMNS, width())),
     }
-}
-
-/// The layouts.
-fn known() -> String {
-    let mut table = Table::new("", "data set").with_columns(["scenes"]);
-    table = table.with_texts(["content"]);
-    for dataset in DATASETS {
-        let cells = [dataset.scenes.to_string(), dataset.title.to_owned()];
-        table.push(dataset.name, cells);
-    }
-    table.terminal(style())
 }
 
 /// Column of the missing parts.

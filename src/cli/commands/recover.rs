@@ -1,8 +1,7 @@
 //! `svl recover`: the intact part of a truncated or corrupt recording.
 
-use crate::cli::shared::terminal::{
-    FactLine, fact, fact_text, losses, missing, print, print_json, size,
-};
+use crate::cli::shared::data::{DataField, data_text, field};
+use crate::cli::shared::terminal::{print, print_json, size, width};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
@@ -45,13 +44,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         print_json(&recovery)?;
     } else {
-        print(&table(args, &recovery)?)?;
+        print(&text(args, &recovery)?)?;
     }
     check_all_saved(args, &recovery)
 }
 
 /// # Errors
-/// [`svl::Error::Incomplete`] if the damaged file has more than was saved.
+/// [`svl::losses::Incomplete`] if the damaged file has more than was saved.
 fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
     if !recovery.partial {
         return Ok(());
@@ -66,44 +65,21 @@ fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
         args.file.display(),
         counted(recovery.losses.len(), "damaged part"),
     );
-    Err(svl::Error::Incomplete(words).into())
+    Err(usage::incomplete(words))
 }
 
-fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
-    let Recovery {
-        messages,
-        pairs,
-        attachments,
-        metadata,
-        ..
-    } = recovery;
-    let bytes = args.output.metadata()?.len();
-    let (topics, messages) = (messages.len(), messages.values().sum::<u64>());
-    let pairs = if *pairs > 0 {
-        format!("{}, ", counted(*pairs, "pair"))
-    } else {
-        String::new()
-    };
-    let mut lines = vec![
-        FactLine::Heading(format!("{}: {}", args.output.display(), size(bytes))),
-        fact!(
-            "recovered",
-            "{pairs}{} of {}, {}, {metadata} metadata",
-            counted(messages, "message"),
-            counted(topics, "topic"),
-            counted(*attachments, "attachment")
-        ),
-    ];
-    let file = args.file.display();
-    match (recovery.losses.is_empty(), recovery.checksums) {
-        (true, true) => lines.push(fact!("lost", "nothing: {file} is intact")),
-        (true, false) => lines.push(fact!(
-            "lost",
-            "nothing, as far as can be known: {file} has no checksums"
-        )),
-        (false, _) => {}
-    }
-    lines.extend(losses(&recovery.losses));
-    lines.extend(missing(&recovery.missing));
-    Ok(fact_text(&lines, usize::MAX))
+const FIELDS: &[DataField] = &[
+    field("pairs", "pairs"),
+    field("messages", "messages"),
+    field("attachments", "attachments"),
+    field("metadata", "metadata"),
+    field("checksums", "checksums"),
+    field("losses", "damaged parts"),
+    field("missing", "missing"),
+];
+
+fn text(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
+    let bytes = size(args.output.metadata()?.len());
+    let fields = data_text(recovery, FIELDS, width());
+    Ok(format!("{}: {bytes}\n{fields}", args.output.display()))
 }

@@ -1,5 +1,6 @@
 //! Code that subcommands share: sources, help, the viewer, progress, frame stepping, wrong usage.
 
+pub(crate) mod data;
 pub(crate) mod filters;
 pub(crate) mod help;
 pub(crate) mod log;

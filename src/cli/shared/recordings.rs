@@ -5,8 +5,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
 use svl::outputs::make_folder;
+use svl::pass::{Outcome, report_losses};
 use svl::recording::RecordingFormat;
-use svl::run::{Outcome, report_losses};
 use svl::runs::RECORDINGS;
 use svl::source::Opened;
 

@@ -3,9 +3,9 @@
 use super::terminal::{print, print_json, report_lines, style};
 use super::usage;
 use std::path::Path;
-use svl::losses::RunEnding;
+use svl::losses::Ending;
+use svl::pass::complete;
 use svl::report::{BuiltReport, GateResult, GateState, Results};
-use svl::run::complete;
 use svl::score::AreaChoice;
 
 /// The choice of cells that commands of reports have.
@@ -23,9 +23,9 @@ pub(crate) struct AreaArgs {
 }
 
 /// Fails for a report that lacks results, or misses more pairs than is allowed.
-pub(crate) fn check_whole(ending: &RunEnding) -> anyhow::Result<()> {
+pub(crate) fn check_whole(ending: &Ending) -> anyhow::Result<()> {
     match &ending.incomplete {
-        Some(why) if !ending.is_whole() => Err(svl::Error::Incomplete(why.clone()).into()),
+        Some(why) if !ending.is_whole() => Err(usage::incomplete(why.clone())),
         _ => Ok(complete(ending)?),
     }
 }

@@ -1,11 +1,8 @@
-//! Standard output: text, JSON, and the lines that several commands print of a recording.
+//! Standard output: text and JSON.
 
 use anyhow::Context;
-use std::collections::BTreeMap;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
-use svl::counted;
-use svl::recording::DamagedPart;
 use svl::report::table::TerminalStyle;
 use svl::sink::report_runs;
 
@@ -27,78 +24,7 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
-/// Largest number of gaps and of losses that are listed one by one.
-pub(crate) const MAX_LISTED: usize = 5;
-
-/// A line of text about a file.
-pub(crate) enum FactLine {
-    Heading(String),
-    /// A label, empty in a line that continues the one before, and words that may be broken.
-    Fact(&'static str, String),
-    /// Columns, which stay as they are.
-    Columns(String),
-}
-
-/// A [`FactLine::Fact`] of a label and words, as for `format!`.
-macro_rules! fact {
-    ($label:expr, $($words:tt)*) => {
-        $crate::cli::shared::terminal::FactLine::Fact($label, format!($($words)*))
-    };
-}
-pub(crate) use fact;
-
-/// Column where the words of a fact begin.
-const FACTS: usize = 11;
-
-/// The lines, broken at the last column below their words.
-pub(crate) fn fact_text(lines: &[FactLine], last: usize) -> String {
-    let line = |line: &FactLine| match line {
-        FactLine::Heading(words) => format!("{words}\n"),
-        FactLine::Fact(label, words) => wrapped(label, FACTS, words, last),
-        FactLine::Columns(words) => format!("{:FACTS$}{words}\n", ""),
-    };
-    lines.iter().map(line).collect()
-}
-
-/// Parts of a file that cannot be read, a line each.
-pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<FactLine> {
-    let part = |DamagedPart {
-                    at_byte,
-                    bytes,
-                    reason,
-                }: &DamagedPart| match bytes {
-        0 => fact!("lost", "at byte {at_byte}: {reason}"),
-        1..1000 => fact!(
-            "lost",
-            "{} at byte {at_byte}: {reason}",
-            counted(*bytes, "byte")
-        ),
-        _ => fact!("lost", "{} at byte {at_byte}: {reason}", size(*bytes)),
-    };
-    listed(losses.iter(), part)
-}
-
-/// The first [`MAX_LISTED`] as lines, and how many more there are.
-pub(crate) fn listed<T>(
-    all: impl ExactSizeIterator<Item = T>,
-    line: impl Fn(T) -> FactLine,
-) -> Vec<FactLine> {
-    let more = all.len().saturating_sub(MAX_LISTED);
-    let mut lines: Vec<_> = all.take(MAX_LISTED).map(line).collect();
-    if more > 0 {
-        lines.push(fact!("", "and {more} more; --json lists them"));
-    }
-    lines
-}
-
-/// Messages that the file's own summary promises and it does not hold.
-pub(crate) fn missing(missing: &BTreeMap<String, u64>) -> Vec<FactLine> {
-    missing
-        .iter()
-        .map(|(topic, n)| fact!("missing", "{} of {topic}", counted(*n, "message")))
-        .collect()
-}
-
+/// A number of bytes in words.
 pub(crate) fn size(bytes: u64) -> String {
     match bytes {
         ..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),

@@ -5,11 +5,13 @@ use super::terminal::print_error;
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::{ContextKind, ErrorKind};
+use std::error::Error as _;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use svl::alternatives;
+use svl::losses::Incomplete;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
 
@@ -41,6 +43,20 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("join", &["report"]),
 ];
 
+/// Names in use elsewhere, and the algorithms of that kind. OpenCV's own run as programs.
+const ALGORITHM_SYNONYMS: &[(&str, &[&str])] = &[
+    ("opencv", &["bm", "sgm", "exec"]),
+    ("stereobm", &["bm", "exec"]),
+    ("sbm", &["bm", "exec"]),
+    ("sad", &["bm"]),
+    ("sgbm", &["sgm", "exec"]),
+    ("stereosgbm", &["sgm", "exec"]),
+    ("census", &["sgm"]),
+    ("onnx", &["exec"]),
+    ("torch", &["exec"]),
+    ("python", &["exec"]),
+];
+
 /// The name of standard output among files.
 pub(crate) const STDOUT: &str = "-";
 
@@ -52,20 +68,30 @@ pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
 /// Prints an error and its causes in one line. Returns 2 for wrong usage, 3 for a limit that failed
 /// or was not measured, 4 for a result that is incomplete, else 1.
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
-    let line = one_line(error);
+    let line = with_synonyms(one_line(error), error.downcast_ref());
     let (code, cure) = match error.downcast_ref::<svl::Error>() {
         Some(error) if error.is_usage() => (2, "; see --help"),
-        Some(svl::Error::Gate(_)) => (3, ""),
-        Some(svl::Error::Incomplete(_)) => (4, ""),
+        Some(error) if error.downcast_ref::<GateError>().is_some() => (3, ""),
+        Some(error) if error.downcast_ref::<Incomplete>().is_some() => (4, ""),
         _ => (1, ""),
     };
     print_error(format_args!("error: {line}{cure}"));
     ExitCode::from(code)
 }
 
+/// A limit is exceeded, or could not be checked.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct GateError(String);
+
 /// The error of a gate that failed or was not measured.
 pub(crate) fn gate(words: impl Display) -> anyhow::Error {
-    svl::Error::Gate(words.to_string()).into()
+    svl::Error::other(GateError(words.to_string())).into()
+}
+
+/// The error of a command that has done its work, but for something.
+pub(crate) fn incomplete(words: String) -> anyhow::Error {
+    svl::Error::other(Incomplete(words)).into()
 }
 
 /// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
@@ -87,6 +113,8 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
                 _ => format!("{text} {line}"),
             },
         );
+        let cause = error.source().and_then(|cause| cause.downcast_ref());
+        let line = with_synonyms(line, cause);
         let similar = similar_commands(error);
         if similar.is_empty() {
             print_error(format_args!("{line}; see --help"));
@@ -115,6 +143,22 @@ fn similar_commands(error: &Error) -> &'static [&'static str] {
         }
         _ => &[],
     }
+}
+
+/// The line of an error, in which the name of an algorithm elsewhere has those of its kind.
+fn with_synonyms(line: String, error: Option<&svl::Error>) -> String {
+    let Some(error @ svl::Error::UnknownAlgorithm { name, .. }) = error else {
+        return line;
+    };
+    let lower = name.to_lowercase();
+    let mut synonyms = ALGORITHM_SYNONYMS.iter();
+    let kind = synonyms.find(|(synonym, _)| *synonym == lower);
+    let Some(similar) = kind.map(|(_, kind)| kind.iter().map(ToString::to_string).collect()) else {
+        return line;
+    };
+    let name = name.clone();
+    let known = svl::Error::UnknownAlgorithm { name, similar };
+    line.replace(&error.to_string(), &known.to_string())
 }
 
 /// An algorithm whose parameters go together.

@@ -2,14 +2,19 @@
 
 mod cells;
 mod curve;
+#[doc(hidden)]
 pub mod decision;
 mod grid;
 mod pinhole;
 mod projection;
 
-pub use cells::cells;
-pub use curve::DistanceCurve;
-pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
+pub use grid::{CellDecision, GridSettings, grid};
 pub(crate) use grid::{grid_with, largest_cell};
-pub use pinhole::PinholeFit;
-pub use projection::{project, render};
+#[doc(hidden)]
+pub use {
+    cells::cells,
+    curve::DistanceCurve,
+    grid::MIN_VALID,
+    pinhole::PinholeFit,
+    projection::{project, render},
+};

@@ -4,7 +4,7 @@ use crate::stereo::{Plane, Rig};
 use nalgebra::Point3;
 
 /// Least fraction by which a nearer point's depth is less: half of a cell's distance tolerance.
-const NEARER: f32 = 0.1;
+const MIN_NEARER: f32 = 0.1;
 /// Largest radius of the search for points that occlude another, pixels.
 const MAX_RADIUS: usize = 16;
 
@@ -102,7 +102,7 @@ pub fn render(
 /// True if the first disparity belongs to a point that is nearer by a tenth.
 fn is_nearer(disparity: f32, other: f32, doffs: f32) -> bool {
     // Inverse depths: f·B/z is d + doffs.
-    (disparity + doffs) * (1.0 - NEARER) > other + doffs
+    (disparity + doffs) * (1.0 - MIN_NEARER) > other + doffs
 }
 
 fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {

@@ -16,17 +16,22 @@ mod set;
 mod spectrum;
 mod window;
 
-pub use math::{exp, logistic, tanh};
+pub use model::FilterModel;
 pub(crate) use model::safetensors_bytes;
-pub use model::{FilterModel, ModelFacts};
-pub use network::Network;
-pub use set::{CellFilter, Filters};
-pub use spectrum::{Features, Scaling, Spectrum};
-pub use window::FilterWindows;
+#[doc(hidden)]
+pub use {
+    math::{exp, logistic, tanh},
+    model::ModelFacts,
+    network::Network,
+    set::{CellFilter, Filters},
+    spectrum::{Features, Scaling, Spectrum},
+    window::FilterWindows,
+};
 
 use crate::error::{Error, Result, did_you_mean};
 
 /// Object of a filter's detection.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FilterKind {
     /// A cell that shows the floor.
@@ -36,6 +41,7 @@ pub enum FilterKind {
 }
 
 /// An entry of [`FILTERS`].
+#[doc(hidden)]
 #[derive(Debug)]
 pub struct FilterSpec {
     pub kind: FilterKind,
@@ -56,6 +62,7 @@ pub struct FilterSpec {
 }
 
 /// All filters.
+#[doc(hidden)]
 pub const FILTERS: &[FilterSpec] = &[
     FilterSpec {
         kind: FilterKind::Floor,
@@ -98,6 +105,7 @@ impl FilterKind {
 }
 
 /// An algorithm's label without its filters: `v3` of `v3+floor`.
+#[doc(hidden)]
 pub fn without_filters(label: &str) -> &str {
     let is_filter = |name| FILTERS.iter().any(|spec| spec.name == name);
     match label.rsplit_once('+') {

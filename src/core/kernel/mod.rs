@@ -10,6 +10,8 @@ mod capped_ssd;
 mod census;
 mod choose;
 mod dense;
+#[cfg(feature = "internal")]
+mod descent;
 mod filter;
 mod gaps;
 mod halve;
@@ -33,12 +35,16 @@ mod write;
 pub use capped_ssd::CAP;
 pub use census::{CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH};
 pub use choose::{ChosenRow, Totals};
-pub use dense::{AdamStep, LANES};
+pub use dense::LANES;
+#[cfg(feature = "internal")]
+pub use descent::AdamStep;
 pub use filter::PREFILTER_CAP;
 pub use gaps::{
-    GAP_TENSORS, GAP_WEIGHTS, GapCandidates, GapNetwork, GapPass, GapSamples, GapVotes, HYPOTHESES,
-    HYPOTHESIS_FEATURES, PIXEL_FEATURES, gap_tensors,
+    GAP_TENSORS, GAP_WEIGHTS, GapCandidates, GapNetwork, GapVotes, HYPOTHESES, HYPOTHESIS_FEATURES,
+    PIXEL_FEATURES,
 };
+#[cfg(feature = "internal")]
+pub use gaps::{GapPass, GapSamples};
 pub use isa::{Isa, isa};
 pub use lanes::Lanes;
 pub use pairs::Group;
@@ -147,17 +153,19 @@ kernels! {
     ) = dense::sums;
 
     /// Adds the `rows` to `out`, each as long as `out` and multiplied by its factor.
-    pub fn add_scaled(rows: &[f32], factors: &[f32], out: &mut [f32]) = dense::add;
+    #[cfg(feature = "internal")]
+    pub fn add_scaled(rows: &[f32], factors: &[f32], out: &mut [f32]) = descent::add;
 
     /// A step of Adam by a gradient: changes the running means of gradient and square, and the
     /// weights.
+    #[cfg(feature = "internal")]
     pub fn adam(
         step: AdamStep,
         gradient: &[f32],
         mean: &mut [f32],
         square: &mut [f32],
         weights: &mut [f32],
-    ) = dense::adam;
+    ) = descent::adam;
 
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as
     /// strongly as the coarse one.
@@ -469,6 +477,7 @@ kernels! {
     ) = gaps::network::weigh, pairs;
 
     /// The scores of the hypotheses by a network in floats, in the order of [`GAP_TENSORS`].
+    #[cfg(feature = "internal")]
     pub fn score_hypotheses(
         weights: &[f32],
         samples: &GapSamples,
@@ -476,6 +485,7 @@ kernels! {
     ) = gaps::training::forward;
 
     /// Adds the gradients of the weights by those of the scores, for each lane.
+    #[cfg(feature = "internal")]
     pub fn add_gap_gradient(
         weights: &[f32],
         samples: &GapSamples,

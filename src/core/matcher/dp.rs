@@ -223,22 +223,20 @@ impl Scratch {
             columns,
             ..
         } = self;
-        map.each_band_mut(*band_rows, rows, |top, band, line| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let grey = image.row(y);
-                for (x, pixel) in line.iter_mut().enumerate() {
-                    let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
-                    *pixel = PropagationPixel {
-                        // The result of the columns, which are contiguous, transposed.
-                        disparity: columns[x * *height + y].disparity,
-                        edge,
-                        run: 0,
-                    };
-                }
-                propagation.apply(line);
-                for (x, pixel) in line.iter().enumerate() {
-                    row.accept(x, f32::from(pixel.disparity));
-                }
+        map.each_row_mut(*band_rows, rows, |y, row, line| {
+            let grey = image.row(y);
+            for (x, pixel) in line.iter_mut().enumerate() {
+                let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
+                *pixel = PropagationPixel {
+                    // The result of the columns, which are contiguous, transposed.
+                    disparity: columns[x * *height + y].disparity,
+                    edge,
+                    run: 0,
+                };
+            }
+            propagation.apply(line);
+            for (x, pixel) in line.iter().enumerate() {
+                row.accept(x, f32::from(pixel.disparity));
             }
         });
     }

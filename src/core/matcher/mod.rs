@@ -14,6 +14,7 @@ mod program;
 mod quotes;
 mod recorded;
 mod sgm;
+#[doc(hidden)]
 pub mod stage;
 mod truth;
 mod v1;
@@ -22,11 +23,14 @@ mod v3;
 mod v4;
 mod v5;
 
-pub use mirrored::{match_right, mirrored};
-pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
-pub use program::ProgramRecord;
-pub use recorded::{MapPlace, MapRequest};
-pub use v5::{GapSampler, GapWeights, V5Model};
+#[doc(hidden)]
+pub use {
+    mirrored::{match_right, mirrored},
+    parameter::{Parameter, ParameterFile, Parameters, Range, Value},
+    program::ProgramRecord,
+    recorded::{MapPlace, MapRequest},
+    v5::{GapSampler, GapWeights, V5Model},
+};
 
 use crate::depth::decision::SafeChoice;
 use crate::depth::{self, GridSettings};
@@ -57,6 +61,7 @@ pub trait Matcher: Send {
     ) -> Result<()>;
 
     /// Identity and performance of the external program, if the matcher runs one.
+    #[doc(hidden)]
     fn program(&self) -> Option<ProgramRecord> {
         None
     }
@@ -93,8 +98,10 @@ pub struct MatchContext<'a> {
     /// Left and right in colour, of the pair's size, if the source has them.
     pub color: Option<&'a [Rgb; 2]>,
     /// The truth of the frame, only for the algorithm `truth`.
+    #[doc(hidden)]
     pub truth: Option<&'a Truth>,
     /// The maps that the source has besides the images, for `topic` and `files`.
+    #[doc(hidden)]
     pub maps: &'a [RecordedMap],
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
@@ -126,6 +133,7 @@ impl Default for MatchContext<'_> {
 
 impl<'a> MatchContext<'a> {
     /// Context of a frame with those settings.
+    #[doc(hidden)]
     pub fn for_frame(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
         Self {
             sequence: frame.sequence,
@@ -148,8 +156,10 @@ pub struct MatchOutput {
     /// The depth grid, from an algorithm that computes cells itself.
     pub grid: Option<DepthGrid>,
     /// The grid before filters, from an algorithm followed by some.
+    #[doc(hidden)]
     pub unfiltered: Option<DepthGrid>,
     /// The grid that the caller made of the map within the measured time, if it did.
+    #[doc(hidden)]
     pub decided: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
@@ -219,6 +229,7 @@ impl MatchOutput {
 }
 
 /// Kind of a matcher by what its disparities come from.
+#[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MatcherKind {
     /// The images, matched in this process.
@@ -234,6 +245,7 @@ pub enum MatcherKind {
 }
 
 /// An entry of [`MATCHERS`].
+#[doc(hidden)]
 pub struct MatcherSpec {
     pub name: &'static str,
     pub kind: MatcherKind,
@@ -254,6 +266,7 @@ pub struct MatcherSpec {
 }
 
 /// Every algorithm of svl. A new one is one file and one line here.
+#[doc(hidden)]
 pub const MATCHERS: &[MatcherSpec] = &[
     dp::SPEC,
     v1::SPEC,
@@ -271,44 +284,21 @@ pub const MATCHERS: &[MatcherSpec] = &[
     exec::SPEC,
 ];
 
-/// Names in use elsewhere, and the algorithms of that kind. OpenCV's own run as programs.
-const SYNONYMS: &[(&str, &[&str])] = &[
-    ("opencv", &["bm", "sgm", "exec"]),
-    ("stereobm", &["bm", "exec"]),
-    ("sbm", &["bm", "exec"]),
-    ("sad", &["bm"]),
-    ("sgbm", &["sgm", "exec"]),
-    ("stereosgbm", &["sgm", "exec"]),
-    ("census", &["sgm"]),
-    ("onnx", &["exec"]),
-    ("torch", &["exec"]),
-    ("python", &["exec"]),
-];
-
 /// The algorithm of that name or alias.
 ///
 /// # Errors
-/// [`Error::UnknownAlgorithm`] with the algorithms of that kind, or else the nearest name.
+/// [`Error::UnknownAlgorithm`] with the nearest name.
+#[doc(hidden)]
 pub fn find(name: &str) -> Result<&'static MatcherSpec> {
     MATCHERS
         .iter()
         .find(|spec| spec.names().any(|n| n == name))
         .ok_or_else(|| Error::UnknownAlgorithm {
             name: name.to_owned(),
-            similar: similar(name),
+            similar: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names))
+                .into_iter()
+                .collect(),
         })
-}
-
-/// The algorithms that an unknown name stands for elsewhere, or else the nearest name.
-fn similar(name: &str) -> Vec<String> {
-    let lower = name.to_lowercase();
-    match SYNONYMS.iter().find(|(synonym, _)| *synonym == lower) {
-        Some((_, names)) => names.iter().map(|name| (*name).to_owned()).collect(),
-        None => {
-            let names = MATCHERS.iter().flat_map(MatcherSpec::names);
-            nearest(name, names).into_iter().collect()
-        }
-    }
 }
 
 impl MatcherSpec {
@@ -403,6 +393,7 @@ impl std::str::FromStr for Algorithm {
 /// # Errors
 /// [`Error::Usage`] for a label that contains characters other than letters, digits, `_`, `-` and
 /// `.`, or is an algorithm's own name.
+#[doc(hidden)]
 pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     let own = text.split([':', '=']).next().unwrap_or_default();
     let is_written =
@@ -435,6 +426,7 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
 
 /// The text of an algorithm with other paths: `file` maps each path that a parameter names, and
 /// `word` each word of a command. A text that is not an algorithm is returned unchanged.
+#[doc(hidden)]
 pub fn with_paths(
     text: &str,
     file: &dyn Fn(&str) -> String,
@@ -480,11 +472,13 @@ pub fn with_paths(
 }
 
 impl Algorithm {
+    #[doc(hidden)]
     pub fn spec(&self) -> &'static MatcherSpec {
         self.spec
     }
 
     /// The same algorithm with that label.
+    #[doc(hidden)]
     #[must_use]
     pub fn called(self, label: String) -> Self {
         Self { label, ..self }
@@ -506,6 +500,7 @@ impl Algorithm {
     ///
     /// # Errors
     /// [`Error::UnknownParameter`] and [`Error::ParameterValue`], as for a text.
+    #[doc(hidden)]
     pub fn with(&self, name: &str, value: &Value) -> Result<Self> {
         let parameters = self.parameters.with(self.spec, name, value)?;
         let changed = Self {
@@ -520,6 +515,7 @@ impl Algorithm {
 
     /// The text as accepted by every command, without filters: the name, and all that differs
     /// from the defaults.
+    #[doc(hidden)]
     pub fn written(&self) -> String {
         let name = self.spec.name;
         match self.parameters.changes(self.spec) {
@@ -529,6 +525,7 @@ impl Algorithm {
     }
 
     /// The map that the source has to have for it, if it reports one.
+    #[doc(hidden)]
     pub fn recorded(&self) -> Option<MapRequest> {
         MapRequest::new(self.spec, &self.parameters)
     }
@@ -544,6 +541,7 @@ impl Algorithm {
     }
 
     /// All parameters, defaults included.
+    #[doc(hidden)]
     pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
@@ -578,6 +576,7 @@ impl Algorithm {
     ///
     /// # Errors
     /// The errors of its parameters, such as the file of a table.
+    #[doc(hidden)]
     pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
         let choice = self.spec.cells.map(|choice| choice(&self.parameters));
         choice.transpose()
@@ -588,6 +587,7 @@ impl Algorithm {
     ///
     /// # Errors
     /// The errors of [`Algorithm::safe_choice`]; the fault in the facts of a filter.
+    #[doc(hidden)]
     pub fn fitted(&self) -> Result<Vec<FittedTo>> {
         let choice = self.safe_choice()?;
         let mut fitted: Vec<_> = choice.map(|choice| choice.fitted).into_iter().collect();
@@ -659,6 +659,7 @@ impl Algorithm {
     ///
     /// # Errors
     /// The errors of the algorithm's constructor.
+    #[doc(hidden)]
     pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
         let matcher = (self.spec.build)(&self.parameters, isa)?;
         self.check_filters()?;

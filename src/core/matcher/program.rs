@@ -45,7 +45,7 @@ pub struct ProgramRecord {
 const ODD_US: u64 = 20_000;
 
 /// Fewest pairs for a meaningful median.
-const ENOUGH_PAIRS: u64 = 3;
+const MIN_MEDIAN_PAIRS: u64 = 3;
 
 impl ProgramRecord {
     /// Identity and times of the program, in words.
@@ -107,7 +107,7 @@ impl ProgramRecord {
     /// True if its self-reported time leaves out work: it answers much later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;
-        self.waited_us > limit_us && self.pairs >= ENOUGH_PAIRS
+        self.waited_us > limit_us && self.pairs >= MIN_MEDIAN_PAIRS
     }
 
     /// Warnings about its numbers, for the user.
@@ -122,7 +122,7 @@ impl ProgramRecord {
             ));
         }
         let is_long = self.reported_us > self.waited_us + self.waited_us / 20;
-        if is_long && self.pairs >= ENOUGH_PAIRS {
+        if is_long && self.pairs >= MIN_MEDIAN_PAIRS {
             warnings.push(format!(
                 "reports {reported:.1} ms a pair but answers after {waited:.1} ms, which is used"
             ));

@@ -225,15 +225,13 @@ impl Method for Sgm {
         clock.lap(Stage::Matching);
 
         let chosen = &*chosen;
-        map.each_band_mut(*band_rows, medians, |top, band, medians| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                if self.median {
-                    let rows = [y.saturating_sub(1), y, last.min(y + 1)].map(|y| chosen.left(y));
-                    median_row(isa, rows, medians);
-                    self.write(chosen, y, medians, &mut row);
-                } else {
-                    self.write(chosen, y, chosen.left(y), &mut row);
-                }
+        map.each_row_mut(*band_rows, medians, |y, row, medians| {
+            if self.median {
+                let rows = [y.saturating_sub(1), y, last.min(y + 1)].map(|y| chosen.left(y));
+                median_row(isa, rows, medians);
+                self.write(chosen, y, medians, row);
+            } else {
+                self.write(chosen, y, chosen.left(y), row);
             }
         });
         if let Some(speckles) = speckles {

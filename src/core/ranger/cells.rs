@@ -4,6 +4,7 @@ use crate::stereo::{Cell, CellState, GridShape, Reason};
 
 /// The answer for a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RangedCell {
     /// Along the optical axis, metres; infinite at infinity. `None` if unknown, of
     /// [`CellState::Near`], and without a rig.

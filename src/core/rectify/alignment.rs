@@ -42,10 +42,8 @@ pub enum Misfit {
     Shift,
     /// One image is rotated against the other (positive: the right one clockwise) or scaled (the
     /// right one relative to the left).
-    #[serde(rename = "turn")]
     Rotation { degrees: f64, scale: f64 },
     /// Anything else: lens distortion, or converging cameras.
-    #[serde(rename = "bent")]
     Distortion,
 }
 

@@ -35,10 +35,13 @@ mod rectifier;
 mod remap;
 mod rotated_camera;
 
-pub use alignment::{Alignment, AlignmentMeter, Misfit};
-pub use bouguet::bouguet;
-pub use features::PointMatch;
-pub use framing::Framing;
-pub use hidden::hidden_views;
 pub use rectifier::Rectifier;
-pub use remap::Remap;
+#[doc(hidden)]
+pub use {
+    alignment::{Alignment, AlignmentMeter, Misfit},
+    bouguet::bouguet,
+    features::PointMatch,
+    framing::Framing,
+    hidden::hidden_views,
+    remap::Remap,
+};

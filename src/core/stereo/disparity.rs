@@ -178,6 +178,21 @@ impl DisparityMap {
         });
     }
 
+    /// Calls `work` with the number of each row, the row and the scratch of its band, as
+    /// [`DisparityMap::each_band_mut`].
+    pub fn each_row_mut<S: Send>(
+        &mut self,
+        rows: usize,
+        scratch: &mut [S],
+        work: impl Fn(usize, &mut RowMut<'_>, &mut S) + Sync,
+    ) {
+        self.each_band_mut(rows, scratch, |top, band, scratch| {
+            for (y, mut row) in (top..).zip(band.into_rows()) {
+                work(y, &mut row, scratch);
+            }
+        });
+    }
+
     /// All rows as one band.
     fn band_mut(&mut self) -> BandMut<'_> {
         let ssdpi = self.ssdpi.as_mut().and_then(Plane::as_mut_slice);

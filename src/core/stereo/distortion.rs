@@ -155,7 +155,7 @@ impl From<[f64; 5]> for Distortion {
 }
 
 /// Convergence threshold in units of the focal length: far below a thousandth of a pixel.
-const CLOSE: f64 = 1e-10;
+const CONVERGENCE: f64 = 1e-10;
 const MAX_STEPS: usize = 50;
 /// Directions farther from the axis (87°) are of no use on a plane.
 pub(crate) const MAX_RADIUS: f64 = 20.0;
@@ -341,7 +341,7 @@ impl Distortion {
         let mut direction = target;
         for _ in 0..MAX_STEPS {
             let off = self.distort(direction) - target;
-            if off.norm() < CLOSE {
+            if off.norm() < CONVERGENCE {
                 // Beyond a fold the radius shrinks, or the image is upside down.
                 let slope = self.jacobian(direction);
                 return (slope.determinant() > 0.0 && slope.trace() > 0.0).then_some(direction);
@@ -478,7 +478,7 @@ fn angle(k: &[f64; 4], radius: f64, max: f64) -> Option<f64> {
     let mut theta = radius.min(max);
     for _ in 0..MAX_STEPS {
         let off = image_radius(k, theta) - radius;
-        if off.abs() < CLOSE * 1e-3 {
+        if off.abs() < CONVERGENCE * 1e-3 {
             return Some(theta);
         }
         if off > 0.0 {

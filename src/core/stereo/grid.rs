@@ -107,6 +107,7 @@ impl Cell {
 /// State of a cell in a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum CellState {
     Known,
     Unknown,
@@ -118,6 +119,17 @@ pub enum CellState {
 
 impl CellState {
     const ALL: [Self; 4] = [Self::Known, Self::Unknown, Self::TooClose, Self::Near];
+
+    /// Number in the C and Python interfaces.
+    #[doc(hidden)]
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Unknown => 0,
+            Self::Known => 1,
+            Self::TooClose => 2,
+            Self::Near => 3,
+        }
+    }
 
     pub fn name(self) -> &'static str {
         match self {

@@ -25,22 +25,29 @@ mod reason;
 mod rig;
 mod row;
 
-pub use calibration::{LengthUnit, Rectification, StereoCalibration, motion, rotation};
+pub use calibration::{LengthUnit, Rectification, StereoCalibration};
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};
-pub use floor::FloorPlane;
-pub use frame::{
-    Estimate, Exposure, Frame, Geometry, GrabberReport, Losses, MapDensity, Pose, RecordedMap,
-    Surface, Truth, TruthKind, TruthOrigin, Visibility,
-};
-pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
-pub use identity::{FittedTo, PairId};
+pub use grid::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 pub(crate) use image::luma;
-pub use image::{Gray, MAX_SIDE, Plane, Rgb, buffer, reserve};
+pub use image::{Gray, Plane, Rgb};
 pub use intrinsics::Intrinsics;
-pub use occlusion::cross_check;
 pub use pair::{RectifiedPair, Side, StereoPair};
 pub use reason::Reason;
 pub use rig::Rig;
-pub use row::{BandMut, RowMut};
+pub use row::RowMut;
+#[doc(hidden)]
+pub use {
+    calibration::{motion, rotation},
+    floor::FloorPlane,
+    frame::{
+        Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
+        TruthKind, TruthOrigin, Visibility,
+    },
+    grid::CellEvidence,
+    identity::{FittedTo, PairId},
+    image::{MAX_SIDE, buffer, reserve},
+    occlusion::cross_check,
+    row::BandMut,
+};

@@ -3,6 +3,7 @@
 /// Reason why a pixel has no disparity. The discriminant is its code in files (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Reason {
     /// The pixel has a disparity.
     Valid = 0,

@@ -1,6 +1,7 @@
 //! Features of a GenICam camera, and the cameras on this network and bus.
 
 use crate::camera::{Limits, Settings};
+use crate::camera_error;
 use crate::driver::ListedCamera;
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
@@ -62,7 +63,7 @@ fn unknown(name: &str, error: &glib::Error) -> Error {
     } else {
         format!("those that answer: {}", answering.join(", "))
     };
-    Error::camera(
+    camera_error(
         name,
         format!("cannot be opened: {}; {cure}", error.message()),
     )
@@ -90,7 +91,7 @@ impl GenicamDevice {
                 // succeeds.
                 .is_some_and(|device| !device.is_controller())
             {
-                return Err(Error::camera(
+                return Err(camera_error(
                     name,
                     "is in use already: by another program, or it is named twice",
                 ));
@@ -203,7 +204,7 @@ impl GenicamDevice {
     }
 
     /// # Errors
-    /// [`Error::Camera`] if it is gone.
+    /// [`crate::CameraError`] if it is gone.
     pub(super) fn answers(&self) -> Result<()> {
         if self.lost.load(Ordering::Acquire) {
             Err(self.error(SILENT))
@@ -222,7 +223,7 @@ impl GenicamDevice {
     }
 
     pub(super) fn error(&self, reason: impl Display) -> Error {
-        Error::camera(&self.name, reason.to_string())
+        camera_error(&self.name, reason.to_string())
     }
 
     fn lock(&self) -> MutexGuard<'_, aravis::Camera> {

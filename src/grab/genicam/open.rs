@@ -4,6 +4,7 @@ use super::camera::GenicamCamera;
 use super::device::TriggerMode;
 use super::trigger::SoftwareTrigger;
 use crate::camera::Camera;
+use crate::camera_error;
 use crate::driver::{CameraPair, CameraRequest};
 use crate::trigger::{Trigger, TriggerSource};
 use svl_core::{Error, Result};
@@ -33,7 +34,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
             "takes images of {width}x{height}, {right} of {other_width}x{other_height}; set both \
              to one size"
         );
-        return Err(Error::camera(left, reason));
+        return Err(camera_error(left, reason));
     }
     let trigger: Option<Box<dyn Trigger>> = match mode {
         TriggerMode::Software => Some(Box::new(SoftwareTrigger::new(&cameras, request.clock))),

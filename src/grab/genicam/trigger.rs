@@ -2,7 +2,7 @@
 
 use super::camera::GenicamCamera;
 use super::device::GenicamDevice;
-use crate::camera::camera_error;
+use crate::camera::on_side;
 use crate::clock::GrabClock;
 use crate::trigger::{Pulse, Trigger};
 use std::sync::Arc;
@@ -48,8 +48,8 @@ impl Trigger for SoftwareTrigger {
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
             )
         });
-        left.map_err(|e| camera_error(Side::Left, e))
-            .and(right.map_err(|e| camera_error(Side::Right, e)))?;
+        left.map_err(|e| on_side(Side::Left, e))
+            .and(right.map_err(|e| on_side(Side::Right, e)))?;
         Ok(pulse)
     }
 }

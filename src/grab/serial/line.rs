@@ -2,6 +2,7 @@
 
 use super::answer::ControllerAnswer;
 use super::trouble::{Trouble, Troubles};
+use crate::camera_error;
 use serial2::SerialPort;
 use std::io;
 use std::time::{Duration, Instant};
@@ -128,7 +129,7 @@ impl SerialLine {
     }
 
     pub(super) fn error(&self, reason: impl Into<String>) -> Error {
-        Error::camera(&self.name, reason)
+        camera_error(&self.name, reason)
     }
 
     pub(super) fn warn(&self, what: &str) {

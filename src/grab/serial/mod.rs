@@ -57,8 +57,8 @@ impl SerialTrigger {
     /// svl waits for the first answer.
     ///
     /// # Errors
-    /// [`Error::Camera`] if there is no controller, if it has another protocol version, and once
-    /// `stopped` returns true.
+    /// [`crate::CameraError`] if there is no controller, if it has another protocol version, and
+    /// once `stopped` returns true.
     pub fn open(
         device: &Path,
         period_ns: u64,

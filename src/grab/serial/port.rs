@@ -1,16 +1,17 @@
 //! Opens a serial port exclusively for this program.
 
+use crate::camera_error;
 use serial2::SerialPort;
 use std::io;
 use std::path::{Path, PathBuf};
-use svl_core::{Error, Result};
+use svl_core::Result;
 
 const BAUD: u32 = 500_000;
 
 /// Opens a port and locks it.
 ///
 /// # Errors
-/// [`Error::Camera`] with the remedy.
+/// [`crate::CameraError`] with the remedy.
 pub(super) fn open(device: &Path) -> Result<SerialPort> {
     let open = || {
         let port = SerialPort::open(device, BAUD)?;
@@ -18,7 +19,7 @@ pub(super) fn open(device: &Path) -> Result<SerialPort> {
         Ok(port)
     };
     open().map_err(|e| {
-        Error::camera(
+        camera_error(
             device.display().to_string(),
             reason(&e, group(device).as_deref()),
         )

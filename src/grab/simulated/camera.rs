@@ -4,11 +4,12 @@ use super::cable::TriggerCable;
 use super::pictures::RenderedPictures;
 use super::sensor::{REFERENCE, Sensor};
 use crate::camera::{Camera, Capture, Limits, Settings, Taken};
+use crate::camera_error;
 use crate::clock::GrabClock;
 use std::sync::Arc;
 use std::time::Duration;
+use svl_core::Result;
 use svl_core::stereo::Side;
-use svl_core::{Error, Result};
 
 /// Delays and faults of a simulated camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,7 +131,7 @@ impl Camera for SimulatedCamera {
             .disconnect_at
             .is_some_and(|at| self.exposures >= at)
         {
-            return Err(Error::camera(
+            return Err(camera_error(
                 self.name(),
                 "disconnected; plug it in and record again",
             ));

@@ -14,9 +14,10 @@ pub use pictures::RenderedPictures;
 use super::camera::Camera;
 use super::driver::{self, CameraPair, CameraRequest, Driver, DriverFunctions, ListedCamera};
 use super::trigger::{Trigger, TriggerSource};
+use crate::camera_error;
 use std::sync::Arc;
 use svl_core::stereo::Side;
-use svl_core::{Error, Result, counted};
+use svl_core::{Result, counted};
 
 pub const DRIVER: Driver = Driver {
     name: "sim",
@@ -56,7 +57,7 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         RenderedPictures::render(config.size, rate_hz, pictures, seed, go_on)?
     };
     let pictures =
-        Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);
+        Arc::new(pictures.ok_or_else(|| camera_error("sim", "stopped before the cameras began"))?);
     let cable = TriggerCable::new(request.clock);
     let trigger: Option<Box<dyn Trigger>> = match request.trigger {
         TriggerSource::FreeRunning => None,

@@ -44,7 +44,7 @@ impl Domain {
     /// Joins the domain of an address. Others are discovered within a second or two.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the network cannot be used.
+    /// [`Error::Other`] if the network cannot be used.
     pub fn join(address: &Address) -> Result<Self> {
         let name = address.to_string();
         let mut builder =
@@ -142,7 +142,7 @@ fn qos(reliable: bool, latched: bool) -> QosPolicies {
 }
 
 fn failed(name: &str, error: impl Display) -> Error {
-    Error::camera(name, format!("DDS: {error}"))
+    Error::other(format!("{name}: DDS: {error}"))
 }
 
 /// Warns where the kernel gives sockets less than [`RECEIVE_BYTES`].

@@ -15,7 +15,7 @@ from ._rig import Rig
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from ._program import PathLike
+    from ._types import PathLike
 
 
 class Pair(NamedTuple):

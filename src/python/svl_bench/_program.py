@@ -11,11 +11,10 @@ import sys
 import sysconfig
 import threading
 from pathlib import Path
-from typing import Any, Iterator, Mapping, Sequence, Union
+from typing import Any, Iterator, Mapping, Sequence
 
 from ._report import Report
-
-PathLike = Union[str, "os.PathLike[str]"]
+from ._types import PathLike
 
 
 def program() -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from ._program import PathLike
+    from ._types import PathLike
 
     Image = Union[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]
     Floats = npt.NDArray[np.float32]

@@ -12,9 +12,9 @@ const WAITING_BYTES: usize = 1 << 30;
 const ENTRY_BYTES: usize = 128;
 /// Number of later images of the other camera after which an image is unpaired: an unordered file
 /// does not have that many in order by chance.
-const LATER: usize = 8;
+const MAX_LATER_IMAGES: usize = 8;
 /// Factor by which an image may be farther out of order than any before it.
-const FARTHER: usize = 8;
+const REORDER_FACTOR: usize = 8;
 
 /// Images without a partner, by their position in the recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -127,11 +127,11 @@ impl<T> StampPairing<T> {
         // Overtaken by that many, the file has no order at all, and everything waits for the end.
         let overtaken = self.waiting[camera]
             .range((Bound::Excluded(stamp), Bound::Unbounded))
-            .take(4 * LATER)
+            .take(4 * MAX_LATER_IMAGES)
             .count();
-        let slack = if overtaken < 4 * LATER {
+        let slack = if overtaken < 4 * MAX_LATER_IMAGES {
             // Jitter may be larger the next time; waiting longer costs memory, not pairs.
-            FARTHER * overtaken
+            REORDER_FACTOR * overtaken
         } else {
             usize::MAX
         };
@@ -186,7 +186,7 @@ impl<T> StampPairing<T> {
             match waiting.nearest(self.max_skew_ns, 0) {
                 // A nearer one may still arrive out of order, until enough later ones rule that
                 // out.
-                Nearest::TooFar if !forced && other.len() < LATER => return None,
+                Nearest::TooFar if !forced && other.len() < MAX_LATER_IMAGES => return None,
                 Nearest::TooFar => {
                     let skew = waiting.skew_ns();
                     self.nearest_miss_ns =

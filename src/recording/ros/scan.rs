@@ -162,7 +162,7 @@ impl Columns {
                 let is_unknown = match cell.state {
                     CellState::Unknown => true,
                     CellState::Near => flagged_m(cell).is_none(),
-                    CellState::Known | CellState::TooClose => false,
+                    _ => false,
                 };
                 is_unknown || !is_possible
             };

@@ -1,18 +1,14 @@
 //! Two reports of drives, course by course.
 
-use super::scored_run::ScoredRun;
-use super::{AlgorithmChange, Change, Comparison, Conclusion, Judgement};
+use super::{AlgorithmChange, Change, Judgement};
 use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
-use svl_core::{Error, Result, counted, joined};
 use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
 
-/// Limit of the algorithms in the verdict, and of the courses in a line and in a table.
-const MAX_ALGORITHMS: usize = 2;
+/// Limit of the courses in a line and in a table.
 const MAX_LISTED: usize = 6;
 const MAX_ROWS: usize = 30;
 
@@ -39,79 +35,26 @@ pub struct CourseChange {
 /// A property of a course.
 type CourseTest = fn(&CourseChange) -> bool;
 
-/// True if both are of drives.
-///
-/// # Errors
-/// [`Error::Invalid`] if one of them is.
-pub(super) fn are_driven(base: &ScoredRun, other: &ScoredRun) -> Result<bool> {
-    match [base, other].map(|run| !run.drives.is_empty()) {
-        [first, second] if first == second => Ok(first),
-        [first, _] => {
-            let driven = if first { base } else { other };
-            Err(Error::Invalid(format!(
-                "{}: is of drives, and the other report is of pairs; compare two of a kind",
-                driven.folder.display()
-            )))
-        }
-    }
-}
-
 impl AlgorithmChange {
-    /// Changes that are real by an exact sign test over the courses of both reports: of the courses
-    /// on which a number differs, as many become better as worse if nothing changed. How much it
-    /// differs does not count, so that one bad course is one course.
-    pub(super) fn from_drives(
-        base: &ScoredRun,
-        other: &ScoredRun,
-        (label, other_label): (&str, &str),
-    ) -> Self {
-        let (ours, theirs) = (base.drives(label), other.drives(other_label));
-        let both = ours
-            .iter()
-            .filter_map(|(seed, row)| Some((*row, *theirs.get(seed)?)));
-        let both = both.filter(|(row, _)| base.has_course_of(other, row.seed));
-        let pairs: Vec<_> = both.collect();
-        let alike = pairs
-            .iter()
-            .filter(|(a, b)| a.track_hash == b.track_hash)
-            .count();
+    /// Adds changes that are real by an exact sign test over the courses of both reports: of the
+    /// courses on which a number differs, as many become better as worse if nothing changed. How
+    /// much it differs does not count, so that one bad course is one course.
+    pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]]) -> Self {
+        let alike = courses.iter().filter(|[a, b]| a.track_hash == b.track_hash);
+        let alike = alike.count();
         let metrics = METRICS.iter().filter_map(|metric| {
             let MetricOrigin::Drives(number) = metric.origin else {
                 return None;
             };
-            Change::from_drives(metric, number, &pairs, alike == pairs.len())
+            Change::from_drives(metric, number, courses, alike == courses.len())
         });
         Self {
-            algorithm: label.to_owned(),
-            other_algorithm: other_label.to_owned(),
-            same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
-            pairs: pairs.len(),
-            newly_failed: 0,
-            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
-            other_inputs: 0,
+            blocks: courses.len(),
             equal_results: alike,
-            other_past: 0,
-            blocks: pairs.len(),
             metrics: metrics.collect(),
-            areas: BTreeMap::new(),
-            checkpoints: Vec::new(),
-            has_partial_checkpoints: false,
-            courses: Some(CourseChanges::new(&pairs)),
+            courses: Some(CourseChanges::new(courses)),
+            ..self
         }
-    }
-
-    /// The things that are compared: pairs, or the courses of drives.
-    pub fn things(&self) -> &'static str {
-        match self.courses {
-            Some(_) => "course",
-            None => "pair",
-        }
-    }
-
-    /// The courses that changed, in a line.
-    pub(super) fn course_words(&self) -> Option<String> {
-        let words = self.courses.as_ref()?.words();
-        (!words.is_empty()).then(|| format!("{}: {words}", self.title()))
     }
 }
 
@@ -119,57 +62,52 @@ impl Change {
     fn from_drives(
         metric: &'static Metric,
         number: DriveNumber,
-        pairs: &[(&DriveRow, &DriveRow)],
+        courses: &[[&DriveRow; 2]],
         are_alike: bool,
     ) -> Option<Self> {
         let value = |row: &DriveRow| drive_parts(number, row)[0];
         let changed = |is: fn(f64, f64) -> bool| {
-            let changed = pairs.iter().filter(|(a, b)| is(value(b), value(a)));
+            let changed = courses.iter().filter(|[a, b]| is(value(b), value(a)));
             changed.count()
         };
         let [up, down] = [changed(|b, a| b > a), changed(|b, a| b < a)];
-        let total = |rows: &mut dyn Iterator<Item = &DriveRow>| drive_sample(number, rows).total();
-        let base = total(&mut pairs.iter().map(|(a, _)| *a))?;
-        let other = total(&mut pairs.iter().map(|(_, b)| *b))?;
-        let judgement = match metric.better {
-            _ if are_alike => Judgement::Equal,
-            _ if pairs.len() < sign_test::METHOD.fewest_blocks => Judgement::TooFew,
-            // Even if all that differ do so in one direction, it may be chance.
-            _ if (1..sign_test::METHOD.fewest_blocks).contains(&(up + down)) => Judgement::TooFew,
-            _ if !sign_test::is_real([up, down]) => Judgement::Unclear,
-            Better::Neither => Judgement::Differs,
-            Better::More if up > down => Judgement::Better,
-            // A robot that stands hits nothing.
-            Better::Less if up < down && !has_driven(pairs.iter().map(|(_, b)| *b)) => {
-                Judgement::Unclear
-            }
-            Better::Less if up < down => Judgement::Better,
-            _ => Judgement::Worse,
-        };
+        let rows = |side: usize| courses.iter().map(move |pair| pair[side]);
+        let base = drive_sample(number, rows(0)).total()?;
+        let other = drive_sample(number, rows(1)).total()?;
+        let fewest = sign_test::METHOD.fewest_blocks;
+        // Even if all that differ do so in one direction, it may be chance.
+        let is_tested = courses.len() >= fewest && !(1..fewest).contains(&(up + down));
+        // A robot that stands hits nothing.
+        let stands = metric.better == Better::Less && up < down && !has_driven(rows(1));
+        let is_real = is_tested.then(|| sign_test::is_real([up, down]) && !stands);
         Some(Self {
+            checkpoint: None,
             metric,
             base,
             other,
             difference: other - base,
             interval: None,
-            judgement,
+            judgement: if are_alike {
+                Judgement::Equal
+            } else {
+                Judgement::new(metric.better, is_real, up > down)
+            },
         })
     }
 }
 
 impl CourseChanges {
-    fn new(pairs: &[(&DriveRow, &DriveRow)]) -> Self {
+    fn new(courses: &[[&DriveRow; 2]]) -> Self {
         let sums = |number: fn(&DriveRow) -> u64| {
-            let before = pairs.iter().map(|(a, _)| number(a)).sum();
-            [before, pairs.iter().map(|(_, b)| number(b)).sum()]
+            [0, 1].map(|side| courses.iter().map(|pair| number(pair[side])).sum())
         };
-        let courses = pairs.iter().map(|(a, b)| CourseChange {
-            seed: a.seed,
-            finished: [a.finished, b.finished],
-            collisions: [a.collisions, b.collisions],
-            near_misses: [a.near_misses, b.near_misses],
+        let changes = courses.iter().map(|pair| CourseChange {
+            seed: pair[0].seed,
+            finished: pair.map(|row| row.finished),
+            collisions: pair.map(|row| row.collisions),
+            near_misses: pair.map(|row| row.near_misses),
         });
-        let mut changed: Vec<_> = courses.filter(CourseChange::is_changed).collect();
+        let mut changed: Vec<_> = changes.filter(CourseChange::is_changed).collect();
         // The sort is stable.
         changed.sort_by_key(|course| (Reverse(course.more_collisions()), course.finished[1]));
         Self {
@@ -180,24 +118,17 @@ impl CourseChanges {
         }
     }
 
-    fn more_collisions(&self) -> i64 {
-        self.collisions[1] as i64 - self.collisions[0] as i64
-    }
-
-    /// The sums that changed; collisions first, as they are what hurts.
-    fn sums(&self) -> String {
+    /// The sums that changed, collisions first, as they are what hurts; then the courses, by what
+    /// changed.
+    pub(super) fn words(&self) -> String {
         let sums = [
             ("collisions", self.collisions),
             ("courses finished", self.finished),
             ("near misses", self.near_misses),
         ];
-        let changed = sums.iter().filter(|(_, [before, after])| before != after);
-        let words = changed.map(|(name, [before, after])| format!("{name} {before} → {after}"));
-        words.collect::<Vec<_>>().join(", ")
-    }
-
-    /// The courses that changed, by what changed.
-    fn words(&self) -> String {
+        let sums = sums.iter().filter(|(_, [before, after])| before != after);
+        let sums = sums.map(|(name, [before, after])| format!("{name} {before} → {after}"));
+        let sums = sums.collect::<Vec<_>>().join(", ");
         let lists: [(&str, CourseTest); 4] = [
             ("more collisions on", |course| course.more_collisions() > 0),
             ("not finished any more:", |course| {
@@ -206,20 +137,24 @@ impl CourseChanges {
             ("finished now:", |course| course.finished == [false, true]),
             ("fewer collisions on", |course| course.more_collisions() < 0),
         ];
-        let words = lists.iter().filter_map(|(words, is)| {
+        let lists = lists.iter().filter_map(|(words, is)| {
             let own = self.changed.iter().filter(|course| is(course));
             let mut seeds: Vec<_> = own.map(|course| course.seed.to_string()).collect();
-            let more = seeds.len().saturating_sub(MAX_LISTED);
             let name = if seeds.len() == 1 {
                 "course"
             } else {
                 "courses"
             };
+            let more = seeds.len().saturating_sub(MAX_LISTED);
             seeds.truncate(MAX_LISTED);
             seeds.extend((more > 0).then(|| format!("{more} more")));
             (!seeds.is_empty()).then(|| format!("{words} {name} {}", seeds.join(", ")))
         });
-        words.collect::<Vec<_>>().join("; ")
+        let parts = Some(sums)
+            .filter(|sums| !sums.is_empty())
+            .into_iter()
+            .chain(lists);
+        parts.collect::<Vec<_>>().join("; ")
     }
 
     /// A row for each course that changed, and the number of those without one.
@@ -227,28 +162,23 @@ impl CourseChanges {
         let heads = ["finished", "collisions", "near misses"];
         let mut table = Table::new("", "course").with_columns(heads);
         for course in self.changed.iter().take(MAX_ROWS) {
-            let yes = |is: bool| if is { "yes" } else { "no" };
-            let finished = course.finished.map(yes);
             let cell = |[before, after]: [String; 2], is_worse: bool| {
-                let text = if before == after {
-                    before
+                if before == after {
+                    TableCell::Text(before)
+                } else if is_worse {
+                    TableCell::Alert(format!("{before} → {after}"))
                 } else {
-                    format!("{before} → {after}")
-                };
-                if is_worse {
-                    TableCell::Alert(text)
-                } else {
-                    TableCell::Text(text)
+                    TableCell::Text(format!("{before} → {after}"))
                 }
             };
+            let finished = course
+                .finished
+                .map(|is| if is { "yes" } else { "no" }.to_owned());
             let [collisions, near] =
-                [course.collisions, course.near_misses].map(|counts| counts.map(|n| n.to_string()));
+                [course.collisions, course.near_misses].map(|own| own.map(|n| n.to_string()));
             table.rows.push(vec![
                 TableCell::Text(course.seed.to_string()),
-                cell(
-                    finished.map(str::to_owned),
-                    course.finished == [true, false],
-                ),
+                cell(finished, course.finished == [true, false]),
                 cell(collisions, course.more_collisions() > 0),
                 cell(near, false),
             ]);
@@ -265,64 +195,6 @@ impl CourseChange {
 
     fn more_collisions(&self) -> i64 {
         self.collisions[1] as i64 - self.collisions[0] as i64
-    }
-}
-
-impl Comparison {
-    /// True if drives are compared.
-    pub(super) fn is_driven(&self) -> bool {
-        self.algorithms.iter().any(|own| own.courses.is_some())
-    }
-
-    /// The changes of the drives, the algorithm with the most new collisions first, with the result
-    /// of the test.
-    pub(super) fn drive_reason(&self, conclusion: Conclusion) -> String {
-        let changed = self.algorithms.iter().filter_map(|own| {
-            let courses = own.courses.as_ref()?;
-            let sums = Some(courses.sums()).filter(|sums| !sums.is_empty())?;
-            Some((courses.more_collisions(), self.name(own, &sums)))
-        });
-        let mut changed: Vec<_> = changed.collect();
-        changed.sort_by_key(|(more, _)| Reverse(*more));
-        let more = changed.len().saturating_sub(MAX_ALGORITHMS);
-        let mut parts: Vec<_> = changed.into_iter().map(|(_, words)| words).collect();
-        parts.truncate(MAX_ALGORITHMS);
-        if parts.is_empty() {
-            parts.push("as many collisions, near misses and finished courses".to_owned());
-        }
-        parts.extend((more > 0).then(|| format!("{} more changed", counted(more, "algorithm"))));
-        let tested = self.tested_words();
-        parts.push(match conclusion {
-            Conclusion::TooFewCourses => format!(
-                "an exact sign test needs {} courses of both reports that differ",
-                self.method.fewest_blocks
-            ),
-            Conclusion::NoChange => format!("nothing of that is real {tested}, by a sign test"),
-            _ => format!("real {tested}: {}", self.real_words()),
-        });
-        parts.join("; ")
-    }
-
-    /// The changes that are real, collisions first.
-    fn real_words(&self) -> String {
-        let changes = self.algorithms.iter().flat_map(|own| {
-            let changes = own.metrics.iter();
-            let real = changes
-                .filter(|change| matches!(change.judgement, Judgement::Better | Judgement::Worse));
-            real.map(|change| {
-                let more = if change.difference > 0.0 {
-                    "more"
-                } else {
-                    "fewer"
-                };
-                let words = format!("{more} {}", change.metric.words);
-                (change.metric.name != "collisions", self.name(own, &words))
-            })
-        });
-        let mut words: Vec<_> = changes.collect();
-        // The sort is stable.
-        words.sort_by_key(|(is_other, _)| *is_other);
-        joined(words.into_iter().map(|(_, words)| words))
     }
 }
 
@@ -347,8 +219,8 @@ mod tests {
     }
 
     fn judged_rows(before: &[DriveRow], after: &[DriveRow], name: &str) -> Judgement {
-        let pairs: Vec<_> = before.iter().zip(after).collect();
-        let alike = pairs.iter().all(|(a, b)| a.track_hash == b.track_hash);
+        let pairs: Vec<_> = before.iter().zip(after).map(<[_; 2]>::from).collect();
+        let alike = pairs.iter().all(|[a, b]| a.track_hash == b.track_hash);
         let metric = Metric::find(name).unwrap();
         let MetricOrigin::Drives(number) = metric.origin else {
             panic!("{name}");
@@ -389,16 +261,15 @@ mod tests {
     #[test]
     fn the_courses_that_changed_are_named() {
         let (before, after) = (drives(&[0, 0, 2, 1, 1]), drives(&[0, 1, 0, 3, 1]));
-        let pairs: Vec<_> = before.iter().zip(&after).collect();
+        let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);
-        assert_eq!(changes.sums(), "collisions 4 → 5");
-        let words = "more collisions on courses 3, 1; not finished any more: course 1; finished \
-                     now: course 2; fewer collisions on course 2";
+        let words = "collisions 4 → 5; more collisions on courses 3, 1; not finished any more: \
+                     course 1; finished now: course 2; fewer collisions on course 2";
         assert_eq!(changes.words(), words);
         let (table, more) = changes.table();
         assert_eq!((table.rows.len(), more), (3, 0));
         let many = (drives(&[0; 40]), drives(&[1; 40]));
-        let pairs: Vec<_> = many.0.iter().zip(&many.1).collect();
+        let pairs: Vec<_> = many.0.iter().zip(&many.1).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);
         assert!(
             changes

@@ -1,36 +1,41 @@
-//! Comparison of two runs: changes of metrics with confidence intervals.
+//! Comparison of two reports: of each metric its change, the interval of that, and the verdict.
 
-mod conclusion;
+mod cases;
 mod courses;
 mod frames;
-mod matched;
+mod join;
 mod page;
-mod past;
 mod scored_run;
 mod text;
 
 use super::accuracy::{PairErrors, RangeErrors};
 use super::rows::Row;
-use super::samples::{RunKey, resamples, run_key, sample_in};
-pub use conclusion::{Conclusion, JudgedComparison};
-use courses::{CourseChanges, are_driven};
+use super::samples::{resamples, sample_in};
+use courses::CourseChanges;
 pub use frames::FindLeft;
-use matched::MatchedLabels;
-pub use page::ComparisonPage;
+pub use join::Join;
+use join::JoinedAlgorithm;
+pub use page::page;
 pub use scored_run::ScoredRun;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use svl_core::{Error, Result, counted};
+use svl_core::Result;
+use svl_core::counted;
 use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
-use svl_score::judge::{AreaChoice, Better, METRICS, Metric, MetricOrigin, MetricUnit};
+use svl_score::judge::{
+    AreaChoice, Better, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
+};
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
 pub use text::signed;
 
-/// The differences of the second run from the first.
+/// The differences of the second report from the first, as `svl compare --json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
+    pub conclusion: Conclusion,
+    /// The conclusion with its reason: the first line of every form.
+    pub verdict: String,
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
@@ -41,56 +46,56 @@ pub struct Comparison {
     pub differences: Vec<String>,
     /// Origins of the truths of the two.
     pub truths: [Vec<String>; 2],
-    /// Origin of the two reports; times depend on it.
-    pub origins: [ReportOrigin; 2],
-    /// Folders of the incomplete reports, each with the reason.
+    /// Program, machine and threads of the two reports, on which times depend.
+    pub origins: [String; 2],
+    /// The incomplete reports, each with the reason.
     pub incomplete: Vec<(PathBuf, String)>,
-    /// Algorithms that both runs have, in the order of the first.
+    /// Algorithms that both reports have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
     /// Method that tells changes from chance. Each change is of one metric: of twenty metrics that
     /// did not change, one is called better or worse by chance.
     pub method: TestMethod,
-    /// Metrics and checkpoints of all algorithms that are tested at once.
+    /// Number of metrics and checkpoints of all algorithms, which are tested at once.
     pub tested: usize,
-    /// Algorithms that only one run has, which are not compared.
+    /// Algorithms that only one report has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
-    /// Algorithms of both runs that are not compared as the user mapped others to their namesakes.
-    pub left_out: Vec<String>,
-    /// Algorithms that only one run has, but the other with other parameters: `BASE=OTHER`.
-    pub proposed_maps: Vec<String>,
-    /// Differences of the pairs that the runs selected, as options: `--every 1 and 5`.
-    pub selections: Vec<String>,
-    /// Reasons why errors of distances are not compared.
-    pub without_cells: BTreeSet<String>,
+    /// Algorithms, pairs and metrics that are not compared, each with the reason.
+    pub not_compared: Vec<String>,
+    /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
+    pub cautions: Vec<String>,
 }
 
-/// The program and the machine that made a report.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct ReportOrigin {
-    /// Version and revision.
-    pub svl: String,
-    pub processor: String,
-    pub isa: String,
-    pub threads: usize,
-    /// The work that its times measure, in words, if that is known.
-    pub times: Option<String>,
+/// The verdict in a word, by the headline metrics that have a better direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Conclusion {
+    Better,
+    Worse,
+    /// Some metrics are better, others worse.
+    Mixed,
+    NoChange,
+    /// There is no interval.
+    TooFewPairs,
+    /// The same of drives.
+    TooFewCourses,
+    NotComparable,
 }
 
-/// One algorithm in both runs, over the pairs that both took.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// One algorithm in both reports, over the pairs of both.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct AlgorithmChange {
     pub algorithm: String,
-    /// Label in the second run, if that differs.
+    /// Label in the second report, if that differs.
     pub other_algorithm: String,
     pub same_parameters: bool,
     pub pairs: usize,
-    /// Pairs of either run that the other does not have, or not with the same pixels.
+    /// Pairs of either report that the other does not have, or not with the same pixels.
     pub unmatched: usize,
-    /// Pairs that the second run failed on and of which the first has a result.
+    /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
-    /// Pairs before which the two runs have different pairs, of an algorithm whose results depend
-    /// on them.
+    /// Pairs before which the two have different pairs, of an algorithm whose results depend on
+    /// them.
     pub other_past: usize,
     /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
     pub blocks: usize,
@@ -103,17 +108,19 @@ pub struct AlgorithmChange {
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub areas: BTreeMap<&'static str, Vec<Change>>,
     /// Fraction of frames passed, per checkpoint.
-    pub checkpoints: Vec<CheckpointChange>,
-    /// True if checkpoints of both runs are not compared, as they have not the same pairs.
+    pub checkpoints: Vec<Change>,
+    /// True if checkpoints of both are not compared, as they have not the same pairs.
     pub has_partial_checkpoints: bool,
     /// The courses of both reports of drives, which the numbers of pairs then count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub courses: Option<CourseChanges>,
 }
 
-/// A number in both runs.
+/// A number in both reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<CheckpointName>,
     pub metric: &'static Metric,
     pub base: f64,
     pub other: f64,
@@ -125,31 +132,11 @@ pub struct Change {
     pub judgement: Judgement,
 }
 
-impl Change {
-    /// The difference as a multiple of its interval's width; 0 without one.
-    fn sureness(&self) -> f64 {
-        self.interval.map_or(0.0, |(low, high)| {
-            self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
-        })
-    }
-
-    /// True if the second value is the worse one, whether that is real or not.
-    pub fn is_for_the_worse(&self) -> bool {
-        match self.metric.better {
-            Better::More => self.difference < 0.0,
-            Better::Less | Better::Zero => self.difference > 0.0,
-            Better::Neither => false,
-        }
-    }
-}
-
-/// A checkpoint in both runs.
+/// The checkpoint of a change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CheckpointChange {
+pub struct CheckpointName {
     pub checkpoint: u32,
     pub name: String,
-    #[serde(flatten)]
-    pub change: Change,
 }
 
 /// Significance of a difference, and its direction.
@@ -170,103 +157,56 @@ pub enum Judgement {
     Unjudged,
 }
 
-impl ReportOrigin {
-    fn new(manifest: &Manifest) -> Self {
-        let revision = manifest
-            .git_revision
-            .as_deref()
-            .unwrap_or("revision unknown");
-        let profile = manifest.profile.as_deref();
-        let profile = profile.filter(|name| *name != "release");
-        let profile = profile.map_or_else(String::new, |name| format!(", profile {name}"));
-        Self {
-            svl: format!("{} ({revision}{profile})", manifest.svl),
-            processor: manifest.machine.processor.clone(),
-            isa: manifest.machine.isa.clone(),
-            threads: manifest.machine.threads,
-            times: manifest.times.clone(),
-        }
-    }
-}
-
 impl Comparison {
-    /// Compares the algorithms that `map` names, as `BASE=OTHER`, and of the others those of equal
-    /// labels; without a map, where each run has just one, these two.
+    /// The changes between joined reports.
     ///
     /// # Errors
-    /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
-    /// is compared; [`Error::Invalid`] for drives and pairs, and for a map of algorithms that they
-    /// do not have.
-    pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
-        let is_driven = are_driven(base, other)?;
-        let matched = MatchedLabels::new(&base.manifest, &other.manifest, map)?;
-        let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
-        if matched.both.is_empty() {
-            let words = matched.none_words();
-            return Err(Error::Incomplete(format!("{}: {words}", shown())));
-        }
-        let algorithms = matched.both.iter();
-        let algorithms = algorithms.map(|labels| {
-            if is_driven {
-                Ok(AlgorithmChange::from_drives(base, other, *labels))
-            } else {
-                AlgorithmChange::from_runs(base, other, *labels)
-            }
-        });
+    /// The errors of reading the tables of cells; [`svl_core::Error::Invalid`] for a manifest that
+    /// is not what svl writes.
+    pub fn new(join: &Join<'_>) -> Result<Self> {
+        let [base, other] = join.runs;
+        let algorithms = join.algorithms.iter();
+        let algorithms = algorithms.map(|own| AlgorithmChange::new(join, own));
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
-        if algorithms
-            .iter()
-            .all(|a| a.pairs == 0 && a.newly_failed == 0)
-        {
-            let things = algorithms[0].things();
-            return Err(Error::Incomplete(format!(
-                "{}: no {things} in common: their {things}s differ, as those of other scenarios, \
-                 seeds or arena versions do",
-                shown()
-            )));
-        }
+        let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
         let mut comparison = Self {
-            base: base.folder.clone(),
-            other: other.folder.clone(),
+            conclusion: Conclusion::NotComparable,
+            verdict: String::new(),
+            base: base.name.clone(),
+            other: other.name.clone(),
             scenario: base.manifest.scenario.clone(),
-            area: base.area(),
-            differences: differences(base, other, &algorithms)?,
-            truths: [base, other].map(|run| run.manifest.truth.clone()),
-            origins: [base, other].map(|run| ReportOrigin::new(&run.manifest)),
-            incomplete: [base, other]
-                .into_iter()
-                .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
-                .collect(),
-            method: if is_driven {
+            area: base.area,
+            differences: differences(join, &algorithms)?,
+            truths: join.runs.map(|run| run.manifest.truth.clone()),
+            origins: join.runs.map(|run| origin(&run.manifest)),
+            incomplete: join.runs.iter().filter_map(incomplete).collect(),
+            method: if join.is_driven {
                 sign_test::METHOD
             } else {
                 bootstrap::METHOD
             },
-            tested: algorithms
-                .iter()
-                .map(|algorithm| algorithm.changes().count())
-                .sum(),
+            tested: algorithms.iter().map(|own| own.changes().count()).sum(),
+            only_in_base: join.only_in(0),
+            only_in_other: join.only_in(1),
+            not_compared: Vec::new(),
+            cautions: Vec::new(),
             algorithms,
-            proposed_maps: matched.proposed_maps(),
-            only_in_base: matched.only_in_base,
-            only_in_other: matched.only_in_other,
-            left_out: matched.left_out,
-            selections: past::selections(&base.selection()?, &other.selection()?),
-            without_cells: [base, other]
-                .into_iter()
-                .filter(|run| !is_driven && !run.has_cells())
-                .map(ScoredRun::without_cells)
-                .collect(),
         };
         if !comparison.is_judged() {
             let algorithms = comparison.algorithms.iter_mut();
-            let changes = algorithms.flat_map(AlgorithmChange::changes_mut);
-            changes.for_each(Change::withdraw);
+            let unequal = algorithms
+                .flat_map(AlgorithmChange::changes_mut)
+                .filter(|change| change.judgement != Judgement::Equal);
+            unequal.for_each(|change| change.judgement = Judgement::Unjudged);
         }
+        comparison.not_compared = comparison.why_not(join);
+        comparison.cautions = comparison.doubts(join);
+        comparison.conclusion = comparison.conclude();
+        comparison.verdict = comparison.sentence();
         Ok(comparison)
     }
 
-    /// True if any pair is compared, or one that the second run alone failed on.
+    /// True if any pair is compared, or one that the second report alone failed on.
     pub fn has_pairs(&self) -> bool {
         let mut algorithms = self.algorithms.iter();
         algorithms.any(|algorithm| algorithm.pairs > 0 || algorithm.newly_failed > 0)
@@ -277,40 +217,94 @@ impl Comparison {
     pub fn is_judged(&self) -> bool {
         self.differences.is_empty()
     }
+
+    fn is_driven(&self) -> bool {
+        self.algorithms.iter().any(|own| own.courses.is_some())
+    }
+
+    /// The headline metrics with a better direction, but times, with their names.
+    fn ranked(&self) -> Vec<(String, &Change)> {
+        let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
+        changes.retain(|(_, change)| text::is_ranked(change.metric));
+        changes
+    }
+
+    /// A pair that the second report alone failed on is worse.
+    fn conclude(&self) -> Conclusion {
+        let ranked: Vec<_> = self
+            .ranked()
+            .iter()
+            .map(|(_, change)| change.judgement)
+            .collect();
+        let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
+        let is_worse = has_failed || ranked.contains(&Judgement::Worse);
+        let mut unequal = ranked
+            .iter()
+            .filter(|own| **own != Judgement::Equal)
+            .peekable();
+        match (is_worse, ranked.contains(&Judgement::Better)) {
+            _ if !self.is_judged() => Conclusion::NotComparable,
+            (true, true) => Conclusion::Mixed,
+            (true, false) => Conclusion::Worse,
+            (false, true) => Conclusion::Better,
+            _ if ranked.is_empty() => Conclusion::NotComparable,
+            _ if unequal.peek().is_none() || unequal.any(|own| *own != Judgement::TooFew) => {
+                Conclusion::NoChange
+            }
+            _ if self.is_driven() => Conclusion::TooFewCourses,
+            _ => Conclusion::TooFewPairs,
+        }
+    }
+}
+
+/// The program and the machine that made a report.
+fn origin(manifest: &Manifest) -> String {
+    let revision = manifest
+        .git_revision
+        .as_deref()
+        .unwrap_or("revision unknown");
+    let profile = match manifest.profile.as_deref() {
+        None | Some("release") => String::new(),
+        Some(name) => format!(", profile {name}"),
+    };
+    let (svl, machine) = (&manifest.svl, &manifest.machine);
+    let (processor, isa) = (&machine.processor, &machine.isa);
+    let threads = counted(machine.threads, "thread");
+    format!("svl {svl} ({revision}{profile}), {processor}, {isa}, {threads}")
+}
+
+/// The differences of the two scenarios, and of the inputs of common pairs.
+fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<String>> {
+    let purpose = if join.is_driven {
+        Purpose::CompareDrives
+    } else {
+        Purpose::Compare
+    };
+    let [base, other] = join.runs.map(|run| &run.manifest);
+    let mut differences = base.differences(other, purpose)?;
+    if let Some(inputs @ 1..) = algorithms.iter().map(|own| own.other_inputs).max() {
+        let pairs = counted(inputs, "pair");
+        differences.push(format!("truth or calibration of {pairs}"));
+    }
+    Ok(differences)
 }
 
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
     let area = base.first().map(|row| row.metrics.area());
-    changes_over(
-        [base, other],
-        None,
-        area.unwrap_or_default(),
-        &resamples(base),
-    )
+    let resamples = resamples(base);
+    changes_over([base, other], None, area.unwrap_or_default(), &resamples)
 }
 
-/// The runs whose pairs both reports have completely: checkpoint tables hold sums only. `common`
-/// and `all`: the rows of the common pairs and all rows, of each report.
-fn complete_runs<'a>(common: [&[&'a Row]; 2], all: [&[&'a Row]; 2]) -> Vec<RunKey<'a>> {
-    let mut runs: Vec<_> = common[0].iter().map(|row| run_key(row)).collect();
-    // The rows of a run are neighbours.
-    runs.dedup();
-    let count = |rows: &[&Row], run| rows.iter().filter(|row| run_key(row) == run).count();
-    runs.retain(|&run| (0..2).all(|i| count(common[i], run) == count(all[i], run)));
-    runs
-}
-
-/// The changes of the metrics in an area. `errors`: those of distances in the pairs of both, if
-/// both have cells.
+/// The changes of the metrics in an area; none of metrics that no pair has. `errors`: those of
+/// distances in the pairs of both, if both have cells.
 fn changes_over(
     rows: [&[&Row]; 2],
     errors: Option<&[Vec<PairErrors>; 2]>,
     area: AreaChoice,
     resamples: &Resamples,
 ) -> Vec<Change> {
-    // Metrics that no pair has, and checkpoints, have no sample.
     let change = |metric: &'static Metric| {
         let samples = match metric.origin {
             MetricOrigin::Cells { number, .. } => errors?
@@ -318,186 +312,147 @@ fn changes_over(
                 .map(|pairs| Some(RangeErrors::sample(number, pairs, area))),
             _ => rows.map(|rows| sample_in(metric, rows, area)),
         };
-        let [Some(a), Some(b)] = samples else {
+        let [Some(base), Some(other)] = samples else {
             return None;
         };
-        Change::from_samples(metric, &a, &b, resamples)
+        Change::from_samples(metric, [&base, &other], resamples)
     };
     METRICS.iter().filter_map(change).collect()
 }
 
-/// The differences of the two scenarios, and of the inputs of common pairs.
-fn differences(
-    base: &ScoredRun,
-    other: &ScoredRun,
-    algorithms: &[AlgorithmChange],
-) -> Result<Vec<String>> {
-    let purpose = if algorithms.iter().any(|own| own.courses.is_some()) {
-        Purpose::CompareDrives
-    } else {
-        Purpose::Compare
-    };
-    let (base, other) = (&base.manifest, &other.manifest);
-    let mut differences = base.differences(other, purpose)?;
-    let inputs = algorithms.iter().map(|change| change.other_inputs).max();
-    if let Some(inputs @ 1..) = inputs {
-        let pairs = counted(inputs, "pair");
-        differences.push(format!("truth or calibration of {pairs}"));
-    }
-    Ok(differences)
-}
-
 impl AlgorithmChange {
-    /// The label of the algorithm, or those of two.
-    pub fn labels(&self) -> String {
-        if self.other_algorithm == self.algorithm {
-            self.algorithm.clone()
+    fn new(join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
+        let records = [0, 1].map(|side| join.runs[side].record(own.labels[side]));
+        let hashes = records.map(|record| record.map(|own| &own.parameters_hash));
+        let change = Self {
+            algorithm: own.labels[0].to_owned(),
+            other_algorithm: own.labels[1].to_owned(),
+            same_parameters: hashes[0] == hashes[1],
+            pairs: own.compared(),
+            unmatched: own.unmatched,
+            newly_failed: own.newly_failed,
+            other_past: own.other_past,
+            ..Self::default()
+        };
+        if join.is_driven {
+            Ok(change.with_courses(&own.courses))
         } else {
-            format!("{} → {}", self.algorithm, self.other_algorithm)
+            change.with_pairs(join, own)
         }
     }
 
-    /// The subject of the comparison: one algorithm, or two.
-    pub fn title(&self) -> String {
-        let labels = self.labels();
-        if self.other_algorithm != self.algorithm || self.same_parameters {
-            labels
+    fn with_pairs(self, join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
+        let [base, other] = join.runs;
+        let [a, b] = [0, 1].map(|side| own.rows(side));
+        let resamples = resamples(&a);
+        let errors = if base.has_cells() && other.has_cells() {
+            let theirs = other.pair_errors(own.labels[1], &b)?;
+            Some([base.pair_errors(own.labels[0], &a)?, theirs])
         } else {
-            format!("{labels} (other parameters)")
+            None
+        };
+        let changes = |area| changes_over([&a, &b], errors.as_ref(), area, &resamples);
+        let mut metrics = changes(base.area);
+        if !are_times_comparable(join.runs, &own.pairs) {
+            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
+        let areas = AreaChoice::ALL
+            .into_iter()
+            .filter(|area| *area != base.area);
+        let areas = areas.map(|area| {
+            let mut own = changes(area);
+            own.retain(|change| change.metric.by_area);
+            (area.name(), own)
+        });
+        let checkpoints = checkpoint_changes(join.runs, own);
+        let has_both = (0..2).all(|side| join.runs[side].has_checkpoints(own.labels[side]));
+        let count = |is: fn(&[&Row; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
+        let mut change = Self {
+            blocks: resamples.blocks(),
+            other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
+            equal_results: count(|[a, b]| a.result_hash == b.result_hash),
+            metrics,
+            areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
+            has_partial_checkpoints: checkpoints.is_empty() && has_both,
+            checkpoints,
+            ..self
+        };
+        if change.equal_results < change.pairs {
+            // Equal numbers of unequal results are a coincidence, as wide as the interval.
+            let equal = change
+                .changes_mut()
+                .filter(|change| change.judgement == Judgement::Equal);
+            equal.for_each(|change| {
+                let unclear = change.interval.map(|_| Judgement::Unclear);
+                change.judgement = unclear.unwrap_or(Judgement::TooFew);
+            });
+        }
+        Ok(change)
     }
 
-    /// All changes with their names.
-    pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
-        let metrics = self.metrics.iter();
-        let metrics = metrics.map(|change| (change.metric.words.to_owned(), change));
-        let checkpoints = self.checkpoints.iter();
-        metrics.chain(checkpoints.map(|c| {
-            let name = format!("checkpoint {} {}", c.checkpoint, c.name);
-            (name, &c.change)
-        }))
+    /// All changes of the area.
+    pub fn changes(&self) -> impl Iterator<Item = &Change> {
+        self.metrics.iter().chain(&self.checkpoints)
     }
 
     /// All changes, those of other areas included.
     fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
         let areas = self.areas.values_mut().flatten();
-        let checkpoints = self.checkpoints.iter_mut();
-        let checkpoints = checkpoints.map(|checkpoint| &mut checkpoint.change);
-        self.metrics.iter_mut().chain(areas).chain(checkpoints)
-    }
-
-    fn from_runs(
-        base: &ScoredRun,
-        other: &ScoredRun,
-        (label, other_label): (&str, &str),
-    ) -> Result<Self> {
-        let (ours, theirs) = (base.rows(label), other.rows(other_label));
-        let pairs = common_pairs(&ours, &theirs);
-        let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-        let all = [&ours, &theirs].map(|rows| rows.values().copied().collect::<Vec<_>>());
-        let runs = complete_runs([&a, &b], [&all[0], &all[1]]);
-        let visits = other.checkpoints(other_label, &runs);
-        let resamples = resamples(&a);
-        let has_run_memory = base.has_run_memory(label) || other.has_run_memory(other_label);
-        let equal_results = pairs
-            .iter()
-            .filter(|(a, b)| a.result_hash == b.result_hash)
-            .count();
-        let has_cells = base.has_cells() && other.has_cells();
-        let errors = if has_cells {
-            Some([
-                base.pair_errors(label, &a)?,
-                other.pair_errors(other_label, &b)?,
-            ])
-        } else {
-            None
-        };
-        let changes = |area| changes_over([&a, &b], errors.as_ref(), area, &resamples);
-        let mut metrics = changes(base.area());
-        let others = AreaChoice::ALL
-            .into_iter()
-            .filter(|area| *area != base.area());
-        let others = others.map(|area| {
-            let mut own = changes(area);
-            own.retain(|change| change.metric.by_area);
-            (area.name(), own)
-        });
-        let areas = others.filter(|(_, own)| !own.is_empty()).collect();
-        if !are_times_comparable(base, other, &pairs) {
-            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
-        }
-        let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
-            let (_, other_frames, other_passed) = *visits.get(&number)?;
-            let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
-            Some(CheckpointChange {
-                checkpoint: number,
-                name: name.to_owned(),
-                change,
-            })
-        };
-        let checkpoints = base.checkpoints(label, &runs).into_iter();
-        let checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
-        let has_both = base.has_checkpoints(label) && other.has_checkpoints(other_label);
-        let mut change = Self {
-            algorithm: label.to_owned(),
-            other_algorithm: other_label.to_owned(),
-            same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
-            pairs: pairs.len(),
-            newly_failed: other.failed_of(other_label, ours.keys().map(|key| (key.0, key.1))),
-            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
-            other_inputs: pairs
-                .iter()
-                .filter(|(a, b)| a.input_hash != b.input_hash)
-                .count(),
-            equal_results,
-            other_past: if has_run_memory {
-                past::other_past(&ours, &theirs)
-            } else {
-                0
-            },
-            blocks: resamples.blocks(),
-            metrics,
-            areas,
-            has_partial_checkpoints: checkpoints.is_empty() && has_both,
-            checkpoints,
-            courses: None,
-        };
-        // Equal numbers of unequal results are a coincidence, as wide as the interval.
-        if equal_results < pairs.len() {
-            change.changes_mut().for_each(Change::withdraw_equal);
-        }
-        Ok(change)
+        self.metrics
+            .iter_mut()
+            .chain(areas)
+            .chain(&mut self.checkpoints)
     }
 }
 
-/// The rows of the pairs that both have: equal numbers are not enough, as another seed or version
-/// of the arena renders other pixels.
-fn common_pairs<'a, K: Ord>(
-    ours: &BTreeMap<K, &'a Row>,
-    theirs: &BTreeMap<K, &'a Row>,
-) -> Vec<(&'a Row, &'a Row)> {
-    let both = ours
-        .iter()
-        .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)));
-    both.filter(|(a, b)| a.pair_hash == b.pair_hash).collect()
-}
-
-/// True for times of two reports, and within a report only where one session has both.
-fn are_times_comparable(base: &ScoredRun, other: &ScoredRun, pairs: &[(&Row, &Row)]) -> bool {
-    let sessions = |rows: &[&Row]| -> BTreeSet<String> {
-        rows.iter().map(|row| row.session.clone()).collect()
+/// The changes of the checkpoints over the runs that both reports have completely.
+fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<Change> {
+    let [base, other] =
+        [0, 1].map(|side| runs[side].checkpoints(own.labels[side], &own.whole_runs[side]));
+    let change = |(checkpoint, (name, a)): (u32, (&str, [u64; 2]))| {
+        let (_, b) = *other.get(&checkpoint)?;
+        let [a, b] = [a, b].map(|[frames, passed]| (passed, frames));
+        let share = |(passed, frames)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let values = [share(a)?, share(b)?];
+        let name = name.to_owned();
+        Some(Change {
+            checkpoint: Some(CheckpointName { checkpoint, name }),
+            ..Change::new(
+                Metric::find("passed")?,
+                values,
+                values[1] - values[0],
+                bootstrap::shares(a, b),
+            )
+        })
     };
-    let is_one_report = !sessions(&base.all_rows()).is_disjoint(&sessions(&other.all_rows()));
-    let are_of_one_session = pairs.iter().all(|(a, b)| a.session == b.session);
-    let is_mixed = is_one_report && !are_of_one_session;
-    !is_mixed && base.has_times() && other.has_times()
+    base.into_iter().filter_map(change).collect()
+}
+
+/// True for times of two reports, each of one machine, and within a report only where one session
+/// has both.
+fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
+    let [ours, theirs] = runs.map(|run| {
+        let sessions = run.rows.iter().map(|row| &row.session);
+        sessions.collect::<BTreeSet<_>>()
+    });
+    let is_one_report = !ours.is_disjoint(&theirs);
+    let are_of_one_session = pairs.iter().all(|[a, b]| a.session == b.session);
+    let are_of_one_machine = runs.iter().all(|run| run.manifest.machines().len() == 1);
+    (are_of_one_session || !is_one_report) && are_of_one_machine
 }
 
 impl Change {
+    /// The name of the metric, or of the checkpoint.
+    pub fn name(&self) -> String {
+        match &self.checkpoint {
+            Some(own) => format!("checkpoint {} {}", own.checkpoint, own.name),
+            None => self.metric.words.to_owned(),
+        }
+    }
+
     fn from_samples(
         metric: &'static Metric,
-        base: &Sample,
-        other: &Sample,
+        [base, other]: [&Sample; 2],
         resamples: &Resamples,
     ) -> Option<Self> {
         let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
@@ -506,79 +461,65 @@ impl Change {
             (_, Better::Zero) => |a, b| b.abs() - a.abs(),
             _ => |a, b| b - a,
         };
-        let (a, b) = (base.total()?, other.total()?);
+        let values = [base.total()?, other.total()?];
         let interval = Sample::interval_between(base, other, difference, resamples);
-        Some(Self::new(metric, (a, b), difference(a, b), interval))
-    }
-
-    fn from_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
-        let share =
-            |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
-        let (a, b) = (share(base)?, share(other)?);
         Some(Self::new(
-            Metric::find("passed")?,
-            (a, b),
-            b - a,
-            bootstrap::shares(base, other),
+            metric,
+            values,
+            difference(values[0], values[1]),
+            interval,
         ))
-    }
-
-    /// Withdraws better and worse: the two runs have different scenarios.
-    fn withdraw(&mut self) {
-        if self.judgement != Judgement::Equal {
-            self.judgement = Judgement::Unjudged;
-        }
-    }
-
-    fn withdraw_equal(&mut self) {
-        if self.judgement == Judgement::Equal {
-            self.judgement = match self.interval {
-                Some(_) => Judgement::Unclear,
-                None => Judgement::TooFew,
-            };
-        }
-    }
-
-    /// The things of which there are too few for an interval.
-    pub fn too_few_words(&self) -> &'static str {
-        match self.metric.origin {
-            MetricOrigin::Checkpoints => "too few frames",
-            MetricOrigin::Drives(_) => "too few courses",
-            _ => "too few pairs",
-        }
     }
 
     fn new(
         metric: &'static Metric,
-        (base, other): (f64, f64),
+        [base, other]: [f64; 2],
         difference: f64,
         interval: Option<Interval>,
     ) -> Self {
-        let judgement = match interval {
+        let judgement = match interval.map(|(low, high)| low > 0.0 || high < 0.0) {
             // Equal on these pairs: the interval is empty and proves nothing.
             _ if base == other => Judgement::Equal,
             // All pairs of a run are of one moment: their spread does not include how the machine
             // varies between runs.
             _ if metric.unit == MetricUnit::Ms => Judgement::Unjudged,
-            Some((low, high)) if low > 0.0 || high < 0.0 => {
-                match (metric.better, difference > 0.0) {
-                    (Better::Neither, _) => Judgement::Differs,
-                    (Better::More, true) | (Better::Less | Better::Zero, false) => {
-                        Judgement::Better
-                    }
-                    _ => Judgement::Worse,
-                }
-            }
-            Some(_) => Judgement::Unclear,
-            None => Judgement::TooFew,
+            is_real => Judgement::new(metric.better, is_real, difference > 0.0),
         };
         Self {
+            checkpoint: None,
             metric,
             base,
             other,
             difference,
             interval,
             judgement,
+        }
+    }
+
+    /// The difference as a multiple of its interval's width; 0 without one.
+    fn sureness(&self) -> f64 {
+        self.interval.map_or(0.0, |(low, high)| {
+            self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
+        })
+    }
+
+    /// True if the second value is the worse one, whether that is real or not.
+    fn is_for_the_worse(&self) -> bool {
+        let is_more = self.difference > 0.0;
+        self.difference != 0.0
+            && Judgement::new(self.metric.better, Some(true), is_more) == Judgement::Worse
+    }
+}
+
+impl Judgement {
+    /// `is_real`: that the difference is no chance, if that can be told.
+    fn new(better: Better, is_real: Option<bool>, is_more: bool) -> Self {
+        match (is_real, better, is_more) {
+            (None, ..) => Self::TooFew,
+            (Some(false), ..) => Self::Unclear,
+            (_, Better::Neither, _) => Self::Differs,
+            (_, Better::More, true) | (_, Better::Less | Better::Zero, false) => Self::Better,
+            _ => Self::Worse,
         }
     }
 }

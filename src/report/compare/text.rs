@@ -1,184 +1,88 @@
-//! A comparison on the terminal and as Markdown.
+//! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::matched::map_options;
-use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
+use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement};
 use crate::results::caution;
 use crate::table::{
     NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
 };
-use std::fmt::{self, Display, Formatter};
-use svl_core::counted;
-use svl_score::bootstrap::Interval;
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
+use svl_core::{counted, joined};
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
-/// Limit of the metrics that are listed as worse besides the headline.
-const MAX_BESIDES: usize = 3;
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
+impl Conclusion {
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Worse => "worse",
+            Self::Mixed => "mixed",
+            Self::NoChange => "no change",
+            Self::TooFewPairs => "too few pairs",
+            Self::TooFewCourses => "too few courses",
+            Self::NotComparable => "not comparable",
+        }
+    }
+}
+
 impl Comparison {
-    /// The verdict, parts that are not compared, the origins of the two, a row for each algorithm
-    /// or the table of a single one; tables of all if `columns` is all.
-    pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
-        let fit = |line: String| wrapped(&line, 7, style.width);
-        let lines = [self.verdict()].into_iter();
-        let lines = lines.chain(self.not_compared()).chain(self.origin_lines());
-        let mut text: String = lines.chain(self.cautions()).map(fit).collect();
-        let is_all = *columns == ColumnChoice::All;
-        if self.algorithms.len() > 1 && !is_all {
-            let table = self.overview(columns).terminal(style);
-            text.push_str(&format!("\n{table}\n"));
-        } else {
-            for algorithm in &self.algorithms {
-                let head = wrapped(
-                    &format!("{}: {}", algorithm.title(), algorithm.extent()),
-                    2,
-                    style.width,
-                );
-                let table = change_table(["before", "after"], algorithm.shown(columns).into_iter());
-                text.push_str(&format!("\n{head}{}\n", table.terminal(style)));
+    /// The verdict: its word, then what changed, by how much, and whether that is real.
+    pub(super) fn sentence(&self) -> String {
+        let ranked = self.ranked();
+        let pairs = self.pairs_words();
+        let tested = format!("at {} over {pairs}", self.method.level);
+        let fewest = self.method.fewest_blocks;
+        let reason = match self.conclusion {
+            Conclusion::NotComparable if !self.is_judged() => {
+                let differences = self.differences.join("; ");
+                format!("scored differently ({differences}): nothing is called better or worse")
             }
-        }
-        let courses = self.algorithms.iter();
-        let courses = courses.filter_map(AlgorithmChange::course_words);
-        text.extend(courses.map(|line| wrapped(&line, 2, style.width)));
-        if *columns == ColumnChoice::Headline {
-            let besides = self.algorithms.iter();
-            let besides = besides.filter_map(AlgorithmChange::besides_words);
-            text.extend(besides.map(|line| wrapped(&line, 2, style.width)));
-        }
-        match self.algorithms.len() {
-            _ if is_all => {}
-            1 => text.push_str("more   -o FILE.html, --columns all, --json\n"),
-            _ => text.push_str("more   REPORT#ALGORITHM for intervals, -o FILE.html, --json\n"),
-        }
-        text
-    }
-
-    /// The changes of the algorithms, a row each.
-    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
-        let has = |metric: &&Metric| {
-            let mut changes = self
-                .algorithms
-                .iter()
-                .flat_map(|algorithm| &algorithm.metrics);
-            changes.any(|change| change.metric == *metric)
-        };
-        let metrics = columns.metrics(self.algorithms[0].kind()).into_iter();
-        let metrics: Vec<_> = metrics.filter(has).collect();
-        let optional = |column| TableColumn {
-            is_optional: *columns == ColumnChoice::Headline,
-            ..column
-        };
-        let mut table = Table::new("", "change");
-        table.columns.extend(metrics.iter().map(|metric| {
-            let column = TableColumn::text(metric.group, metric.head);
-            match metric.better {
-                Better::Neither => optional(column),
-                _ if metric.unit == MetricUnit::Ms => optional(column),
-                _ => column,
+            Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
+            Conclusion::TooFewPairs => format!(
+                "{pairs} are in fewer than {fewest} independent blocks, so there is no interval; \
+                 score more pairs"
+            ),
+            Conclusion::TooFewCourses => {
+                format!("fewer than {fewest} of {pairs} differ; drive more, as with --seeds 1..100")
             }
-        }));
-        let things = format!("{}s", self.algorithms[0].things());
-        table.columns.push(optional(TableColumn::new("", &things)));
-        for algorithm in &self.algorithms {
-            let cell = |metric: &&Metric| {
-                let change = algorithm
-                    .metrics
-                    .iter()
-                    .find(|change| change.metric == *metric);
-                change.map_or_else(|| TableCell::Text(NONE.to_owned()), Change::cell)
-            };
-            let changes = metrics.iter().map(cell);
-            let [name, pairs] =
-                [algorithm.title(), algorithm.pairs.to_string()].map(TableCell::Text);
-            table
-                .rows
-                .push([name].into_iter().chain(changes).chain([pairs]).collect());
-        }
-        table
-    }
-
-    /// The verdict, the changes that matter most, and the two reports: at most ten lines of
-    /// Markdown, for a pull request.
-    pub fn markdown(&self) -> String {
-        let conclusion = self.conclusion();
-        let reason = escape(&self.verdict_reason(conclusion));
-        let mut page = format!("**{}**: {reason}", conclusion.word());
-        let not_compared: Vec<_> = self.not_compared().collect();
-        let courses = self.algorithms.iter();
-        let courses: Vec<_> = courses.filter_map(AlgorithmChange::course_words).collect();
-        let mut lines = MAX_LINES;
-        for said in [not_compared, courses] {
-            if !said.is_empty() {
-                page.push_str(&format!("  \n{}", escape_prose(&said.join("; "))));
-                lines -= 1;
+            Conclusion::NoChange if self.are_equal() => {
+                format!("the results of {pairs} are equal to the bit")
             }
-        }
-        let changes = self.leading_changes(lines);
-        let table = change_table(["before", "after"], changes.into_iter()).markdown();
-        page.push_str(&format!("\n\n{table}\n{}\n", self.footer()));
-        page
+            Conclusion::NoChange => {
+                let metrics = counted(ranked.len(), "headline metric");
+                format!("none of {metrics} differs {tested}")
+            }
+            Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
+                let is_mixed = self.conclusion == Conclusion::Mixed;
+                let list = |judgement, word: &str| {
+                    let list = listed(&ranked, judgement, if is_mixed { 1 } else { 2 });
+                    list.map(|list| {
+                        if is_mixed {
+                            format!("{word}: {list}")
+                        } else {
+                            list
+                        }
+                    })
+                };
+                let failures = self.algorithms.iter();
+                let failures = failures
+                    .filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
+                let mut parts: Vec<_> = failures.collect();
+                let failed = parts.len();
+                parts.extend(list(Judgement::Worse, "worse"));
+                parts.extend(list(Judgement::Better, "better"));
+                parts.extend((parts.len() > failed).then(|| format!("real {tested}")));
+                parts.join("; ")
+            }
+        };
+        let besides = self.named(AlgorithmChange::besides);
+        let besides = listed(&besides, Judgement::Worse, 1);
+        let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
+        format!("{}: {reason}{besides}", self.conclusion.word())
     }
 
-    /// The headline's changes that are worse, then those that are better, then what is worse
-    /// besides, then the others.
-    fn leading_changes(&self, count: usize) -> Vec<(String, &Change)> {
-        let headline = || self.named_changes(&ColumnChoice::Headline).into_iter();
-        let of_judgement = |judgement| {
-            headline().filter(move |(_, change): &(String, &Change)| change.judgement == judgement)
-        };
-        let besides = self.algorithms.iter().flat_map(|algorithm| {
-            let besides = algorithm.worse_besides().into_iter();
-            besides.map(|(name, change)| (self.name(algorithm, &name), change))
-        });
-        let is_rest = |(_, change): &(String, &Change)| {
-            !matches!(change.judgement, Judgement::Worse | Judgement::Better)
-        };
-        let worse = of_judgement(Judgement::Worse).chain(of_judgement(Judgement::Better));
-        let all = worse.chain(besides).chain(headline().filter(is_rest));
-        all.take(count).collect()
-    }
-
-    /// The name of a change, with that of its algorithm where there are several.
-    pub(super) fn name(&self, algorithm: &AlgorithmChange, name: &str) -> String {
-        match self.algorithms.len() {
-            1 => name.to_owned(),
-            _ => format!("{} {name}", algorithm.title()),
-        }
-    }
-
-    /// The origin of the numbers of the Markdown, in a line.
-    fn footer(&self) -> String {
-        let (base, other) = (self.base.display(), self.other.display());
-        let count = |judgement| {
-            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
-            changes
-                .filter(|(_, change)| change.judgement == judgement)
-                .count()
-        };
-        let (better, worse) = (count(Judgement::Better), count(Judgement::Worse));
-        let scenario = escape(&self.scenario);
-        let counts = format!(
-            "{better} better and {worse} worse of {} metrics",
-            self.tested
-        );
-        let cautions: String = self
-            .cautions()
-            .map(|line| format!(". {}", escape(&line)))
-            .collect();
-        let shown = if self.is_driven() {
-            "courses"
-        } else {
-            "frames"
-        };
-        format!(
-            "{scenario}, `{base}` → `{other}`: {counts}; `-o FILE.html` shows {shown}{cautions}"
-        )
-    }
-
-    /// Algorithms and pairs that are not compared, each with the reason.
-    pub(super) fn not_compared(&self) -> impl Iterator<Item = String> {
+    /// The reasons why algorithms, pairs and metrics are not compared.
+    pub(super) fn why_not(&self, join: &Join<'_>) -> Vec<String> {
         let sides = [
             (&self.only_in_base, &self.base),
             (&self.only_in_other, &self.other),
@@ -186,236 +90,433 @@ impl Comparison {
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
         let alone = sides
             .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
-        let left_out = (!self.left_out.is_empty())
-            .then(|| format!("{}, whose namesake --map names", self.left_out.join(", ")));
-        let cells = self.without_cells.iter();
-        let cells = cells.map(|why| format!("errors of distances: {why}"));
-        let checkpoints = self
-            .algorithms
+        let left_out = Some(join.left_out()).filter(|labels| !labels.is_empty());
+        let left_out =
+            left_out.map(|labels| format!("{}, whose namesake --map names", labels.join(", ")));
+        let cells = join
+            .runs
             .iter()
-            .any(|own| own.has_partial_checkpoints);
-        let checkpoints = checkpoints.then(|| {
+            .filter(|run| !join.is_driven && !run.has_cells());
+        let cells = cells.map(|run| format!("errors of distances: {}", run.without_cells()));
+        let mut algorithms = self.algorithms.iter();
+        let is_partial = algorithms.any(|own| own.has_partial_checkpoints);
+        let checkpoints = is_partial.then(|| {
             "checkpoints, which are counted over whole runs: score the same pairs".to_owned()
         });
-        let lines = alone.chain(left_out).chain(cells).chain(checkpoints);
-        let lines = lines.map(|words| format!("not compared: {words}"));
-        let cure = (!self.proposed_maps.is_empty()).then(|| {
-            let options = map_options(&self.proposed_maps);
-            format!("add `{options}` to compare other parameters")
+        let unmatched = self.algorithms.iter().filter(|own| own.unmatched > 0);
+        let unmatched = unmatched.map(|own| {
+            let pairs = counted(own.unmatched, own.things());
+            format!("{pairs} of {} in one report alone", own.labels())
         });
-        let algorithms = self.algorithms.iter();
-        lines
-            .chain(cure)
-            .chain(algorithms.filter_map(AlgorithmChange::missing))
+        let parts = alone.chain(left_out).chain(cells).chain(checkpoints);
+        let mut parts: Vec<_> = parts.chain(unmatched).chain(join.map_options()).collect();
+        parts.dedup();
+        parts
+    }
+
+    /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
+    pub(super) fn doubts(&self, join: &Join<'_>) -> Vec<String> {
+        let incomplete = self.incomplete.iter();
+        let incomplete =
+            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
+        let with_past = self.algorithms.iter().filter(|own| own.other_past > 0);
+        let with_past: Vec<_> = with_past.map(AlgorithmChange::labels).collect();
+        let past = (!with_past.is_empty()).then(|| {
+            let labels = joined(&with_past);
+            format!(
+                "the pairs before each pair differ, on which results of {labels} depend: score \
+                 both with equal --every, --from and --to"
+            )
+        });
+        let work = join
+            .runs
+            .map(|run| run.manifest.times.as_deref().unwrap_or("other work"));
+        let other = [
+            (self.origins[0] != self.origins[1]).then(|| "another program or machine".to_owned()),
+            (work[0] != work[1]).then(|| format!("{} and then of {}", work[0], work[1])),
+        ];
+        let other: Vec<_> = other.into_iter().flatten().collect();
+        let times = (!other.is_empty())
+            .then(|| format!("ratios of times are also those of {}", other.join(", ")));
+        incomplete.chain(past).chain(times).collect()
+    }
+
+    /// What is not compared, in a sentence, and the cautions in another.
+    pub(super) fn remarks(&self) -> [Option<String>; 2] {
+        let remarks = [
+            ("not compared", &self.not_compared),
+            ("caution", &self.cautions),
+        ];
+        remarks.map(|(word, parts)| {
+            (!parts.is_empty()).then(|| format!("{word}: {}", parts.join("; ")))
+        })
+    }
+
+    /// The sentences, the origins of the two, and of each algorithm the pairs and the changes.
+    pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
+        let [not_compared, caution] = self.remarks();
+        let lines = [self.verdict.clone()].into_iter().chain(not_compared);
+        let lines = lines.chain(self.origin_lines()).chain(caution);
+        let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
+        let is_short = self.algorithms.len() > 1 && *columns != ColumnChoice::All;
+        if is_short {
+            text += &format!("\n{}", self.overview(columns).terminal(style));
+        }
+        for own in &self.algorithms {
+            let extent = format!("\n{}: {}", own.title(), own.extent());
+            let courses = own.course_words();
+            let courses = courses.map(|words| format!("{}: {words}", own.labels()));
+            let extent = (!is_short).then_some(extent);
+            let lines = extent.into_iter().chain(courses);
+            text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
+            if !is_short {
+                text += &own.table(columns).terminal(style);
+            }
+        }
+        text + "\nmore   -o FILE.html, --columns all, --json\n"
+    }
+
+    /// The differences of the algorithms, a row each.
+    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
+        fn find<'a>(own: &'a AlgorithmChange, metric: &Metric) -> Option<&'a Change> {
+            own.metrics.iter().find(|change| change.metric == metric)
+        }
+        let mut metrics = columns.metrics(self.algorithms[0].kind());
+        metrics.retain(|metric| {
+            self.algorithms
+                .iter()
+                .any(|own| find(own, metric).is_some())
+        });
+        let mut table = Table::new("", "change");
+        table
+            .columns
+            .extend(metrics.iter().map(|metric| TableColumn {
+                is_optional: *columns == ColumnChoice::Headline && !is_ranked(metric),
+                ..TableColumn::text(metric.group, metric.head)
+            }));
+        table.columns.push(TableColumn {
+            is_optional: *columns == ColumnChoice::Headline,
+            ..TableColumn::new("", format!("{}s", self.algorithms[0].things()))
+        });
+        for own in &self.algorithms {
+            let cells = metrics.iter().map(|metric| match find(own, metric) {
+                Some(change) => change.cell(),
+                None => TableCell::Text(NONE.to_owned()),
+            });
+            let [name, pairs] = [own.title(), own.pairs.to_string()].map(TableCell::Text);
+            table
+                .rows
+                .push([name].into_iter().chain(cells).chain([pairs]).collect());
+        }
+        table
     }
 
     /// The origins of the two reports.
     fn origin_lines(&self) -> Vec<String> {
-        let mut lines = Vec::new();
-        let sides = [("before", &self.base), ("after ", &self.other)];
+        let caution = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
+        let [a, b] = [0, 1].map(|side| caution(side).unwrap_or_default());
+        let mut lines = vec![
+            format!("before {}{a}", self.base.display()),
+            format!("after  {}{b}", self.other.display()),
+        ];
         let [base, other] = &self.origins;
-        let is_one = base == other;
-        for (((name, folder), truths), origin) in sides.iter().zip(&self.truths).zip(&self.origins)
-        {
-            let caution = caution(truths).map_or_else(String::new, |words| format!(": {words}"));
-            lines.push(format!("{name} {}{caution}", folder.display()));
-            if !is_one {
-                lines.push(format!("       {origin}"));
-            }
-        }
-        if is_one {
+        if base == other {
             lines.push(format!("both   {base}"));
+        } else {
+            lines.insert(1, format!("       {base}"));
+            lines.push(format!("       {other}"));
         }
         lines
     }
 
-    /// Cautions about the verdict: other machines, incomplete reports.
-    pub(super) fn cautions(&self) -> impl Iterator<Item = String> {
-        let [base, other] = &self.origins;
-        let differs = [
-            ("svl", base.svl != other.svl),
-            ("CPU", base.processor != other.processor),
-            ("instruction set", base.isa != other.isa),
-            ("threads", base.threads != other.threads),
-            ("the timed work", base.times != other.times),
+    /// The sentences, the changes that matter most, and the two reports: at most ten lines of
+    /// Markdown, for a pull request.
+    pub fn markdown(&self) -> String {
+        let word = self.conclusion.word();
+        let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
+        let courses = self
+            .algorithms
+            .iter()
+            .filter_map(AlgorithmChange::course_words);
+        let courses = courses.collect::<Vec<_>>().join("; ");
+        let [not_compared, caution] = self.remarks();
+        let notes = [
+            not_compared,
+            Some(courses).filter(|words| !words.is_empty()),
         ];
-        let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
-        let times = (!differs.is_empty()).then(|| {
-            let what = differs.join(", ");
-            format!("Different: {what}; ratios of times are of that, too.")
+        let notes: Vec<_> = notes
+            .iter()
+            .flatten()
+            .map(|note| escape_prose(note))
+            .collect();
+        let mut changes = self.named(|own| own.rows(&ColumnChoice::Headline));
+        // The sort is stable.
+        changes.sort_by_key(|(_, own)| match own.judgement {
+            Judgement::Worse => 0,
+            Judgement::Better => 1,
+            _ => 2,
         });
-        let incomplete = self.incomplete.iter();
-        let incomplete =
-            incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
-        incomplete.chain(times)
+        changes.truncate(MAX_LINES - notes.len());
+        let count = |judgement| {
+            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
+            changes.filter(|own| own.judgement == judgement).count()
+        };
+        let said = [vec![format!("**{word}**{reason}")], notes]
+            .concat()
+            .join("  \n");
+        format!(
+            "{said}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
+             shows {}{}\n",
+            change_table(&changes).markdown(),
+            escape(&self.scenario),
+            self.base.display(),
+            self.other.display(),
+            count(Judgement::Better),
+            count(Judgement::Worse),
+            self.tested,
+            if self.is_driven() {
+                "courses"
+            } else {
+                "frames"
+            },
+            caution.map_or_else(String::new, |line| escape(&format!("; {line}"))),
+        )
+    }
+
+    /// The changes of each algorithm, with its name where there are several.
+    pub(super) fn named<'a>(
+        &'a self,
+        changes: impl Fn(&'a AlgorithmChange) -> Vec<&'a Change>,
+    ) -> Vec<(String, &'a Change)> {
+        let named = self.algorithms.iter().flat_map(|own| {
+            let title = match self.algorithms.len() {
+                1 => String::new(),
+                _ => own.labels() + " ",
+            };
+            let changes = changes(own).into_iter();
+            changes.map(move |change| (title.clone() + &change.name(), change))
+        });
+        named.collect()
+    }
+
+    /// True if all pairs have equal results.
+    fn are_equal(&self) -> bool {
+        self.algorithms
+            .iter()
+            .all(|own| own.equal_results == own.pairs)
+    }
+
+    /// The numbers of pairs of the algorithms.
+    fn pairs_words(&self) -> String {
+        let pairs = || self.algorithms.iter().map(|own| own.pairs);
+        let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
+        let things = self
+            .algorithms
+            .first()
+            .map_or("pair", AlgorithmChange::things);
+        if fewest == most {
+            counted(most, things)
+        } else {
+            format!("{fewest} to {most} {things}s")
+        }
     }
 }
 
-impl Display for ReportOrigin {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let threads = counted(self.threads, "thread");
-        write!(
-            f,
-            "svl {}, {}, {}, {threads}",
-            self.svl, self.processor, self.isa
-        )
+/// True for a metric that decides: it has a better direction, and is tested.
+pub(super) fn is_ranked(metric: &Metric) -> bool {
+    metric.better != Better::Neither && metric.unit != MetricUnit::Ms
+}
+
+/// The changes of that judgement, the first of them with their values: the surest change, but more
+/// missed obstacles and collisions before all others.
+fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
+    let own = changes
+        .iter()
+        .filter(|(_, change)| change.judgement == judgement);
+    let mut own: Vec<_> = own.collect();
+    let is_other = |change: &Change| {
+        judgement != Judgement::Worse || !["missed", "collisions"].contains(&change.metric.name)
+    };
+    own.sort_by(|(_, a), (_, b)| {
+        let surest = b.sureness().total_cmp(&a.sureness());
+        is_other(a).cmp(&is_other(b)).then(surest)
+    });
+    let words = own.iter().take(limit).map(|(name, change)| {
+        let [base, other] = [change.base, change.other].map(|value| change.metric.show(value));
+        let magnitude = if change.metric.is_signed() {
+            " in magnitude"
+        } else {
+            ""
+        };
+        let difference = signed(change.metric, change.difference);
+        format!("{name} {base} → {other} ({difference}{magnitude})")
+    });
+    let listed = words.collect::<Vec<_>>().join(", ");
+    match own.len().saturating_sub(limit) {
+        _ if own.is_empty() => None,
+        0 => Some(listed),
+        more => Some(format!("{listed} and {more} more")),
     }
 }
 
 impl AlgorithmChange {
     /// The kind of the runs by what was measured.
-    fn kind(&self) -> RunKind {
-        RunKind::from_measured(|name| self.metrics.iter().any(|change| change.metric.name == name))
+    fn kind(&self) -> TruthLevel {
+        TruthLevel::from_measured(|name| {
+            self.metrics.iter().any(|change| change.metric.name == name)
+        })
     }
 
     /// The changes of these columns; of checkpoints where their column is one.
-    pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
+    pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let metrics = columns.metrics(self.kind());
-        let is_shown = |(_, change): &(String, &Change)| metrics.contains(&change.metric);
-        self.changes().filter(is_shown).collect()
+        let changes = self.changes();
+        changes
+            .filter(|change| metrics.contains(&change.metric))
+            .collect()
     }
 
-    /// The changes for the worse that are not in the headline, the surest first.
-    pub(super) fn worse_besides(&self) -> Vec<(String, &Change)> {
-        let metrics = ColumnChoice::Headline.metrics(self.kind());
-        let mut worse: Vec<_> = self
+    /// The changes for the worse that are not in the headline.
+    fn besides(&self) -> Vec<&Change> {
+        let headline = ColumnChoice::Headline.metrics(self.kind());
+        let worse = self
             .changes()
-            .filter(|(_, change)| {
-                change.judgement == Judgement::Worse && !metrics.contains(&change.metric)
-            })
-            .collect();
-        // Stable: of equally sure ones the first.
-        worse.sort_by(|(_, a), (_, b)| b.certainty().total_cmp(&a.certainty()));
+            .filter(|change| change.judgement == Judgement::Worse);
         worse
+            .filter(|change| !headline.contains(&change.metric))
+            .collect()
     }
 
-    fn besides_words(&self) -> Option<String> {
-        let worse = self.worse_besides();
-        let shown = worse.iter().take(MAX_BESIDES);
-        let shown: Vec<_> = shown
-            .map(|(name, change)| format!("{name} {}", change.difference_words()))
-            .collect();
-        let more = match worse.len().saturating_sub(MAX_BESIDES) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
-        let words = shown.join(", ");
-        (!worse.is_empty()).then(|| format!("{}: WORSE besides: {words}{more}", self.title()))
+    /// The changes that a table of these columns has: below those of the headline are others for
+    /// the worse.
+    fn rows(&self, columns: &ColumnChoice) -> Vec<&Change> {
+        let mut rows = self.shown(columns);
+        if *columns == ColumnChoice::Headline {
+            rows.extend(self.besides());
+        }
+        rows
     }
 
-    /// Pairs that the second run alone failed on, in words.
-    pub fn failures(&self) -> Option<String> {
-        let pairs = counted(self.newly_failed as u64, "pair");
+    pub(super) fn table(&self, columns: &ColumnChoice) -> Table {
+        let rows = self.rows(columns).into_iter();
+        change_table(&rows.map(|own| (own.name(), own)).collect::<Vec<_>>())
+    }
+
+    /// The label of the algorithm, or those of two.
+    pub(super) fn labels(&self) -> String {
+        if self.other_algorithm == self.algorithm {
+            self.algorithm.clone()
+        } else {
+            format!("{} → {}", self.algorithm, self.other_algorithm)
+        }
+    }
+
+    /// The labels, and that one has other parameters.
+    pub(super) fn title(&self) -> String {
+        let is_other = self.algorithm == self.other_algorithm && !self.same_parameters;
+        self.labels() + if is_other { " (other parameters)" } else { "" }
+    }
+
+    /// The things that are compared: pairs, or the courses of drives.
+    pub(super) fn things(&self) -> &'static str {
+        match self.courses {
+            Some(_) => "course",
+            None => "pair",
+        }
+    }
+
+    /// The courses that changed, in a line.
+    pub(super) fn course_words(&self) -> Option<String> {
+        let words = self.courses.as_ref()?.words();
+        Some(words).filter(|words| !words.is_empty())
+    }
+
+    /// Pairs that the second report alone failed on, in words.
+    pub(super) fn failures(&self) -> Option<String> {
+        let pairs = counted(self.newly_failed, "pair");
         (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results for"))
     }
 
     /// The pairs that are compared.
-    pub fn extent(&self) -> String {
+    pub(super) fn extent(&self) -> String {
         let pairs = counted(self.pairs, self.things());
         format!("{pairs}, {} with equal results", self.equal_results)
     }
-
-    /// The pairs that are not compared.
-    fn missing(&self) -> Option<String> {
-        let title = self.title();
-        let unmatched = (self.unmatched > 0).then(|| {
-            let pairs = counted(self.unmatched, self.things());
-            format!("not compared: {pairs} of {title} in one report alone")
-        });
-        let failures = self.failures().map(|words| format!("{title}: {words}"));
-        let parts: Vec<_> = [unmatched, failures].into_iter().flatten().collect();
-        (!parts.is_empty()).then(|| parts.join("; "))
-    }
 }
 
-impl Change {
-    /// The values and the difference.
-    pub(super) fn words(&self) -> String {
-        let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
-        format!("{base} → {other} ({})", self.difference_words())
-    }
-
-    fn difference_words(&self) -> String {
-        let difference = signed(self.metric, self.difference);
-        match self.metric.better {
-            Better::Zero => format!("{difference} in magnitude"),
-            _ => difference,
-        }
-    }
-
-    /// The difference in widths of its interval.
-    fn certainty(&self) -> f64 {
-        let width = self
-            .interval
-            .map_or(f64::INFINITY, |(low, high)| high - low);
-        self.difference.abs() / width
-    }
-
-    /// The answer to whether the change is real.
-    fn is_real_words(&self) -> &'static str {
-        match self.judgement {
-            Judgement::Equal => "equal",
-            Judgement::Better => "better",
-            Judgement::Worse => "WORSE",
-            Judgement::Differs => "differs",
-            Judgement::Unjudged => "untested",
-            Judgement::Unclear => "no",
+impl Judgement {
+    /// The answer to whether a change is real.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Equal => "equal",
+            Self::Better => "better",
+            Self::Worse => "WORSE",
+            Self::Differs => "differs",
+            Self::Unjudged => "untested",
+            Self::Unclear => "no",
             // The place of the interval says so.
-            Judgement::TooFew => NONE,
-        }
-    }
-
-    /// The difference and its name.
-    fn cell(&self) -> TableCell {
-        let number = unitless(self.metric, self.difference);
-        match self.judgement {
-            Judgement::Equal => TableCell::Text("equal".to_owned()),
-            Judgement::Worse => TableCell::Alert(format!("{number} {}", verdict(self.judgement))),
-            other => TableCell::Text(format!("{number} {}", verdict(other)).trim_end().to_owned()),
+            Self::TooFew => NONE,
         }
     }
 }
 
-/// A row per change; `heads` are of the values before and after.
-pub(super) fn change_table<'a>(
-    heads: [&str; 2],
-    changes: impl Iterator<Item = (String, &'a Change)>,
-) -> Table {
-    let table = Table::new("", "metric").with_columns(heads.into_iter().chain(["change"]));
+/// A row per change.
+fn change_table(changes: &[(String, &Change)]) -> Table {
+    let table = Table::new("", "metric").with_columns(["before", "after", "change"]);
     let mut table = table.with_texts(["95 % interval", "real?"]);
     for (name, change) in changes {
         let metric = change.metric;
-        let is_magnitude = metric.better == Better::Zero;
+        let is_magnitude = metric.is_signed();
         let value = |value: f64| metric.show(if is_magnitude { value.abs() } else { value });
-        let [base, other] = [change.base, change.other].map(value);
-        let name = if is_magnitude {
-            format!("{name}, magnitude")
-        } else {
-            name
-        };
-        let interval = match (change.judgement, change.interval) {
-            (_, Some(interval)) => between(metric, interval),
-            (Judgement::TooFew, None) => change.too_few_words().to_owned(),
-            (_, None) => NONE.to_owned(),
-        };
-        let difference = signed(metric, change.difference);
-        let cells = [name, base, other, difference, interval];
-        let real = change.is_real_words().to_owned();
-        let real = match change.judgement {
-            Judgement::Worse => TableCell::Alert(real),
-            _ => TableCell::Text(real),
-        };
-        let cells = cells.into_iter().map(TableCell::Text);
-        table.rows.push(cells.chain([real]).collect());
+        // The unit is beside it.
+        let interval = change.interval;
+        let interval = interval.map(|own| [own.0, own.1].map(|bound| unitless(metric, bound)));
+        let word = change.judgement.word();
+        table.push(
+            name.clone() + if is_magnitude { ", magnitude" } else { "" },
+            [
+                value(change.base),
+                value(change.other),
+                signed(metric, change.difference),
+                match (change.judgement, interval) {
+                    (_, Some(bounds)) => bounds.join(" .. "),
+                    (Judgement::TooFew, None) => change.too_few_words().to_owned(),
+                    (_, None) => NONE.to_owned(),
+                },
+                word.to_owned(),
+            ],
+        );
+        if let (Judgement::Worse, Some(row)) = (change.judgement, table.rows.last_mut()) {
+            row[5] = TableCell::Alert(word.to_owned());
+        }
     }
     table.remove_empty_columns();
     table
 }
 
-/// An interval of differences, beside which their unit is shown.
-fn between(metric: &Metric, (low, high): Interval) -> String {
-    let [low, high] = [low, high].map(|value| unitless(metric, value));
-    format!("{low} .. {high}")
+impl Change {
+    /// The difference, and the word of one that has been told from chance.
+    fn cell(&self) -> TableCell {
+        let difference = unitless(self.metric, self.difference);
+        let word = self.judgement.word();
+        match self.judgement {
+            Judgement::Equal => TableCell::Text(word.to_owned()),
+            Judgement::Worse => TableCell::Alert(format!("{difference} {word}")),
+            Judgement::Better | Judgement::Differs => {
+                TableCell::Text(format!("{difference} {word}"))
+            }
+            _ => TableCell::Text(difference),
+        }
+    }
+
+    /// The things of which there are too few for an interval.
+    pub(super) fn too_few_words(&self) -> &'static str {
+        match self.metric.origin {
+            MetricOrigin::Checkpoints => "too few frames",
+            MetricOrigin::Drives(_) => "too few courses",
+            _ => "too few pairs",
+        }
+    }
 }
 
 fn unitless(metric: &Metric, difference: f64) -> String {
@@ -434,17 +535,6 @@ pub fn signed(metric: &Metric, v: f64) -> String {
     }
 }
 
-/// A word for the result; none without a difference.
-fn verdict(judgement: Judgement) -> &'static str {
-    match judgement {
-        Judgement::Unclear | Judgement::TooFew | Judgement::Unjudged => "",
-        Judgement::Equal => "equal",
-        Judgement::Better => "better",
-        Judgement::Worse => "WORSE",
-        Judgement::Differs => "differs",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -452,7 +542,7 @@ mod tests {
     #[test]
     fn a_bound_that_rounds_to_0_keeps_its_side() {
         let wrong = Metric::find("wrong").unwrap();
-        assert_eq!(between(wrong, (-0.003, -0.0001)), "-0.3 .. -0.0");
-        assert_eq!(between(wrong, (0.0, 0.0001)), "+0.0 .. +0.0");
+        let shown = [-0.003, -0.0001, 0.0, 0.0001].map(|value| unitless(wrong, value));
+        assert_eq!(shown, ["-0.3", "-0.0", "+0.0", "+0.0"]);
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct FigureView<'a> {
 }
 
 #[derive(Serialize)]
-struct ShotView<'a> {
+pub(crate) struct ShotView<'a> {
     algorithm: &'a str,
     rank: Rank,
     /// Time of a frame of a film.
@@ -32,7 +32,7 @@ struct ShotView<'a> {
     wrong: Vec<String>,
     missing: Vec<&'a str>,
     numbers: String,
-    pictures: Vec<PictureView<'a>>,
+    pub pictures: Vec<PictureView<'a>>,
 }
 
 impl<'a> FigureView<'a> {
@@ -72,26 +72,23 @@ impl<'a> FigureView<'a> {
     }
 }
 
-fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -> ShotView<'a> {
-    let estimate = |cell: &CellRow| match cell.verdict {
-        Verdict::Unknown if cell.state == Some(CellState::Near) => estimated(cell),
-        Verdict::Unknown => format!("unknown{}", probability(cell, cell.probability)),
-        Verdict::Wrong => format!("{}, wrong", estimated(cell)),
-        _ => estimated(cell),
-    };
-    let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
+pub(crate) fn shot_view<'a>(
+    rank: Rank,
+    shot: &'a FrameShot,
+    images: &mut PageImages<'a>,
+) -> ShotView<'a> {
     let mut picture = |label, file, marks| images.picture(label, file, shot.size, marks);
-    let marks = mark_views(shot, &shot.estimate, estimate, true);
+    let marks = mark_views(shot, &shot.estimate, cell_words, true);
     let mut pictures = vec![picture("estimate", &shot.left, marks)];
     if let Some(marks) = &shot.truth {
         pictures.push(picture(
             "truth",
             &shot.left,
-            mark_views(shot, marks, truth, false),
+            mark_views(shot, marks, truth_words, false),
         ));
     }
-    pictures.push(picture("disparity", &shot.preview, Vec::new()));
     let maps = [
+        ("disparity", &shot.preview),
         ("true disparity", &shot.true_preview),
         ("error", &shot.errors),
     ];
@@ -172,18 +169,38 @@ fn wrong_cells(shot: &FrameShot) -> Vec<String> {
 }
 
 fn wrong(cell: &CellRow) -> String {
-    let obstacle = match (cell.missed, cell.r#false) {
+    format!(
+        "({}, {}) {}, true {}{}",
+        cell.column,
+        cell.row,
+        estimated(cell),
+        truth_words(cell),
+        obstacle_words(cell)
+    )
+}
+
+/// The obstacle of a cell in words, if it is missed or false.
+pub(crate) fn obstacle_words(cell: &CellRow) -> &'static str {
+    match (cell.missed, cell.r#false) {
         (true, _) => ", obstacle missed",
         (_, true) => ", false obstacle",
         _ => "",
-    };
-    let truth = depth(cell.true_distance_m, cell.true_median_px);
-    format!(
-        "({}, {}) {}, true {truth}{obstacle}",
-        cell.column,
-        cell.row,
-        estimated(cell)
-    )
+    }
+}
+
+/// The truth of a cell in words.
+pub(crate) fn truth_words(cell: &CellRow) -> String {
+    depth(cell.true_distance_m, cell.true_median_px)
+}
+
+/// The result of a cell in words.
+pub(crate) fn cell_words(cell: &CellRow) -> String {
+    match cell.verdict {
+        Verdict::Unknown if cell.state == Some(CellState::Near) => estimated(cell),
+        Verdict::Unknown => format!("unknown{}", probability(cell, cell.probability)),
+        Verdict::Wrong => format!("{}, wrong", estimated(cell)),
+        _ => estimated(cell),
+    }
 }
 
 /// The report of a cell in words, with the probability that it is right, if there is one.

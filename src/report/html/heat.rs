@@ -7,7 +7,7 @@ use crate::plot::{HeatCell, HeatGrid};
 use crate::words::number;
 use serde::Serialize;
 use svl_core::Result;
-use svl_score::judge::{Better, MetricUnit, RunKind};
+use svl_score::judge::{Better, MetricUnit, TruthLevel};
 
 /// The number that algorithms are ranked by, over the values of two parameters.
 #[derive(Serialize)]
@@ -51,7 +51,7 @@ impl HeatMap {
         );
         let (unit, better) = (summary.first_metric()?.unit, summary.first_metric()?.better);
         // The merit of a cost is negative.
-        let is_cost = summary.kind() != RunKind::Distances && better != Better::More;
+        let is_cost = summary.kind() != TruthLevel::Distances && better != Better::More;
         let cell = |y: f64, x: f64| {
             let mut own = merits.iter().filter(|own| own.1 == [Some(y), Some(x)]);
             let (label, _, merit) = *own.next()?;

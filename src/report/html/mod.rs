@@ -1,7 +1,7 @@
 //! `index.html`: one file that fetches nothing and is readable without its script. The answer comes
 //! first, then frames as in the thesis's figure 7.3; all else is folded.
 
-mod frames;
+pub(super) mod frames;
 mod heat;
 mod plots;
 mod scenes;
@@ -89,9 +89,9 @@ pub struct FrameShot {
     pub size: (usize, usize),
     pub estimate: Vec<Mark>,
     pub truth: Option<Vec<Mark>>,
-    /// The disparities as colours, an image file likewise.
-    #[serde(with = "stored::image")]
-    pub preview: Vec<u8>,
+    /// The disparities as colours, an image file likewise, if the map is at hand.
+    #[serde(with = "stored::optional_image")]
+    pub preview: Option<Vec<u8>>,
     /// The true disparities in the same colours, and the errors, if the frame has a truth.
     #[serde(with = "stored::optional_image")]
     pub true_preview: Option<Vec<u8>>,

@@ -11,7 +11,7 @@ use super::super::stress::{NUMBERS, kinds};
 use super::{ParameterSweep, ReportPage};
 use serde::Serialize;
 use svl_core::Result;
-use svl_score::judge::{Metric, RunKind};
+use svl_score::judge::{Metric, TruthLevel};
 use svl_sim::stress::StressKind;
 
 fn percent(share: f64) -> f64 {
@@ -44,7 +44,7 @@ struct TradeOff {
     /// The area of a disc, of 100.
     area: Option<PlotNumber>,
     /// The kind of run whose page begins with this plot.
-    leads: Option<RunKind>,
+    leads: Option<TruthLevel>,
 }
 
 struct PlotAxis {
@@ -88,7 +88,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         x: TIME,
         y: WRONG,
         area: Some(|_, a| known(a)),
-        leads: Some(RunKind::Distances),
+        leads: Some(TruthLevel::Distances),
     },
     TradeOff {
         title: "Wrong pixels against time",
@@ -97,7 +97,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         x: TIME,
         y: BAD,
         area: Some(COVERED.number),
-        leads: Some(RunKind::Disparities),
+        leads: Some(TruthLevel::Disparities),
     },
     TradeOff {
         title: "Collisions against courses finished",
@@ -105,7 +105,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         x: FINISHED,
         y: COLLISIONS,
         area: None,
-        leads: Some(RunKind::Courses),
+        leads: Some(TruthLevel::Courses),
     },
     TradeOff {
         title: "Unrivalled cells against time",
@@ -113,7 +113,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         x: TIME,
         y: UNRIVALLED,
         area: None,
-        leads: Some(RunKind::NoTruth),
+        leads: Some(TruthLevel::NoTruth),
     },
     TradeOff {
         title: "Wrong cells against known ones",

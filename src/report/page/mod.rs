@@ -139,6 +139,8 @@ pub struct MarkView {
     words: String,
     /// True if it is crossed out.
     wrong: bool,
+    /// True if it is outlined: it is not as it was before.
+    changed: bool,
 }
 
 impl<'a> PageImages<'a> {
@@ -175,6 +177,15 @@ impl<'a> PageImages<'a> {
     }
 }
 
+impl PictureView<'_> {
+    /// Outlines the cells at these columns and rows.
+    pub(crate) fn outline(&mut self, cells: &[(u32, u32)]) {
+        for own in &mut self.marks {
+            own.changed = cells.contains(&(own.mark.column as u32, own.mark.row as u32));
+        }
+    }
+}
+
 impl MarkView {
     pub fn new(mark: Mark, words: String, wrong: bool) -> Self {
         let (center, radius) = (
@@ -187,6 +198,7 @@ impl MarkView {
             radius,
             words,
             wrong,
+            changed: false,
         }
     }
 }

@@ -55,8 +55,11 @@ pub enum TableCell {
         right: f64,
         wrong: f64,
     },
-    /// A median time, ms.
-    Time(f64),
+    /// A median time, ms, and its mark.
+    Time {
+        ms: f64,
+        mark: &'static str,
+    },
     /// Per checkpoint the fraction of its frames that pass; absent if no frame shows it.
     Marks(Vec<Option<f64>>),
 }
@@ -156,7 +159,7 @@ impl TableCell {
     fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Alert(text) => text.clone(),
-            Self::Time(time_ms) => ms(*time_ms),
+            Self::Time { ms: time_ms, mark } => ms(*time_ms) + mark,
             Self::Bar { .. } => String::new(),
             Self::Marks(shares) => {
                 let marks = shares.iter().map(|share| share.map_or('·', mark));

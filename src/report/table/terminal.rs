@@ -209,7 +209,12 @@ fn aligned(text: &str, width: usize, is_left: bool) -> String {
 fn cell(cell: &TableCell, width: usize, is_left: bool, style: TerminalStyle) -> String {
     match cell {
         TableCell::Bar { right, wrong } => bar(*right, *wrong, width),
-        TableCell::Alert(text) if style.is_rich => colored(&aligned(text, width, is_left), WRONG),
+        TableCell::Alert(text) if style.is_rich => {
+            let text = aligned(text, width, is_left);
+            // Blanks at the end of a line are removed.
+            let words = text.trim_end();
+            format!("{}{}", colored(words, WRONG), &text[words.len()..])
+        }
         other => aligned(&other.text(), width, is_left),
     }
 }

@@ -6,14 +6,14 @@ use crate::results::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
-use svl_core::stereo::Losses;
-use svl_score::manifest::{RunRecord, hash};
+use svl_score::losses::Losses;
+use svl_score::manifest::{InputRecord, hash};
 use svl_score::notice::Notice;
 
 /// Facts of a run besides the results of algorithms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunFacts {
-    pub record: Option<RunRecord>,
+    pub record: Option<InputRecord>,
     /// The files that were opened, as they were: they only decide if the pairs are decoded again.
     pub files: Vec<FileStamp>,
     /// Digest of the description of its source, with paths.

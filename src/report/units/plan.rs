@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use svl_core::Result;
+use svl_files::safe_name;
 use svl_score::losses::Missing;
 use svl_score::manifest::{AlgorithmRecord, Manifest, Purpose, hash};
 
@@ -138,11 +139,8 @@ impl ReportRun {
 
     /// The name of its folder: words for a reader, and its digest.
     pub fn folder(&self) -> String {
-        let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
-        let safe = |c: char| if is_safe(c) { c } else { '-' };
-        let words = self.keys("seed-").join("-");
-        let name: String = words.chars().take(60).map(safe).collect();
-        format!("{}-{}", name.trim_start_matches('.'), &self.digest[..16])
+        let name = safe_name(&self.keys("seed-").join("-"), 60);
+        format!("{name}-{}", &self.digest[..16])
     }
 
     /// In words.

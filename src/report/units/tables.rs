@@ -3,11 +3,11 @@
 use super::BLOCK;
 use super::facts::PairFacts;
 use super::plan::ReportPlan;
-use super::run::RunUnits;
+use super::run_units::RunUnits;
 use super::unit::{UnitReader, UnitRows};
 use crate::accuracy::AccuracyTally;
 use crate::agreed::ScoreRule;
-use crate::checkpoints::RunTallies;
+use crate::checkpoints::CheckpointTallies;
 use crate::csv_rows::read_rows;
 use crate::prior::{PRIOR, PriorTally};
 use crate::reliability::ReliabilityTallies;
@@ -125,8 +125,8 @@ pub fn collect_tables(
     let mut prior = PriorTally::default();
     let scenario = &plan.manifest.scenario;
     for run in runs {
-        accuracy.begin_run();
-        let mut tallies = RunTallies::new(plan.labels(), &rule.checkpoints);
+        accuracy.begin_pass();
+        let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {
             if let Some(pair) = pair {
                 rule.add_agreed(&mut rows.rows, &rows.cells, pair.has_rig);

@@ -1,6 +1,6 @@
 //! The choice of metrics that tables show.
 
-use super::{METRICS, Metric, MetricLevel, RunKind};
+use super::{METRICS, Metric, MetricLevel, TruthLevel};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -18,7 +18,7 @@ pub enum ColumnChoice {
 
 impl ColumnChoice {
     /// The metrics of a run of that kind, in the order of their columns.
-    pub fn metrics(&self, kind: RunKind) -> Vec<&'static Metric> {
+    pub fn metrics(&self, kind: TruthLevel) -> Vec<&'static Metric> {
         let is_headline = |metric: &&Metric| match metric.level {
             MetricLevel::Headline(kinds) => kinds.contains(&kind),
             MetricLevel::Detail => false,
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn every_kind_of_run_has_headline_metrics() {
-        use RunKind::{Courses, Disparities, Distances, NoTruth};
+        use TruthLevel::{Courses, Disparities, Distances, NoTruth};
         let names = |kind| {
             ColumnChoice::Headline
                 .metrics(kind)

@@ -4,7 +4,7 @@ use super::photometric::Correlations;
 use super::support::{agreed_cells, unrivalled_cells};
 use super::{
     AreaChoice, CellJudgement, CellSupport, CellTallies, Checkpoint, CheckpointFrame,
-    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, TrueCells,
+    DisparityScore, FilterTally, FrameFacts, FrameOrigin, MetricValues, TrueCells,
 };
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
@@ -19,7 +19,7 @@ pub struct Judge {
     pub cells: CellRule,
     pub checkpoints: Vec<Checkpoint>,
     /// The run whose frames are scored.
-    pub run: RunPart,
+    pub run: FrameOrigin,
     /// True if frames without truth are scored by the images: it takes about as long as a fast
     /// matcher.
     pub photometric: bool,

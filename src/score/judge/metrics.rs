@@ -105,14 +105,14 @@ pub struct Metric {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricLevel {
     /// The headline table of runs of these kinds.
-    Headline(&'static [RunKind]),
+    Headline(&'static [TruthLevel]),
     /// Only the table of all metrics.
     Detail,
 }
 
 /// Kind of a run by its ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RunKind {
+pub enum TruthLevel {
     /// True distances in metres.
     Distances,
     /// Only true disparities in pixels.
@@ -122,7 +122,7 @@ pub enum RunKind {
     NoTruth,
 }
 
-impl RunKind {
+impl TruthLevel {
     /// The kind of a run by the metrics that it has.
     pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
         if has("finished") {
@@ -307,7 +307,7 @@ pub const METRICS: &[Metric] = &[
                 format!("fractions of the cells with truth; right: {right}; unknown is not wrong");
             ("cells", words)
         }),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..AREA_DETAIL
     },
     Metric {
@@ -321,7 +321,7 @@ pub const METRICS: &[Metric] = &[
             facts.cells(|cells| cells.wrong)
         }),
         plot: Some("wrong_cells"),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..AREA_DETAIL
     },
     Metric {
@@ -334,7 +334,7 @@ pub const METRICS: &[Metric] = &[
         origin: part(SCORED_CELLS, "cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
         }),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..AREA_DETAIL
     },
     Metric {
@@ -355,7 +355,7 @@ pub const METRICS: &[Metric] = &[
                          mean over the pairs";
             ("known", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
     },
     Metric {
         name: "right_surface",
@@ -403,7 +403,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("near obstacles", words)
         }),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..DETAIL
     },
     Metric {
@@ -414,7 +414,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: sum("false", |facts| facts.near_obstacles(|cells| cells.falsely)),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..DETAIL
     },
     Metric {
@@ -436,7 +436,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("found", words)
         }),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..DETAIL
     },
     Metric {
@@ -459,7 +459,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("floor", words)
         }),
-        level: MetricLevel::Headline(&[RunKind::Distances]),
+        level: MetricLevel::Headline(&[TruthLevel::Distances]),
         ..DETAIL
     },
     Metric {
@@ -507,7 +507,7 @@ pub const METRICS: &[Metric] = &[
             let words = "pixels with a disparity; fractions of pixels are means over the pairs";
             ("cover", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
     },
     Metric {
         name: "invalid",
@@ -537,7 +537,7 @@ pub const METRICS: &[Metric] = &[
                          one";
             (">2 or none", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
         ..DETAIL
     },
     Metric {
@@ -563,7 +563,7 @@ pub const METRICS: &[Metric] = &[
         unit: MetricUnit::Share,
         better: Better::Less,
         origin: mean("bad2", |facts| facts.pixels?.bad2()),
-        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
         ..DETAIL
     },
     Metric {
@@ -600,7 +600,7 @@ pub const METRICS: &[Metric] = &[
                          needs no truth: docs/method.md";
             ("unrivalled", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
         ..DETAIL
     },
     Metric {
@@ -619,7 +619,7 @@ pub const METRICS: &[Metric] = &[
                          all cells; needs no truth; compare only runs with the same algorithms";
             ("agreed", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
     },
     Metric {
         name: "kept",
@@ -850,7 +850,11 @@ pub const METRICS: &[Metric] = &[
         better: Better::More,
         against_truth: false,
         origin: MetricOrigin::Checkpoints,
-        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
+        level: MetricLevel::Headline(&[
+            TruthLevel::Distances,
+            TruthLevel::Disparities,
+            TruthLevel::NoTruth,
+        ]),
         ..DETAIL
     },
     Metric {
@@ -862,7 +866,11 @@ pub const METRICS: &[Metric] = &[
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Time,
-        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
+        level: MetricLevel::Headline(&[
+            TruthLevel::Distances,
+            TruthLevel::Disparities,
+            TruthLevel::NoTruth,
+        ]),
         ..DETAIL
     },
     Metric {
@@ -877,7 +885,7 @@ pub const METRICS: &[Metric] = &[
             let words = "courses whose goal was reached without a collision and without help";
             ("finished", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Courses]),
+        level: MetricLevel::Headline(&[TruthLevel::Courses]),
         ..DETAIL
     },
     Metric {
@@ -892,7 +900,7 @@ pub const METRICS: &[Metric] = &[
             let words = "collisions per 100 m driven; after one the robot is set back on the route";
             ("hits/100 m", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Courses]),
+        level: MetricLevel::Headline(&[TruthLevel::Courses]),
         ..DETAIL
     },
     Metric {
@@ -908,7 +916,7 @@ pub const METRICS: &[Metric] = &[
                 "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
             ("near/100 m", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Courses]),
+        level: MetricLevel::Headline(&[TruthLevel::Courses]),
         ..DETAIL
     },
     Metric {
@@ -923,7 +931,7 @@ pub const METRICS: &[Metric] = &[
                          drove twice counts once, and where it was carried not at all";
             ("driven m", words.into())
         }),
-        level: MetricLevel::Headline(&[RunKind::Courses]),
+        level: MetricLevel::Headline(&[TruthLevel::Courses]),
         ..DETAIL
     },
 ];

@@ -22,7 +22,7 @@ pub use cells::{
 };
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
-    ExpectedCell, LabelledPair, RunPart,
+    ExpectedCell, FrameOrigin, LabelledPair, hash_words,
 };
 pub use columns::ColumnChoice;
 pub use disparity::DisparityScore;
@@ -30,7 +30,7 @@ pub use filtered::FilterTally;
 pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use metrics::{
     Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel,
-    MetricOrigin, MetricTotal, MetricUnit, MetricValues, RunKind,
+    MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
 };
 pub use support::agreed_cells;
 pub use truth::{CellTruth, NearTruth, TrueCells};

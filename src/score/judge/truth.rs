@@ -23,7 +23,7 @@ const MIN_KNOWN: f64 = 0.5;
 const NEAR_PERCENT: usize = 75;
 
 /// Greatest fraction of a cell that is not clear if a reported obstacle is false.
-const CLEAR: f64 = 0.05;
+const MAX_OCCUPIED: f64 = 0.05;
 
 /// Least fraction of a cell's true pixels that are floor if the cell is.
 const MIN_FLOOR: f64 = 0.5;
@@ -262,7 +262,7 @@ impl TrueQuarter {
             depth: Some(depth_at(*near_px, limits.rig)),
             near: NearTruth {
                 is_obstacle: near >= above.len() - rank,
-                is_clear: not_clear < CLEAR,
+                is_clear: not_clear < MAX_OCCUPIED,
                 is_clear_floor: limits.knows_floor && !above.iter().any(|&d| beyond(clear_px)(d)),
             },
         }
@@ -297,7 +297,7 @@ impl TrueQuarter {
                 .filter(|near| has_truth(near, rule)),
             near: NearTruth {
                 is_obstacle,
-                is_clear: points.share(is_not_clear) < CLEAR,
+                is_clear: points.share(is_not_clear) < MAX_OCCUPIED,
                 is_clear_floor: limits.knows_floor && above.share(is_not_clear) == 0.0,
             },
         })

@@ -67,7 +67,7 @@ pub struct Manifest {
     pub algorithms: Vec<AlgorithmRecord>,
     /// The recordings of the run; empty if a scenario generates its own frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub runs: Vec<RunRecord>,
+    pub runs: Vec<InputRecord>,
     pub machine: Machine,
     /// Description of its times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -104,7 +104,7 @@ pub struct SessionRecord {
 
 /// A recording, bag or folder of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunRecord {
+pub struct InputRecord {
     /// Name of the run in the rows.
     pub name: String,
     /// Original path.
@@ -348,7 +348,7 @@ impl Manifest {
         let several = self.sessions.iter().filter(|_| self.sessions.len() > 1);
         fixed
             .chain(several.map(SessionRecord::entry))
-            .chain(self.runs.iter().map(RunRecord::entry))
+            .chain(self.runs.iter().map(InputRecord::entry))
             .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
             .collect()
     }
@@ -368,7 +368,7 @@ impl SessionRecord {
     }
 }
 
-impl RunRecord {
+impl InputRecord {
     /// The recording at that path, named `name` in the rows.
     pub fn new(name: &str, path: &Path, changes: Option<String>) -> Self {
         let file = path.metadata().ok().filter(|metadata| metadata.is_file());

@@ -127,9 +127,9 @@ impl SteeringRule {
     pub fn stands_for(&self, state: CellState) -> Option<CellStandsFor> {
         match state {
             CellState::Known => None,
-            CellState::Unknown => Some(self.unknown),
             CellState::TooClose => Some(self.too_close),
             CellState::Near => Some(self.near.unwrap_or(self.unknown)),
+            _ => Some(self.unknown),
         }
     }
 }

@@ -4,7 +4,7 @@ use super::source::algorithm_of;
 use super::stress::StressTable;
 use super::toml_error::line;
 use super::{
-    DriveConfig, Limit, MAX_GRID, RecordingRuns, Scenario, ScenarioFilter, ScenarioKind,
+    DriveConfig, InputFiles, Limit, MAX_GRID, Scenario, ScenarioFilter, ScenarioKind,
     ScenarioSource, SourceOptions, distinct_kinds,
 };
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice};
@@ -14,6 +14,7 @@ use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, GridShape};
 use svl_core::{Error, Result};
+use svl_files::safe_name;
 use svl_sim::arena::ArenaConfig;
 
 /// The file before validation.
@@ -55,10 +56,9 @@ fn v5() -> Vec<String> {
 impl File {
     /// Checks name, grid, rule and checkpoints.
     fn check_head(&self) -> Result<()> {
-        let safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(safe) {
+        if self.name.is_empty() || self.name != safe_name(&self.name, 64) {
             return invalid(format!(
-                "name '{}' must be letters, digits, '-' and '_': it names folders",
+                "name '{}' must be letters, digits, '-', '_' and '.' (not first): it names folders",
                 self.name
             ));
         }
@@ -226,7 +226,7 @@ fn source(
         Dataset => ScenarioSource::Dataset {
             scenes: options.scenes.clone(),
         },
-        Recording => ScenarioSource::Recording(RecordingRuns {
+        Recording => ScenarioSource::Recording(InputFiles {
             files: options.files.clone(),
             folder: folder.to_owned(),
         }),

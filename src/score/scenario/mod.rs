@@ -20,7 +20,7 @@ pub use filter::ScenarioFilter;
 pub use latency::DriveLatency;
 pub use limit::{Limit, PRIOR};
 pub use pairs::{CropScale, PairRange};
-pub use recordings::{RecordingRun, RecordingRuns};
+pub use recordings::{InputFile, InputFiles};
 pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
@@ -32,7 +32,7 @@ use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, joined};
-use svl_files::read_text;
+use svl_files::{read_text, safe_name};
 use svl_sim::arena::{Arena, ArenaConfig, RandomScenes, WireObject};
 use toml_error::toml_error;
 
@@ -85,7 +85,7 @@ pub enum ScenarioSource {
     /// folders, numbered scenes of a folder, or all scenes of a folder with `*` as the last part.
     Dataset { scenes: Vec<String> },
     /// Recordings, bags and folders of pairs, one run per file.
-    Recording(RecordingRuns),
+    Recording(InputFiles),
 }
 
 impl Scenario {
@@ -129,21 +129,14 @@ impl Scenario {
             ..SourceOptions::default()
         };
         options.validate()?;
-        let runs = RecordingRuns {
+        let runs = InputFiles {
             files: files.to_vec(),
-            ..RecordingRuns::default()
+            ..InputFiles::default()
         };
         let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
         let (first, more) = (Path::new(&names[0]), names.len() - 1);
-        let safe = |c: char| {
-            if c.is_ascii_alphanumeric() || c == '-' || c == '_' {
-                c
-            } else {
-                '-'
-            }
-        };
         let stem = first.file_stem().unwrap_or_default().to_string_lossy();
-        let stem: String = stem.chars().take(40).map(safe).collect();
+        let stem = safe_name(&stem, 40);
         let name = match (stem.as_str(), more) {
             ("", _) => "recordings".to_owned(),
             (_, 0) => stem,
@@ -195,9 +188,9 @@ impl Scenario {
     /// The files of a scenario of recordings, a run each; empty for other scenarios.
     ///
     /// # Errors
-    /// The errors of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is
+    /// The errors of [`InputFiles::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is
     /// not among them, or whose frames or seconds are ambiguous.
-    pub fn recordings(&self) -> Result<Vec<RecordingRun>> {
+    pub fn recordings(&self) -> Result<Vec<InputFile>> {
         let ScenarioSource::Recording(runs) = &self.source else {
             return Ok(Vec::new());
         };

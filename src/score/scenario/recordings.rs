@@ -5,7 +5,7 @@ use svl_core::{Error, Result};
 
 /// Recordings, bags and folders of pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct RecordingRuns {
+pub struct InputFiles {
     /// Paths and patterns (`*`, `?`, `[a-z]`, `**`), relative to `folder`.
     pub files: Vec<String>,
     /// The scenario file's folder.
@@ -14,18 +14,18 @@ pub struct RecordingRuns {
 
 /// One of the files.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordingRun {
+pub struct InputFile {
     /// Shortest end of its path that is unique among the runs.
     pub name: String,
     pub path: PathBuf,
 }
 
-impl RecordingRuns {
+impl InputFiles {
     /// The files, those of a pattern in natural order (2 before 10), each once.
     ///
     /// # Errors
     /// [`Error::Invalid`] with a pattern that is malformed or matches nothing; [`Error::Io`].
-    pub fn runs(&self) -> Result<Vec<RecordingRun>> {
+    pub fn runs(&self) -> Result<Vec<InputFile>> {
         let mut paths: Vec<PathBuf> = Vec::new();
         for file in &self.files {
             for path in self.matches(file)? {
@@ -34,7 +34,7 @@ impl RecordingRuns {
                 }
             }
         }
-        let run = |path: &PathBuf| RecordingRun {
+        let run = |path: &PathBuf| InputFile {
             name: unique_end(path, &paths),
             path: path.clone(),
         };
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     fn runs(folder: &Path, files: &[&str]) -> Result<Vec<String>> {
-        let runs = RecordingRuns {
+        let runs = InputFiles {
             files: files.iter().map(|file| (*file).to_owned()).collect(),
             folder: folder.to_owned(),
         };

@@ -11,4 +11,4 @@ mod time;
 pub use cells::{CellFit, FOLDS, fit_cells};
 pub use gaps::{GapEpoch, GapFit, GapSample, GapSettings, fit_gaps, gap_samples};
 pub use samples::{CellSample, CellTarget, PairCell, PairCells, pair_cells};
-pub use time::{CellRun, TimeFigures, TimeFit, fit_time};
+pub use time::{CellSequence, TimeFigures, TimeFit, fit_time};

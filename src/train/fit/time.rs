@@ -9,7 +9,7 @@ use svl_core::depth::decision::{CellPast, Past, TimeTable, VerdictTable, follows
 
 /// The pairs of a run, in their order, and its weight.
 #[derive(Clone, Debug)]
-pub struct CellRun {
+pub struct CellSequence {
     /// Runs of one group are held out together.
     pub group: usize,
     pub weight: f64,
@@ -43,7 +43,7 @@ const THINNED: [usize; 2] = [1, 5];
 
 /// Fits the table of time for the decisions of `table`; `least_score` is that of a cell with a
 /// past. `None` if no cell has one.
-pub fn fit_time(runs: &[CellRun], table: &VerdictTable, least_score: i64) -> Option<TimeFit> {
+pub fn fit_time(runs: &[CellSequence], table: &VerdictTable, least_score: i64) -> Option<TimeFit> {
     let mut samples = TimeSamples::default();
     for run in runs {
         for step in THINNED {
@@ -104,7 +104,7 @@ struct TimeSamples {
 
 impl TimeSamples {
     /// Adds the cells of every `step`-th pair that have a past and a truth.
-    fn add(&mut self, run: &CellRun, step: usize, table: &VerdictTable) {
+    fn add(&mut self, run: &CellSequence, step: usize, table: &VerdictTable) {
         let mut states: Vec<CellPast> = Vec::new();
         let mut last_ns = None;
         for pair in run.pairs.iter().step_by(step) {

@@ -219,15 +219,12 @@ fn disparity_images_are_read_as_such() {
     }
     assert_says(
         &fixture.run("info w"),
-        &["truth      --truth disp_occ_0/*.png: scores 15 of 15 cells, in the first pair; 0.625"],
+        &["truth           disp_occ_0/*.png, cells 15, disparity (min 8.00 px, median 8.00 px"],
     );
     // Without a calibration, disparities are a truth all the same.
     std::fs::remove_file(fixture.path("w/calib.txt")).unwrap();
     assert_eq!(truth("disp_occ_0/*.png").disparity.get(1, 0), 8.0);
-    assert_says(
-        &fixture.run("info w"),
-        &["cells, in the first pair; 8.0 .. 8.0 px, median"],
-    );
+    assert_says(&fixture.run("info w"), &["scored cells 15", "max 8.00 px"]);
 }
 
 #[test]

@@ -109,12 +109,12 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     let compared = fixture.run("compare whole#prior whole#v3");
     let reason = "errors of distances: whole#prior has none";
     assert_says(&compared, &["right cells", "prior → v3", reason]);
-    // The leads name the cells that they are of.
+    // The best are of named cells.
     let shown = fixture.run("report whole --area all --json");
     let shown: serde_json::Value = serde_json::from_str(&shown).unwrap();
-    let leads = shown["leads"].as_array().unwrap().iter();
-    let areas: BTreeMap<_, _> = leads
-        .map(|lead| (lead["metric"].as_str().unwrap(), lead["area"].as_str()))
+    let best = shown["best"].as_array().unwrap().iter();
+    let areas: BTreeMap<_, _> = best
+        .map(|best| (best["metric"].as_str().unwrap(), best["area"].as_str()))
         .collect();
     assert_eq!([areas["right"], areas["missed"]], [Some("all"), None]);
     let text = fixture.text("short.toml");

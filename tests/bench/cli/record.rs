@@ -176,7 +176,7 @@ fn a_ros_2_bag_has_the_pairs_of_the_recording() {
                 "/stereo/left/image_rect",
                 "sensor_msgs/msg/CameraInfo",
                 "tf2_msgs/msg/TFMessage",
-                "seed 1",
+                "seed            1\n",
             ],
         );
         assert!(
@@ -222,9 +222,9 @@ fn a_scenario_is_recorded_with_its_first_seed() {
         let info = fixture.run("info run.mcap");
         let line = info
             .lines()
-            .find(|line| line.starts_with("writer"))
+            .find(|line| line.starts_with("seed"))
             .map(str::to_owned);
-        line.unwrap().split_once("seed ").unwrap().1.to_owned()
+        line.unwrap().split_whitespace().last().unwrap().to_owned()
     };
     assert_eq!(seed("later.toml"), "7");
     assert_eq!(seed("later.toml --seed 3"), "3");

@@ -1,8 +1,7 @@
 //! The queue to the writer: in = out + dropped, for every policy.
 
 use super::stage::{Stage, Triggered, adds_up, slow};
-use svl::Error;
-use svl::grab::{Pushed, Queue, Rule, WhenFull};
+use svl::grab::{Pushed, Queue, Rule, WhenFull, camera_error};
 
 #[test]
 fn a_full_queue_drops_what_comes() {
@@ -53,7 +52,7 @@ fn a_writer_that_waits_learns_that_the_reader_has_stopped() {
 fn the_error_comes_after_the_last_item() {
     let queue = Queue::new(2, WhenFull::Drop);
     queue.push(7);
-    queue.close(Err(Error::camera("left camera", "gone")));
+    queue.close(Err(camera_error("left camera", "gone")));
     assert_eq!(queue.pop().unwrap(), Some(7));
     assert_eq!(queue.pop().unwrap_err().to_string(), "left camera: gone");
     assert_eq!(queue.pop().unwrap(), None);

@@ -5,9 +5,9 @@ use super::frames::{PERIOD_NS, image, one_line, read};
 use crate::common::assert_says;
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
+use svl::losses::Losses;
 use svl::recording::{Reader, Recording, Selection};
 use svl::source::{RecordingSource, Source};
-use svl::stereo::Losses;
 use svl::stereo::{Frame, Gray};
 
 const SIZE: (usize, usize) = (24, 16);

@@ -438,8 +438,7 @@ fn poses_that_jump_move_no_truth_and_are_reported() {
         assert_eq!(jumped, Some(u64::from(jumps)), "{summary:#}");
         let info = fixture.svl("info bag.mcap").done();
         let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
-        let words = "that no robot makes, across which no truth is moved";
-        assert_eq!(info.contains(words), jumps, "{info}");
+        assert_eq!(!info.contains("jumps 0"), jumps, "{info}");
     }
 }
 
@@ -474,28 +473,26 @@ fn info_says_why_poses_are_not_usable() {
     let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
     assert_says(
         &info,
-        &[
-            "8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a \
-             quaternion whose norm",
-        ],
+        &["faulty (/tf (8, its transform of 'base_link' in 'odom' has a quaternion whose norm"],
     );
     for (messages, reason) in [
-        (messages(moving), "all 2 left images have one"),
+        (messages(moving), "poses images 2, placed 2 "),
         (
             without_camera,
-            "0 of 2 left images have one: no transform leads from 'cam', the left camera, to a \
-             frame that moves",
+            "placed 0, unusable no transform leads from 'cam', the left camera, to a frame that \
+             moves",
         ),
         (
             messages(late),
-            "0 of 2 left images have one: /tf: the poses of 'base_link' are from",
+            "placed 0, unusable /tf: the poses of 'base_link' are from",
         ),
     ] {
         bag::write(&fixture.path(""), &messages);
         let info = fixture.svl("info bag.mcap").done();
         let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
         let words = [
-            "poses /tf: odom → base_link, 8 poses, 25.00 a second",
+            "/tf, frame base_link, parent odom, ",
+            "poses 8, rate 25.00 Hz",
             reason,
         ];
         assert_says(&info, &words);

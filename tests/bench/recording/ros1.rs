@@ -293,7 +293,7 @@ fn unreadable_bags_are_reported_with_the_cure() {
     let info = fixture.run("info whole.bag");
     assert_says(
         &info,
-        &["pairs      2: /cam0/image_rect", "/depth", "/points"],
+        &["paired topics   /cam0/image_rect", "/depth", "/points"],
     );
 }
 

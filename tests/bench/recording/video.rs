@@ -247,8 +247,8 @@ fn a_video_becomes_a_recording_of_svl() {
     let info = fixture.run("info bag.mcap");
     for words in [
         "foxglove.CompressedVideo",
-        "/left/video: h264; 4 of 18",
-        "pairs      14:",
+        "/left/video (h264, pictures 18, ",
+        "pairs           14\n",
     ] {
         assert!(info.contains(words), "{words}: {info}");
     }

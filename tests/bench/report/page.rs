@@ -113,7 +113,7 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         size: (30, 10),
         estimate: drawn([known, known, unknown]),
         truth: Some(drawn([known; 3])),
-        preview: b"preview".to_vec(),
+        preview: Some(b"preview".to_vec()),
         true_preview: Some(b"true preview".to_vec()),
         errors: Some(b"errors".to_vec()),
     }

@@ -1,8 +1,9 @@
 //! The summary of a run, on the terminal and as Markdown.
 
 use super::fixture::{blind, checkpoint, example, found, row, summary};
+use svl::report::table::TableCell;
 use svl::report::table::TerminalStyle;
-use svl::report::{Certainty, Lead, Results, Row};
+use svl::report::{Best, Certainty, Results, Row};
 use svl::score::{ColumnChoice, Metric, MetricValues};
 
 #[test]
@@ -251,82 +252,88 @@ fn columns_are_those_that_are_named() {
 }
 
 #[test]
-fn a_lead_is_as_sure_as_its_interval() {
-    let leads = |summary: &Results| {
-        let facts = |lead: &Lead| {
-            let second = lead.second.clone().unwrap();
+fn the_best_is_as_sure_as_its_intervals() {
+    let others = |summary: &Results| {
+        let facts = |best: &Best| {
+            let other = &best.others[0];
             (
-                lead.metric.name,
-                lead.algorithm.clone(),
-                second.algorithm,
-                second.certainty,
+                best.metric.name,
+                best.algorithm.clone(),
+                other.algorithm.clone(),
+                other.certainty,
             )
         };
-        let scored = summary
-            .leads
-            .iter()
-            .filter(|lead| lead.metric.name != "time");
+        let scored = summary.best.iter().filter(|b| b.metric.name != "time");
         scored.map(facts).collect::<Vec<_>>()
     };
-    let lead = |metric, best: &str, second: &str, certainty| {
-        (metric, best.to_owned(), second.to_owned(), certainty)
+    let best = |metric, best: &str, other: &str, certainty| {
+        (metric, best.to_owned(), other.to_owned(), certainty)
     };
     // Equal counts are not a difference.
     let two = run(&[("v3", 6.0, 1.0, [1, 1, 1]), ("bm", 5.0, 1.0, [1, 1, 1])]);
     let expected = [
-        lead("right", "v3", "bm", Certainty::Clear),
-        lead("wrong", "v3", "bm", Certainty::NoDifference),
-        lead("missed", "v3", "bm", Certainty::NoDifference),
+        best("right", "v3", "bm", Certainty::Clear),
+        best("wrong", "v3", "bm", Certainty::NoDifference),
+        best("missed", "v3", "bm", Certainty::NoDifference),
     ];
-    assert_eq!(leads(&two), expected);
+    assert_eq!(others(&two), expected);
     // Five pairs are too few blocks.
     let mut rows: Vec<_> = (0..5).map(|i| row("v3", i, 1)).collect();
     rows.extend((0..5).map(|i| row("bm", i, 1)));
     let few = found(rows, Vec::new());
     assert!(
-        leads(&few)
+        others(&few)
             .iter()
-            .all(|lead| lead.3 == Certainty::TooFewPairs)
+            .all(|other| other.3 == Certainty::TooFew)
     );
     // An algorithm with more than 10 % wrong cells is not the best in anything.
     let wrong = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("v3", 4.0, 0.5, [1, 1, 1])]);
-    assert!(wrong.leads.iter().all(|lead| lead.algorithm == "v3"));
-    assert!(wrong.leads[0].is_outdone);
+    let is_alone = |best: &Best| best.algorithm == "v3" && best.others.is_empty();
+    assert!(wrong.best.iter().all(is_alone), "{:?}", wrong.best);
     let none = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("dp", 4.0, 5.0, [1, 1, 1])]);
-    assert!(none.leads.is_empty());
+    assert!(none.best.is_empty());
     assert_eq!(none.answer().len(), 1);
 }
 
 #[test]
-fn the_best_may_be_the_fastest_and_another_pass_more_checkpoints() {
-    let summary = run(&[("v5", 9.0, 0.5, [9, 9, 9]), ("v4", 4.0, 0.5, [10, 10, 10])]);
+fn marks_tell_the_best_from_those_that_are_not_told_apart() {
+    let summary = run(&[
+        ("v5", 9.0, 0.5, [9, 9, 9]),
+        ("v4", 4.0, 0.5, [10, 10, 10]),
+        ("v1", 5.0, 3.0, [1, 1, 1]),
+    ]);
+    let table = summary.headline();
+    let cell = |algorithm: usize, head: &str| {
+        let column = table.columns.iter().position(|column| column.head == head);
+        match &table.rows[algorithm][column.unwrap()] {
+            TableCell::Text(text) | TableCell::Alert(text) => text.clone(),
+            TableCell::Time { mark, .. } => (*mark).to_owned(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([cell(0, "right"), cell(1, "right")], ["90.0*", "40.0 "]);
+    assert_eq!([cell(0, "wrong"), cell(1, "wrong")], ["5.0*", "5.0="]);
+    assert_eq!([cell(2, "right"), cell(2, "wrong")], ["50.0 ", "30.0 "]);
+    assert_eq!([cell(0, "p50"), cell(1, "p50")], ["*", " "]);
     let answer = summary.answer();
-    let last = [
-        "v4 passes more checkpoint frames (30 of 30, v5 27).",
-        "v5 is also the fastest (1.0 ms per pair, v4 2.0 ms).",
-    ];
-    assert_eq!(answer[1..], last);
-    // v4 finds few near obstacles: its number of missed ones says nothing.
-    assert!(
-        answer[0].contains("missed near obstacles (60 with 90.0 % found)"),
-        "{}",
-        answer[0]
+    assert_eq!(
+        answer[0],
+        "* best: v5 by right, wrong, missed, time. = not told apart from the best."
     );
     // Equal times are not a difference.
     let rows: Vec<_> = (0..120)
         .map(|i| row(["v5", "v3"][i % 2], i as u64 / 2, 1_000))
         .collect();
     let equal = found(rows, Vec::new());
-    let fastest = equal.leads.last().unwrap();
-    let second = fastest.second.as_ref().unwrap();
+    let fastest = equal.best.last().unwrap();
     assert_eq!(
-        (fastest.metric.name, second.certainty),
+        (fastest.metric.name, fastest.others[0].certainty),
         ("time", Certainty::NoDifference)
     );
 }
 
 #[test]
-fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
+fn the_best_of_a_data_set_need_not_be_the_fastest() {
     let rows_of = |name: &'static str, bad2, coverage, us| {
         (0..60).map(move |sequence| Row {
             metrics: MetricValues::from([
@@ -341,18 +348,11 @@ fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
     let worse = rows_of("v1", 0.4, 0.5, 10_000).chain(rows_of("truth", 0.0, 1.0, 1));
     let rows: Vec<_> = rows.chain(worse).collect();
     let summary = found(rows, Vec::new());
-    let leads = summary.leads.iter();
-    let leads: Vec<_> = leads
-        .map(|lead| (lead.metric.name, lead.algorithm.as_str(), lead.is_outdone))
+    let best = summary.best.iter();
+    let best: Vec<_> = best
+        .map(|best| (best.metric.name, best.algorithm.as_str()))
         .collect();
-    assert_eq!(leads, [("total_bad2", "sgm", false), ("time", "bm", false)]);
-    let last = summary.answer().pop().unwrap();
-    assert!(
-        last.ends_with(
-            "with 43.0 % pixels off > 2 px or invalid and 60.0 % coverage (sgm 90.0 %)."
-        ),
-        "{last}"
-    );
+    assert_eq!(best, [("total_bad2", "sgm"), ("time", "bm")]);
     assert_eq!(summary.front().1, ["sgm", "bm"]);
 }
 
@@ -378,9 +378,8 @@ fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
         }));
     }
     let summary = found(rows, Vec::new());
-    let lead = &summary.leads[0];
     // One of few disparities leaves most pixels out.
-    assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", false));
+    assert_eq!(summary.best[0].algorithm, "bm");
 }
 
 #[test]

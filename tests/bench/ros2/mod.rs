@@ -182,13 +182,9 @@ fn info_says_what_is_published_and_why_there_are_no_pairs() {
         (
             2,
             Fault::None,
-            &["pairs      ", "baseline   0.1000 m", "24x16 px"][..],
+            &["pairs      ", "baseline        0.1000 m", "24x16 px"][..],
         ),
-        (
-            3,
-            Fault::Silent,
-            &["silent     /cam1/image_rect: 1 publisher"],
-        ),
+        (3, Fault::Silent, &["silent topics   /cam1/image_rect 1"]),
         (4, Fault::OtherClock, &["are within 5 ms of each other"]),
         (5, Fault::OtherSize, &["24x16", "12x16"]),
     ] {

@@ -16,10 +16,11 @@ use pairs::{PairFiles, pairs};
 use poses::poses;
 use stamps::{Stamp, stamps};
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{Exposure, Frame, Geometry, Losses, Pose, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
 use svl_recording::{SensorSelection, StampOrigin};
+use svl_score::losses::Losses;
 
 /// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -8,11 +8,12 @@ use super::Source;
 use stamped::{FrameClock, StampedVideo};
 use std::path::Path;
 use stream::VideoStream;
-use svl_core::stereo::{Exposure, Frame, Geometry, Losses};
+use svl_core::stereo::{Exposure, Frame, Geometry};
 use svl_core::{Error, Result};
 use svl_files::pairing::{Nearest, WaitingStamps};
 use svl_files::{BitDepth, DecodedImage};
 use svl_recording::StampOrigin;
+use svl_score::losses::Losses;
 
 /// Extensions of videos.
 const ENDINGS: &[&str] = &[

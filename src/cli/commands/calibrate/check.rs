@@ -1,14 +1,14 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
+use crate::cli::shared::data::{DataField, data_text, field};
 use crate::cli::shared::source;
-use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::terminal::{print, print_json, style, width};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use svl::counted;
-use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+use svl::pass::report_losses;
+use svl::rectify::{Alignment, AlignmentMeter};
 use svl::report::table::{NONE, Table};
-use svl::run::report_losses;
 use svl::scenario::SourceOptions;
 use svl::source::Request;
 
@@ -94,47 +94,21 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
+const FIELDS: &[DataField] = &[
+    field("pairs", "pairs"),
+    field("matches", "points"),
+    field("median_abs_px", "misaligned"),
+    field("p90_abs_px", "90th percentile"),
+    field("median_px", "right is lower"),
+    field("misfit", "looks like"),
+];
+
 fn text(name: &str, alignment: &Alignment) -> String {
-    let Alignment {
-        pairs,
-        matches,
-        median_abs_px,
-        p90_abs_px,
-        median_px,
-        misfit,
-        parts_px,
-    } = alignment;
-    let mut lines = vec![
-        format!(
-            "{name}: {} in {}",
-            counted(*matches, "point"),
-            counted(*pairs, "pair")
-        ),
-        format!("misaligned  {median_abs_px:.2} px (median), {p90_abs_px:.2} px (90th percentile)"),
-        format!(
-            "right image {:.2} px {}",
-            median_px.abs(),
-            if *median_px < 0.0 { "higher" } else { "lower" }
-        ),
-    ];
-    if alignment.is_off() {
-        lines.push(match misfit {
-            Misfit::Shift => "looks like  one image shifted against the other".to_owned(),
-            Misfit::Rotation { degrees, scale } => {
-                let percent = (scale - 1.0) * 100.0;
-                format!(
-                    "looks like  one image rotated by {degrees:.2} degrees or scaled by \
-                     {percent:.2} % against the other"
-                )
-            }
-            Misfit::Distortion => "looks like  lens distortion, or converging cameras".to_owned(),
-        });
+    let fields = data_text(alignment, FIELDS, width());
+    let mut table = Table::new("", "px lower").with_columns(["left", "middle", "right"]);
+    for (name, row) in ["top", "middle", "bottom"].iter().zip(alignment.parts_px) {
+        let part = |px: Option<f64>| px.map_or(NONE.to_owned(), |px| format!("{px:+.2}"));
+        table.push(*name, row.map(part));
     }
-    lines.push("by part of the left image, px, + is lower in the right image:\n".to_owned());
-    let mut table = Table::new("", "").with_columns(["left", "middle", "right"]);
-    for (name, row) in ["top", "middle", "bottom"].iter().zip(parts_px) {
-        let part = |px: &Option<f64>| px.map_or(NONE.to_owned(), |px| format!("{px:+.2}"));
-        table.push(*name, row.iter().map(part));
-    }
-    lines.join("\n") + &table.terminal(style())
+    format!("{name}\n{fields}\n{}", table.terminal(style()))
 }

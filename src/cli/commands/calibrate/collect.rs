@@ -8,10 +8,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use std::time::{Duration, Instant};
-use svl::calibrate::choose::{Chooser, ENOUGH, MissingCoverage, Refusal};
+use svl::calibrate::choose::{Chooser, MissingCoverage, Refusal, SUFFICIENT_VIEWS};
 use svl::calibrate::detect::PairDetector;
 use svl::calibrate::{Board, MIN_VIEWS, StereoView};
-use svl::run::report_losses;
+use svl::pass::report_losses;
 use svl::source::Opened;
 use svl::stereo::Frame;
 
@@ -133,7 +133,7 @@ fn progress(chooser: &Chooser, word: &str) -> String {
         format!("; still missing: {missing}")
     };
     let accepted = chooser.views().len();
-    format!("{accepted} of {ENOUGH} accepted, last {word}{missing}")
+    format!("{accepted} of {SUFFICIENT_VIEWS} accepted, last {word}{missing}")
 }
 
 /// The name of a pair in messages: its own, or its number.

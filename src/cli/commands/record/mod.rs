@@ -7,10 +7,10 @@ use std::io::{IsTerminal, stdout};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
-use svl::losses::RunEnding;
+use svl::losses::Ending;
 use svl::outputs::Outputs;
+use svl::pass::{Outcome, complete};
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
-use svl::run::{Outcome, complete};
 use svl::scenario::SourceOptions;
 use svl::source::{Chain, FirstPairs, Opened, Request, SourceKind};
 
@@ -136,7 +136,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     ran?;
     printed?;
-    let ending = RunEnding::new(outcome.missing(), args.options.allow_loss);
+    let ending = Ending::new(outcome.missing(), args.options.allow_loss);
     if !quiet {
         if let Some(note) = ending.note() {
             print_error(format_args!("{source}: not recorded: {note}"));
@@ -174,7 +174,7 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
     let (outcome, ran) = recordings::stream(opened, quiet);
     ran?;
     reached_end(source, &outcome, pairs)?;
-    Ok(complete(&RunEnding::new(
+    Ok(complete(&Ending::new(
         outcome.missing(),
         args.options.allow_loss,
     ))?)

@@ -6,13 +6,13 @@ use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::viewer::RerunChoice;
 use std::collections::BTreeMap;
 use std::path::Path;
-use svl::losses::{RunEnding, RunState};
+use svl::losses::{EndState, Ending};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
+use svl::pass::{Outcome, complete, ending};
 use svl::recording::AlgorithmCells;
 use svl::report::{ReportTables, ResultParts, Results, Row, Shown, shell_word};
-use svl::run::{Outcome, complete, ending};
 use svl::sink::RerunTarget;
 use svl::{Result, counted, joined};
 
@@ -30,7 +30,7 @@ pub(super) struct Replayed {
     ran: Result<()>,
     /// Result of the sinks.
     finished: Result<()>,
-    ending: RunEnding,
+    ending: Ending,
     tables: ReportTables,
     summary: Option<Results>,
     verification: Option<Verification>,
@@ -133,7 +133,7 @@ impl Replayed {
                 let labels = summary.algorithms.iter().map(|a| a.algorithm.as_str());
                 let pairs = counted(self.outcome.frames, "pair");
                 let lost = match self.ending.state {
-                    RunState::Complete => "; none lost",
+                    EndState::Complete => "; none lost",
                     _ => "",
                 };
                 let next = next(args, &self.name, self.is_live)?;

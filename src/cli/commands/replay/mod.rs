@@ -13,7 +13,7 @@ use clap::builder::NonEmptyStringValueParser;
 use plan::Plan;
 use std::path::PathBuf;
 use svl::matcher::Algorithm;
-use svl::run::Pace;
+use svl::pass::Pace;
 use svl::scenario::SourceOptions;
 
 /// Replay a recording through algorithms

@@ -16,14 +16,14 @@ use svl::grab::GrabRequest;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
+use svl::pass::{Matchers, run_through};
 use svl::recording::{AlgorithmCells, ImageFormat, LEFT_FRAME, ResultOptions};
-use svl::run::{Matchers, run_through};
 use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Judged};
 use svl::sink::{
-    CollectSink, Outbox, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest,
-    Sinks, ViewerRequest,
+    CollectSink, Outbox, PassStart, PublishRequest, RerunDetail, RerunTarget, SinkRequest, Sinks,
+    ViewedScene, ViewerRequest,
 };
 use svl::source::{Chain, Opened, PairRegister, Registration, Request, SourceKind};
 use svl::train::with_filters;
@@ -120,7 +120,7 @@ impl<'a> Plan<'a> {
         let (outcome, ran) = run_through(
             &mut *self.opened.source,
             &mut self.matchers,
-            &RunStart::new(&self.manifest, self.opened.header.seed, &judge),
+            &PassStart::new(&self.manifest, self.opened.header.seed, &judge),
             self.args.speed,
             sinks.as_mut_slice(),
             Watch::new(terminal, &format!("match {title}"), pairs, None),
@@ -200,7 +200,7 @@ impl<'a> Plan<'a> {
             viewer: viewer()?,
             target: target.clone(),
             detail: RerunDetail::Full,
-            info: RunInfo::new(&self.manifest, wireframe),
+            info: ViewedScene::new(&self.manifest, wireframe),
         }))
     }
 

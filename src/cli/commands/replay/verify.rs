@@ -1,5 +1,6 @@
 //! `svl replay --verify`: comparison of a replay with the results of an earlier run.
 
+use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -367,7 +368,7 @@ impl Verification {
             }
             let share = 100.0 * MIN_COMMON;
             let why = format!("fewer than {share} % of the pairs are common: {words}");
-            return Err(svl::Error::Incomplete(why).into());
+            return Err(usage::incomplete(why));
         }
         if self.only_now + self.only_then > 0 {
             let (now, then, equal) = (self.only_now, self.only_then, self.equal);

@@ -1,6 +1,6 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
-mod live;
+mod live_topics;
 mod scenario;
 mod sizes;
 
@@ -194,7 +194,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
-    let recorded = live::recorded(args, quiet)?;
+    let recorded = live_topics::recorded(args, quiet)?;
     let args = recorded.as_ref().map_or(args, |recorded| &recorded.args);
     let mut scenario = scenario::described(args)?;
     if let Some(file) = &args.print_scenario {

@@ -12,7 +12,7 @@ use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
 use svl::train::TrainSettings;
-use svl::train::{LabelledRuns, train, windows};
+use svl::train::{LabelledInputs, train, windows};
 
 /// Train a filter: floor, or too close to be matched
 ///
@@ -157,7 +157,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Recordings with the tables beside them, and scenarios.
-fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns>> {
+fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledInputs>> {
     let is_scenario = |path: &Path| path.extension().is_some_and(|ending| ending == "toml");
     let (mut scenarios, mut labels) = (Vec::new(), Vec::new());
     for path in &args.labelled {
@@ -184,6 +184,6 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
     runs::change(&mut scenarios, &args.source, &named)?;
     let opened = scenarios.into_iter().zip(labels);
     opened
-        .map(|(scenario, labels)| Ok(LabelledRuns::open(scenario, labels, terminal)?))
+        .map(|(scenario, labels)| Ok(LabelledInputs::open(scenario, labels, terminal)?))
         .collect()
 }

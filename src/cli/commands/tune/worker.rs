@@ -12,11 +12,11 @@ use svl::depth::GridSettings;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::notice::Notice;
+use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
 use svl::report::compare::changes;
-use svl::run::{Matchers, Monitor, Pace};
 use svl::score::{Judge, Judged, Metric};
-use svl::sink::{Outbox, RerunTarget, RunInfo, RunStart, Sink, TableSink};
+use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene};
 use svl::sink::{WatchSink, finish};
 use svl::stereo::{CellRule, Frame};
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
@@ -57,12 +57,12 @@ impl TuneWorker {
     ) -> svl::Result<Self> {
         let manifest = Manifest::new("tune", &[])?;
         let rerun = viewer.map(|(target, name)| {
-            let info = RunInfo {
+            let info = ViewedScene {
                 scenario: name,
                 algorithms: LABELS
                     .map(|label| (label.to_owned(), String::new()))
                     .to_vec(),
-                ..RunInfo::new(&manifest, Vec::new())
+                ..ViewedScene::new(&manifest, Vec::new())
             };
             viewer::viewer()?.tuning(target, &info)
         });
@@ -334,7 +334,7 @@ impl Bench {
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
-        let start = RunStart::new(&self.manifest, None, &self.judge);
+        let start = PassStart::new(&self.manifest, None, &self.judge);
         let mut watch = KeyWatch {
             shared: &self.shared,
             failure: None,

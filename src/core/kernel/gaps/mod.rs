@@ -6,10 +6,12 @@
 
 pub(super) mod features;
 pub(super) mod network;
+#[cfg(feature = "internal")]
 pub(super) mod training;
 
 pub use features::GapCandidates;
 pub use network::{GapNetwork, GapVotes};
+#[cfg(feature = "internal")]
 pub use training::{GapPass, GapSamples};
 
 /// Disparities of a pixel: its own winner; the nearest seen to the left, right, above, below; the
@@ -43,6 +45,43 @@ pub const GAP_TENSORS: [(&str, [usize; 2]); 12] = [
     ("none.bias", [1, 1]),
 ];
 
+/// The weights of each tensor, or what else it has.
+pub(super) struct GapTensors<T> {
+    pub(super) pixel: T,
+    pub(super) pixel_bias: T,
+    pub(super) hypothesis: T,
+    pub(super) hypothesis_pixel: T,
+    pub(super) hypothesis_bias: T,
+    pub(super) choice: T,
+    pub(super) choice_mean: T,
+    pub(super) choice_bias: T,
+    pub(super) score: T,
+    pub(super) none_mean: T,
+    pub(super) none_pixel: T,
+    pub(super) none_bias: T,
+}
+
+impl<T> From<[T; GAP_TENSORS.len()]> for GapTensors<T> {
+    fn from(tensors: [T; GAP_TENSORS.len()]) -> Self {
+        let mut tensors = tensors.into_iter();
+        let mut next = || tensors.next().expect("one for each field");
+        Self {
+            pixel: next(),
+            pixel_bias: next(),
+            hypothesis: next(),
+            hypothesis_pixel: next(),
+            hypothesis_bias: next(),
+            choice: next(),
+            choice_mean: next(),
+            choice_bias: next(),
+            score: next(),
+            none_mean: next(),
+            none_pixel: next(),
+            none_bias: next(),
+        }
+    }
+}
+
 /// Number of weights.
 pub const GAP_WEIGHTS: usize = {
     let (mut sum, mut i) = (0, 0);
@@ -54,7 +93,7 @@ pub const GAP_WEIGHTS: usize = {
 };
 
 /// The weights of each tensor.
-pub fn gap_tensors<T>(mut weights: &[T]) -> [&[T]; GAP_TENSORS.len()] {
+fn gap_tensors<T>(mut weights: &[T]) -> [&[T]; GAP_TENSORS.len()] {
     GAP_TENSORS.map(|(_, [rows, inputs])| {
         let (tensor, rest) = weights.split_at(rows * inputs);
         weights = rest;

@@ -2,7 +2,7 @@
 
 use super::super::pairs::{Group, Pairs};
 use super::features::{GapCandidates, HYPOTHESIS_PAIRS, Inputs, PIXEL_PAIRS};
-use super::{CHOICE, GAP_TENSORS, GAP_WEIGHTS, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
+use super::{CHOICE, GAP_TENSORS, GAP_WEIGHTS, GapTensors, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
 
 /// Weights of an output in pairs.
 type PairRow<const N: usize> = [[i16; 2]; N];
@@ -73,30 +73,16 @@ fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Re
 }
 
 /// Checks that no layer's sums can overflow.
-fn check_sums(tensors: &[&[i32]; GAP_TENSORS.len()]) -> Result<(), String> {
-    let [
-        pixel,
-        pixel_bias,
-        hypothesis,
-        hypothesis_pixel,
-        hypothesis_bias,
-        choice,
-        choice_mean,
-        choice_bias,
-        _,
-        none_mean,
-        none_pixel,
-        none_bias,
-    ] = tensors;
+fn check_sums(tensors: &GapTensors<&[i32]>) -> Result<(), String> {
     let most = i64::from(MAX_ACTIVATION);
     let mean = (HYPOTHESES as i64 * most) >> MEAN;
-    fits("pixel", pixel_bias, PIXEL, &[(pixel, 127)])?;
-    let parts = [(*hypothesis, 127), (*hypothesis_pixel, most)];
-    fits("hypothesis", hypothesis_bias, HIDDEN, &parts)?;
-    let parts = [(*choice, most), (*choice_mean, mean)];
-    fits("choice", choice_bias, CHOICE, &parts)?;
-    let parts = [(*none_mean, mean), (*none_pixel, most)];
-    fits("none", none_bias, 1, &parts)
+    fits("pixel", tensors.pixel_bias, PIXEL, &[(tensors.pixel, 127)])?;
+    let parts = [(tensors.hypothesis, 127), (tensors.hypothesis_pixel, most)];
+    fits("hypothesis", tensors.hypothesis_bias, HIDDEN, &parts)?;
+    let parts = [(tensors.choice, most), (tensors.choice_mean, mean)];
+    fits("choice", tensors.choice_bias, CHOICE, &parts)?;
+    let parts = [(tensors.none_mean, mean), (tensors.none_pixel, most)];
+    fits("none", tensors.none_bias, 1, &parts)
 }
 
 impl GapNetwork {
@@ -106,20 +92,6 @@ impl GapNetwork {
     /// A weight beyond 16 bits, and weights whose sums could overflow 32 bits.
     pub fn new(weights: &[i32; GAP_WEIGHTS]) -> Result<Self, String> {
         let tensors = gap_tensors(&weights[..]);
-        let [
-            pixel,
-            pixel_bias,
-            hypothesis,
-            hypothesis_pixel,
-            hypothesis_bias,
-            choice,
-            choice_mean,
-            choice_bias,
-            score,
-            none_mean,
-            none_pixel,
-            none_bias,
-        ] = tensors;
         let mut named = tensors.iter().zip(&GAP_TENSORS);
         let is_wide = |weight: &i32| i16::try_from(*weight).is_err();
         let wide =
@@ -127,9 +99,11 @@ impl GapNetwork {
         if let Some((_, (name, _))) = wide {
             return Err(format!("'{name}' has a weight beyond 16 bits"));
         }
+        let tensors = GapTensors::from(tensors);
         check_sums(&tensors)?;
         let rounded = |bias: i32, shift: i32| bias + (1 << (shift - 1));
-        let ([score], [none_mean], [none_pixel]) = (rows(score), rows(none_mean), rows(none_pixel));
+        let [score] = rows(tensors.score);
+        let ([none_mean], [none_pixel]) = (rows(tensors.none_mean), rows(tensors.none_pixel));
         // By products, as the exponentials of systems differ: this is e^(-1/256).
         let factor = 0.9961013694701175;
         let mut power = 65_535.5;
@@ -139,20 +113,22 @@ impl GapNetwork {
             power = (power - 0.5) * factor + 0.5;
         }
         Ok(Self {
-            pixel: rows(pixel),
-            pixel_bias: std::array::from_fn(|i| rounded(pixel_bias[i], TO_ACTIVATION)),
-            hypothesis: rows(hypothesis),
-            hypothesis_pixel: rows(hypothesis_pixel),
+            pixel: rows(tensors.pixel),
+            pixel_bias: std::array::from_fn(|i| rounded(tensors.pixel_bias[i], TO_ACTIVATION)),
+            hypothesis: rows(tensors.hypothesis),
+            hypothesis_pixel: rows(tensors.hypothesis_pixel),
             hypothesis_bias: std::array::from_fn(|k| {
-                std::array::from_fn(|i| rounded(hypothesis_bias[k * HIDDEN + i], TO_ACTIVATION))
+                std::array::from_fn(|i| {
+                    rounded(tensors.hypothesis_bias[k * HIDDEN + i], TO_ACTIVATION)
+                })
             }),
-            choice: rows(choice),
-            choice_mean: rows(choice_mean),
-            choice_bias: std::array::from_fn(|i| rounded(choice_bias[i], TO_ACTIVATION)),
+            choice: rows(tensors.choice),
+            choice_mean: rows(tensors.choice_mean),
+            choice_bias: std::array::from_fn(|i| rounded(tensors.choice_bias[i], TO_ACTIVATION)),
             score,
             none_mean,
             none_pixel,
-            none_bias: rounded(none_bias[0], TO_SCORE),
+            none_bias: rounded(tensors.none_bias[0], TO_SCORE),
             exp,
         })
     }

@@ -4,7 +4,7 @@
 //! instruction set gives the same bytes.
 
 use super::super::pairs::Group;
-use super::{CHOICE, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
+use super::{CHOICE, GapTensors, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
 use super::{GAP_TENSORS, HYPOTHESIS_FEATURES, PIXEL_FEATURES};
 
 const LANES: usize = Group::ROWS;
@@ -91,33 +91,20 @@ fn where_positive(slope: &Lane, activation: &Lane) -> Lane {
 /// See [`super::super::score_hypotheses`].
 #[inline(always)]
 pub(in super::super) fn forward(weights: &[f32], samples: &GapSamples, pass: &mut GapPass) {
-    let [
-        w_pixel,
-        b_pixel,
-        w_hidden,
-        w_hidden_pixel,
-        b_hidden,
-        w_choice,
-        w_mean,
-        b_choice,
-        w_score,
-        w_none,
-        w_none_pixel,
-        b_none,
-    ] = gap_tensors(weights);
-    let rows = w_pixel.chunks_exact(PIXEL_FEATURES).zip(b_pixel);
+    let w = GapTensors::from(gap_tensors(weights));
+    let rows = w.pixel.chunks_exact(PIXEL_FEATURES).zip(w.pixel_bias);
     for (out, (row, bias)) in pass.pixel.iter_mut().zip(rows) {
         *out = positive(add([*bias; LANES], row, &samples.pixel));
     }
     let mut pixel_sums = [[0.0; LANES]; HIDDEN];
-    let rows = w_hidden_pixel.chunks_exact(PIXEL);
+    let rows = w.hypothesis_pixel.chunks_exact(PIXEL);
     for (out, row) in pixel_sums.iter_mut().zip(rows) {
         *out = add(*out, row, &pass.pixel);
     }
     pass.mean = [[0.0; LANES]; HIDDEN];
     for k in 0..HYPOTHESES {
-        let rows = w_hidden.chunks_exact(HYPOTHESIS_FEATURES);
-        let biases = &b_hidden[k * HIDDEN..][..HIDDEN];
+        let rows = w.hypothesis.chunks_exact(HYPOTHESIS_FEATURES);
+        let biases = &w.hypothesis_bias[k * HIDDEN..][..HIDDEN];
         for (i, (row, bias)) in rows.zip(biases).enumerate() {
             let sum = pixel_sums[i].map(|sum| sum + bias);
             pass.hidden[k][i] = positive(add(sum, row, &samples.features[k]));
@@ -127,21 +114,21 @@ pub(in super::super) fn forward(weights: &[f32], samples: &GapSamples, pass: &mu
         }
     }
     let mut mean_sums = [[0.0; LANES]; CHOICE];
-    let rows = w_mean.chunks_exact(HIDDEN).zip(b_choice);
+    let rows = w.choice_mean.chunks_exact(HIDDEN).zip(w.choice_bias);
     for (out, (row, bias)) in mean_sums.iter_mut().zip(rows) {
         *out = add([*bias; LANES], row, &pass.mean);
     }
     for k in 0..HYPOTHESES {
-        let rows = w_choice.chunks_exact(HIDDEN);
+        let rows = w.choice.chunks_exact(HIDDEN);
         for (i, row) in rows.enumerate() {
             pass.choice[k][i] = positive(add(mean_sums[i], row, &pass.hidden[k]));
         }
-        let score = add([0.0; LANES], w_score, &pass.choice[k]);
+        let score = add([0.0; LANES], w.score, &pass.choice[k]);
         let lanes = pass.scores[k].iter_mut().zip(score).zip(samples.exists[k]);
         lanes.for_each(|((out, score), exists)| *out = if exists > 0.0 { score } else { -1e9 });
     }
-    let none = add([b_none[0]; LANES], w_none, &pass.mean);
-    pass.scores[HYPOTHESES] = add(none, w_none_pixel, &pass.pixel);
+    let none = add([w.none_bias[0]; LANES], w.none_mean, &pass.mean);
+    pass.scores[HYPOTHESES] = add(none, w.none_pixel, &pass.pixel);
 }
 
 /// See [`super::super::add_gap_gradient`].
@@ -153,81 +140,67 @@ pub(in super::super) fn backward(
     slopes: &[Lane; HYPOTHESES + 1],
     gradient: &mut [Lane],
 ) {
-    let [
-        _,
-        _,
-        _,
-        w_hidden_pixel,
-        _,
-        w_choice,
-        w_mean,
-        _,
-        w_score,
-        w_none,
-        w_none_pixel,
-        _,
-    ] = gap_tensors(weights);
-    let [
-        g_pixel,
-        g_pixel_bias,
-        g_hidden,
-        g_hidden_pixel,
-        g_hidden_bias,
-        g_choice,
-        g_mean,
-        g_choice_bias,
-        g_score,
-        g_none,
-        g_none_pixel,
-        g_none_bias,
-    ] = split_gradient(gradient);
+    let w = GapTensors::from(gap_tensors(weights));
+    let g = GapTensors::from(split_gradient(gradient));
     let none = &slopes[HYPOTHESES];
-    learn(g_none, none, &pass.mean);
-    learn(g_none_pixel, none, &pass.pixel);
-    add_to(&mut g_none_bias[0], none);
+    learn(g.none_mean, none, &pass.mean);
+    learn(g.none_pixel, none, &pass.pixel);
+    add_to(&mut g.none_bias[0], none);
     let (mut mean_slopes, mut pixel_slopes) = ([[0.0; LANES]; HIDDEN], [[0.0; LANES]; PIXEL]);
-    back(&mut mean_slopes, none, w_none);
-    back(&mut pixel_slopes, none, w_none_pixel);
+    back(&mut mean_slopes, none, w.none_mean);
+    back(&mut pixel_slopes, none, w.none_pixel);
 
     // Slopes at the sums of the choices, and their sums over the hypotheses.
     let mut choice_slopes = [[[0.0; LANES]; CHOICE]; HYPOTHESES];
     let mut choice_slope_sums = [[0.0; LANES]; CHOICE];
     for (k, slopes_here) in choice_slopes.iter_mut().enumerate() {
-        learn(g_score, &slopes[k], &pass.choice[k]);
-        for (i, weight) in w_score.iter().enumerate() {
+        learn(g.score, &slopes[k], &pass.choice[k]);
+        for (i, weight) in w.score.iter().enumerate() {
             let slope = slopes[k].map(|slope| weight * slope);
             slopes_here[i] = where_positive(&slope, &pass.choice[k][i]);
             add_to(&mut choice_slope_sums[i], &slopes_here[i]);
         }
     }
     for (i, slope) in choice_slope_sums.iter().enumerate() {
-        add_to(&mut g_choice_bias[i], slope);
-        learn(&mut g_mean[i * HIDDEN..][..HIDDEN], slope, &pass.mean);
-        back(&mut mean_slopes, slope, &w_mean[i * HIDDEN..][..HIDDEN]);
+        add_to(&mut g.choice_bias[i], slope);
+        learn(
+            &mut g.choice_mean[i * HIDDEN..][..HIDDEN],
+            slope,
+            &pass.mean,
+        );
+        back(
+            &mut mean_slopes,
+            slope,
+            &w.choice_mean[i * HIDDEN..][..HIDDEN],
+        );
     }
     let mut hidden_slope_sums = [[0.0; LANES]; HIDDEN];
-    for k in 0..HYPOTHESES {
-        let rows = g_choice.chunks_exact_mut(HIDDEN).zip(&choice_slopes[k]);
+    for (k, choice_slopes) in choice_slopes.iter().enumerate() {
+        let rows = g.choice.chunks_exact_mut(HIDDEN).zip(choice_slopes);
         rows.for_each(|(row, slope)| learn(row, slope, &pass.hidden[k]));
         let exists = &samples.exists[k];
-        let hidden_slopes = hidden_slopes(&mean_slopes, exists, &choice_slopes[k], w_choice);
+        let hidden_slopes = hidden_slopes(&mean_slopes, exists, choice_slopes, w.choice);
         for (i, slope) in hidden_slopes.iter().enumerate() {
             let slope = where_positive(slope, &pass.hidden[k][i]);
             add_to(&mut hidden_slope_sums[i], &slope);
-            add_to(&mut g_hidden_bias[k * HIDDEN + i], &slope);
-            let row = &mut g_hidden[i * HYPOTHESIS_FEATURES..][..HYPOTHESIS_FEATURES];
+            add_to(&mut g.hypothesis_bias[k * HIDDEN + i], &slope);
+            let row = &mut g.hypothesis[i * HYPOTHESIS_FEATURES..][..HYPOTHESIS_FEATURES];
             learn(row, &slope, &samples.features[k]);
         }
     }
     for (i, slope) in hidden_slope_sums.iter().enumerate() {
         let row = i * PIXEL;
-        learn(&mut g_hidden_pixel[row..][..PIXEL], slope, &pass.pixel);
-        back(&mut pixel_slopes, slope, &w_hidden_pixel[row..][..PIXEL]);
+        learn(&mut g.hypothesis_pixel[row..][..PIXEL], slope, &pass.pixel);
+        back(
+            &mut pixel_slopes,
+            slope,
+            &w.hypothesis_pixel[row..][..PIXEL],
+        );
     }
-    let rows = g_pixel.chunks_exact_mut(PIXEL_FEATURES);
+    let rows = g.pixel.chunks_exact_mut(PIXEL_FEATURES);
     for (i, (row, slope)) in rows.zip(&pixel_slopes).enumerate() {
         let slope = where_positive(slope, &pass.pixel[i]);
-        add_to(&mut g_pixel_bias[i], &slope);
+        add_to(&mut g.pixel_bias[i], &slope);
         learn(row, &slope, &samples.pixel);
     }
 }

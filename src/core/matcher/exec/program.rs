@@ -142,7 +142,11 @@ impl Program {
             count: Arc::clone(&received),
         };
         let (writing, kept) = (event.clone(), Arc::clone(&stderr_tail));
-        // The threads end with the pipes or with the channels, whichever closes first.
+        // One thread per pipe: a program may answer before it has read the whole request, and may
+        // write to standard error at any time, so svl would wait for it while it waits for svl. The
+        // question is sent before its request, so that the reader expects an answer before the
+        // program can give it. Buffers return to where they are filled again: no allocation per
+        // pair. The threads end with the pipes or with the channels, whichever closes first.
         thread::spawn(move || write(stdin, &to_write, &back, &writing));
         thread::spawn(move || read(stdout, &to_read, &memory, &event));
         thread::spawn(move || keep_stderr(stderr, &kept, open));

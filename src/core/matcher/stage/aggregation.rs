@@ -117,15 +117,9 @@ impl Aggregation {
     /// disjoint halves.
     fn begin(&mut self, isa: Isa, costs: &CostVolume, penalized: PenalizedImage<'_>) {
         let PenalizedImage { image, penalties } = penalized;
-        let Self {
-            shape,
-            along,
-            sums,
-            sweeps,
-            workers,
-        } = self;
+        let (shape, sweeps) = (&self.shape, &mut self.sweeps);
         let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
-        let bands = along.chunks_mut(stride * RowPaths::ROWS);
+        let bands = self.along.chunks_mut(stride * RowPaths::ROWS);
         let bands = Mutex::new((0..height).step_by(RowPaths::ROWS).zip(bands));
         let follow_bands = |worker: &mut Worker| {
             while let Some((top, sums)) = next(&bands) {
@@ -134,13 +128,13 @@ impl Aggregation {
             }
         };
         sweeps.iter_mut().for_each(Sweep::restart);
-        let (top, bottom) = sums.split_at_mut(middle * stride);
+        let (top, bottom) = self.sums.split_at_mut(middle * stride);
         let rows = [
             in_order(false, (0..middle).zip(top.chunks_exact_mut(stride))),
             in_order(true, (middle..height).zip(bottom.chunks_exact_mut(stride))),
         ];
         on_rows(
-            workers,
+            &mut self.workers,
             follow_bands,
             rows,
             |i, passed, (y, sums), worker| {
@@ -164,13 +158,7 @@ impl Aggregation {
         chosen: &mut Chosen,
     ) {
         let PenalizedImage { image, penalties } = penalized;
-        let Self {
-            shape,
-            along,
-            sums,
-            sweeps,
-            workers,
-        } = self;
+        let (shape, sweeps) = (&self.shape, &self.sweeps);
         let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
         let first_half = [middle, height - middle];
         let (top, bottom) = chosen.split(middle);
@@ -179,12 +167,13 @@ impl Aggregation {
             in_order(true, (0..middle).zip(top.rows(shape))),
         ];
         on_rows(
-            workers,
+            &mut self.workers,
             |_| (),
             rows,
             |i, passed, (y, mut chosen), worker| {
                 let (costs, grey) = (costs.row(y), sweeps[i].grey(image, y));
-                let [sums, along] = [&*sums, &*along].map(|sums| &sums[y * stride..][..stride]);
+                let [sums, along] =
+                    [&self.sums, &self.along].map(|sums| &sums[y * stride..][..stride]);
                 let (passed, totals) = (first_half[i] + passed, &mut worker.totals);
                 let beside = [&mut worker.before, &mut worker.after];
                 sweeps[i].pass_row(shape, passed, beside, |paths, lanes| {

@@ -152,33 +152,29 @@ impl Method for V4 {
         clock.lap(Stage::Texture);
 
         let accepted = proposals.resolve(isa, left, right, textured);
-        map.each_band_mut(*band_rows, checks, |top, band, _| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                self.write_row(accepted.row(y), textured.row(y), &mut row);
-            }
+        map.each_row_mut(*band_rows, checks, |y, row, _| {
+            self.write_row(accepted.row(y), textured.row(y), row);
         });
         write_row_offsets(accepted, map);
         clock.lap(Stage::Matching);
 
         left_blocks.load(isa, left);
-        map.each_band_mut(*band_rows, checks, |top, band, check| {
-            for (y, mut row) in (top..).zip(band.into_rows()) {
-                let lane = y % Blocks::ROWS;
-                if lane == 0 {
-                    // The self check uses only the left image.
-                    let columns = left_blocks.around(y);
-                    check.search(isa, columns, columns, Blocks::ROWS);
-                }
-                check.check_row(isa, lane, left.row(y), &mut row);
-                if self.subpixel {
-                    let row_offset = |x| i32::from(accepted.get(x, y).row_offset);
-                    // The row of the match, which tolerances keep inside the image.
-                    let matched = |x| right.row((y as i32 + row_offset(x)) as usize);
-                    refine(self.range, left.row(y), matched, &mut row);
-                }
-                if self.back_check {
-                    back_check(&mut row);
-                }
+        map.each_row_mut(*band_rows, checks, |y, row, check| {
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                // The self check uses only the left image.
+                let columns = left_blocks.around(y);
+                check.search(isa, columns, columns, Blocks::ROWS);
+            }
+            check.check_row(isa, lane, left.row(y), row);
+            if self.subpixel {
+                let row_offset = |x| i32::from(accepted.get(x, y).row_offset);
+                // The row of the match, which tolerances keep inside the image.
+                let matched = |x| right.row((y as i32 + row_offset(x)) as usize);
+                refine(self.range, left.row(y), matched, row);
+            }
+            if self.back_check {
+                back_check(row);
             }
         });
         clock.lap(Stage::Checks);

@@ -25,7 +25,7 @@ use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPai
 use crate::timing::Stage;
 use gaps::Gaps;
 use level::MatchLevel;
-use past::{PairKey, RunPast};
+use past::{CellPasts, PairKey};
 use rayon::prelude::*;
 
 pub use model::{GapWeights, V5Model};
@@ -147,7 +147,7 @@ struct V5 {
     test: WinnerTest,
     choice: SafeChoice,
     gaps: Option<GapNetwork>,
-    past: RunPast,
+    past: CellPasts,
     scratch: Option<Scratch>,
     tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
     cells: Vec<CellPixels>,
@@ -187,7 +187,7 @@ impl V5 {
             },
             gaps: network.map(GapWeights::network),
             choice: choice_of(model, parameters),
-            past: RunPast::default(),
+            past: CellPasts::default(),
             scratch: None,
             tolerance: None,
             cells: Vec::new(),
@@ -435,7 +435,7 @@ impl Matcher for V5 {
     }
 
     fn reset(&mut self) {
-        self.past = RunPast::default();
+        self.past = CellPasts::default();
     }
 }
 

@@ -42,13 +42,13 @@ impl PairKey {
 
 /// The states of a run's cells.
 #[derive(Default)]
-pub(super) struct RunPast {
+pub(super) struct CellPasts {
     last: Option<PairKey>,
     before: Vec<CellPast>,
     after: Vec<CellPast>,
 }
 
-impl RunPast {
+impl CellPasts {
     /// The states of the cells before a pair, and those after it, to be set. A pair that is matched
     /// once more has the same states before it.
     pub(super) fn begin(&mut self, pair: PairKey, cells: usize) -> (&[CellPast], &mut [CellPast]) {

@@ -6,6 +6,7 @@ use super::pixels::Layout;
 use super::stamp::Times;
 use super::stream::{Fault, VideoStream};
 use crate::camera::{Camera, Capture, Limits, Settings, Taken};
+use crate::camera_error;
 use rustix::io::Errno;
 use std::time::Duration;
 use svl_core::{Error, Result};
@@ -39,7 +40,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     /// set.
     ///
     /// # Errors
-    /// [`Error::Camera`] if it cannot be set.
+    /// [`crate::CameraError`] if it cannot be set.
     pub(super) fn new(
         name: String,
         mut driver: D,
@@ -49,7 +50,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     ) -> Result<Self> {
         let controls = Controls::take(&mut driver);
         let controls = controls
-            .map_err(|errno| Error::camera(&name, format!("cannot be set: {}", trouble(errno))))?;
+            .map_err(|errno| camera_error(&name, format!("cannot be set: {}", trouble(errno))))?;
         Ok(Self {
             name,
             driver,
@@ -65,7 +66,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     }
 
     fn error(&self, errno: Errno) -> Error {
-        Error::camera(&self.name, trouble(errno))
+        camera_error(&self.name, trouble(errno))
     }
 
     /// Warns of the first damaged image; all are counted.
@@ -109,7 +110,7 @@ impl<D: VideoStream> Camera for V4l2Camera<D> {
                 .controls
                 .apply(settings, &mut self.driver)
                 .map_err(|errno| {
-                    Error::camera(
+                    camera_error(
                         &self.name,
                         format!("cannot be set to {settings}: {}", trouble(errno)),
                     )

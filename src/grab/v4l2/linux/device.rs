@@ -6,6 +6,7 @@ use super::abi::{
 };
 use super::mode::{Mode, PixelFormat, USUAL};
 use super::pixels::Layout;
+use crate::camera_error;
 use rustix::fd::OwnedFd;
 use rustix::fs::{Mode as Permissions, OFlags};
 use rustix::io::Errno;
@@ -24,13 +25,13 @@ const LISTED: u32 = 256;
 
 impl V4l2Device {
     /// # Errors
-    /// [`Error::Camera`] if it cannot be opened or captures no images.
+    /// [`crate::CameraError`] if it cannot be opened or captures no images.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         // Opening a path that is not a camera may block, for example a pipe.
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let opened = rustix::fs::open(path, flags, Permissions::empty());
-        let file = opened.map_err(|errno| Error::camera(&name, trouble(errno)))?;
+        let file = opened.map_err(|errno| camera_error(&name, trouble(errno)))?;
         let device = Self { name, file };
         let mut capability = abi::Capability::default();
         abi::QUERYCAP
@@ -51,11 +52,11 @@ impl V4l2Device {
         } else {
             return Ok(device);
         };
-        Err(Error::camera(device.name, wrong))
+        Err(camera_error(device.name, wrong))
     }
 
     pub(super) fn error(&self, errno: Errno) -> Error {
-        Error::camera(&self.name, trouble(errno))
+        camera_error(&self.name, trouble(errno))
     }
 
     /// True if both are one device under two names.
@@ -151,7 +152,7 @@ impl V4l2Device {
     /// Sets format and size.
     ///
     /// # Errors
-    /// [`Error::Camera`] if the driver sets others.
+    /// [`crate::CameraError`] if the driver sets others.
     pub(super) fn set_format(
         &self,
         format: PixelFormat,
@@ -180,10 +181,10 @@ impl V4l2Device {
             let reason = format!(
                 "gives {got} when asked for {format} of {width}x{height}; name a size= that it has"
             );
-            return Err(Error::camera(&self.name, reason));
+            return Err(camera_error(&self.name, reason));
         }
         if ![FIELD_ANY, FIELD_NONE].contains(&set.field) {
-            return Err(Error::camera(
+            return Err(camera_error(
                 &self.name,
                 "gives interlaced images, whose two fields are from different times",
             ));

@@ -5,9 +5,9 @@ mod camera;
 mod config;
 mod control;
 mod device;
-mod mode;
 #[cfg(test)]
-mod odd;
+mod driver_tests;
+mod mode;
 mod pixels;
 mod stamp;
 mod stream;
@@ -15,6 +15,7 @@ mod stream;
 use crate::camera::Camera;
 use crate::driver::{CameraPair, CameraRequest, ListedCamera};
 use crate::trigger::Trigger;
+use crate::{CameraError, camera_error};
 use camera::V4l2Camera;
 use config::V4l2Config;
 use device::V4l2Device;
@@ -22,7 +23,7 @@ use mode::{Mode, Wish, choose};
 use stamp::Times;
 use std::path::Path;
 use stream::{MappedStream, monotonic_ns};
-use svl_core::{Error, Result};
+use svl_core::Result;
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = V4l2Config::parse(request.driver, request.text)?;
@@ -35,7 +36,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     if devices[0].is(&devices[1]) {
         let [left, right] = devices.map(|device| device.name);
         let reason = format!("{left} and {right} are one camera; name two");
-        return Err(Error::camera("v4l2", reason));
+        return Err(camera_error("v4l2", reason));
     }
     let rate_hz = request.rate_hz;
     let wish = Wish {
@@ -103,10 +104,13 @@ fn modes(device: &Path) -> Vec<String> {
     let modes = match V4l2Device::open(device) {
         Ok(device) => device.modes(None),
         // Without the remedy, which is to list the cameras.
-        Err(Error::Camera { reason, .. }) => {
-            return reason.split(';').take(1).map(str::to_owned).collect();
+        Err(error) => {
+            let text = match error.downcast_ref() {
+                Some(CameraError { reason, .. }) => reason.split(';').next().unwrap_or_default(),
+                None => &error.to_string(),
+            };
+            return vec![text.to_owned()];
         }
-        Err(error) => return vec![error.to_string()],
     };
     if modes.is_empty() {
         return vec!["no format that svl reads".to_owned()];

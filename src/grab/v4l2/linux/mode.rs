@@ -1,7 +1,8 @@
 //! Modes of a camera, and the choice of one for two cameras.
 
+use crate::camera_error;
 use std::fmt;
-use svl_core::{Error, Result};
+use svl_core::Result;
 
 /// Pixel formats that svl reads, simplest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,7 +85,7 @@ pub(super) const USUAL: (usize, usize) = (640, 480);
 /// simplest format.
 ///
 /// # Errors
-/// [`Error::Camera`] if there is none.
+/// [`crate::CameraError`] if there is none.
 pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);
     let common = modes[0].iter().filter_map(|left| {
@@ -117,7 +118,7 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (u
                 });
             let cure = "`svl record --list` lists their modes";
             let reason = format!("the cameras have no {format} mode{size} in common; {cure}");
-            Error::camera("v4l2", reason)
+            camera_error("v4l2", reason)
         })
 }
 

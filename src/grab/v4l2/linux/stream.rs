@@ -5,6 +5,7 @@ use super::abi::{
 };
 use super::device::V4l2Device;
 use super::stamp::BufferStamp;
+use crate::camera_error;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
 use rustix::io::Errno;
@@ -12,7 +13,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::time::{ClockId, clock_gettime};
 use std::ffi::c_void;
 use std::time::Duration;
-use svl_core::{Error, Result};
+use svl_core::Result;
 
 /// Values of a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +80,7 @@ pub(super) fn monotonic_ns() -> u64 {
 
 impl MappedStream {
     /// # Errors
-    /// [`Error::Camera`] if the driver refuses.
+    /// [`crate::CameraError`] if the driver refuses.
     pub(super) fn start(device: V4l2Device) -> Result<Self> {
         let name = device.name.clone();
         let mut stream = Self {
@@ -88,7 +89,7 @@ impl MappedStream {
         };
         stream
             .prepare()
-            .map_err(|errno| Error::camera(name, super::device::trouble(errno)))?;
+            .map_err(|errno| camera_error(name, super::device::trouble(errno)))?;
         Ok(stream)
     }
 

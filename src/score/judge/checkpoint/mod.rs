@@ -6,7 +6,7 @@ mod place;
 mod tally;
 
 pub use cell::{CellExpectation, ExpectedCell};
-pub use place::{CheckpointPlace, RunPart};
+pub use place::{CheckpointPlace, FrameOrigin};
 pub use tally::CheckpointTally;
 
 use super::{CellJudgement, Verdict};
@@ -60,7 +60,8 @@ impl LabelledPair {
     }
 }
 
-fn hash_words(hash: u128) -> String {
+/// A hash of pixels or of a result in the form of tables and scenarios.
+pub fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
@@ -236,7 +237,7 @@ impl Checkpoint {
     pub fn check_frame(
         &self,
         frame: &Frame,
-        run: &RunPart,
+        run: &FrameOrigin,
         why_no_pose: &dyn Fn() -> Option<String>,
     ) -> Result<()> {
         if !run.is_in(self.file.as_deref()) {
@@ -273,7 +274,7 @@ impl Checkpoint {
 
     /// Warns if it ends after the run's last pair, of that number and stamp: a typing error, or a
     /// recording that is shorter than expected.
-    pub fn warn_beyond(&self, last: (u64, u64), run: &RunPart) {
+    pub fn warn_beyond(&self, last: (u64, u64), run: &FrameOrigin) {
         let Self { number, name, .. } = self;
         let here = run.is_in(self.file.as_deref());
         if let Some(range) = self.place.beyond(last, run).filter(|_| here) {
@@ -288,7 +289,7 @@ impl Checkpoint {
     pub(super) fn check_pair(
         &self,
         frame: &Frame,
-        run: &RunPart,
+        run: &FrameOrigin,
         hash: impl FnOnce() -> u128,
     ) -> Result<()> {
         let mut pairs = self.pairs.iter();
@@ -312,7 +313,7 @@ impl Checkpoint {
     }
 
     /// True if a frame of that run shows this checkpoint.
-    pub fn covers(&self, frame: &Frame, run: &RunPart) -> bool {
+    pub fn covers(&self, frame: &Frame, run: &FrameOrigin) -> bool {
         run.is_in(self.file.as_deref()) && self.place.covers(frame, run)
     }
 

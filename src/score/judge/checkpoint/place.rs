@@ -24,7 +24,7 @@ pub enum CheckpointPlace {
 
 /// The run of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct RunPart {
+pub struct FrameOrigin {
     /// The end of its file's path; empty if runs have no files.
     pub name: String,
     /// Stamp of the first pair of its source.
@@ -33,7 +33,7 @@ pub struct RunPart {
     pub stress: Option<String>,
 }
 
-impl RunPart {
+impl FrameOrigin {
     /// True if it is the run of that file, or if there is no file.
     pub(super) fn is_in(&self, file: Option<&str>) -> bool {
         let ends = |file: &str| {
@@ -141,7 +141,7 @@ impl CheckpointPlace {
     }
 
     /// True if a frame of that run shows it.
-    pub(super) fn covers(&self, frame: &Frame, run: &RunPart) -> bool {
+    pub(super) fn covers(&self, frame: &Frame, run: &FrameOrigin) -> bool {
         match *self {
             Self::Pose { .. } => frame.pose.as_ref().is_some_and(|pose| self.is_near(pose)),
             Self::Frames([a, b]) => (a..=b).contains(&frame.sequence),
@@ -153,7 +153,11 @@ impl CheckpointPlace {
     }
 
     /// The range in words, if it ends after the run's last pair, of that number and stamp.
-    pub(super) fn beyond(&self, (sequence, stamp_ns): (u64, u64), run: &RunPart) -> Option<String> {
+    pub(super) fn beyond(
+        &self,
+        (sequence, stamp_ns): (u64, u64),
+        run: &FrameOrigin,
+    ) -> Option<String> {
         let seconds = stamp_ns.saturating_sub(run.start_ns) as f64 / 1e9;
         match *self {
             Self::Frames([a, b]) if b > sequence => Some(format!(
@@ -243,7 +247,7 @@ mod tests {
                 Geometry::Rectified(None),
             )
         };
-        let run = RunPart {
+        let run = FrameOrigin {
             name: "own.mcap".into(),
             start_ns: 7_000_000_000,
             stress: None,
@@ -262,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_run_is_known_by_the_end_of_its_path() {
-        let run = |name: &str| RunPart {
+        let run = |name: &str| FrameOrigin {
             name: name.into(),
             start_ns: 0,
             stress: None,

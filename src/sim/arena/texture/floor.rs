@@ -13,7 +13,7 @@ const HEIGHT: usize = 2048;
 const TEXEL_M: f32 = 0.002;
 
 /// The patterned floors have twice the texel density: their detail is finer.
-const FINER: usize = 2;
+const PATTERN_DETAIL: usize = 2;
 
 /// The floor of the run with that seed; `light` returns the fraction of light that reaches a point.
 pub(crate) fn floor(
@@ -32,8 +32,8 @@ pub(crate) fn floor(
 }
 
 fn patterned(height: usize, pattern: &Pattern, light: impl Fn(f32, f32) -> f32) -> Texture {
-    let (width, height) = (FINER * WIDTH, FINER * height);
-    let texel_m = TEXEL_M / FINER as f32;
+    let (width, height) = (PATTERN_DETAIL * WIDTH, PATTERN_DETAIL * height);
+    let texel_m = TEXEL_M / PATTERN_DETAIL as f32;
     let shade = Shade::new((width, height), texel_m, light);
     let albedo: Vec<f32> = (0..width * height)
         .into_par_iter()

@@ -8,14 +8,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::TargetMeasurement;
 use svl::console::Watch;
-use svl::losses::RunEnding;
+use svl::losses::Ending;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::run::{Matchers, Pace, complete, run_through};
+use svl::pass::{Matchers, Pace, complete, run_through};
 use svl::runs::open_recording;
 use svl::scenario::SourceOptions;
 use svl::score::{Judge, Judged};
-use svl::sink::{self, CollectSink, RunStart, Sink};
+use svl::sink::{self, CollectSink, PassStart, Sink};
 use svl::source::{Chain, FirstPairs, Request};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
@@ -211,7 +211,7 @@ impl Measuring<'_> {
         let kept = sink.outbox();
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         let (manifest, judge) = (Manifest::new(name, &algorithms)?, Judge::default());
-        let start = RunStart::new(&manifest, None, &judge);
+        let start = PassStart::new(&manifest, None, &judge);
         let watch = Watch::new(&Terminal { quiet: self.quiet }, name, source.pairs(), None);
         let (outcome, ran) = run_through(
             &mut *source,
@@ -223,7 +223,7 @@ impl Measuring<'_> {
         );
         sink::finish(sinks)?;
         ran?;
-        complete(&RunEnding::new(outcome.missing(), None))?;
+        complete(&Ending::new(outcome.missing(), None))?;
         let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().into_iter().unzip();
         let rig = rigs.into_iter().flatten().next_back();
         Ok((grids.into_iter().flatten().collect(), rig))

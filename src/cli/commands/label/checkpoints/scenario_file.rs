@@ -7,9 +7,10 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl::files::safe_name;
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
-use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, RunPart};
+use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, FrameOrigin};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
 
@@ -123,10 +124,10 @@ impl ScenarioFile {
     }
 
     /// The run that is labelled, as its checkpoints name it.
-    pub(super) fn run(&self, start_ns: u64) -> RunPart {
+    pub(super) fn run(&self, start_ns: u64) -> FrameOrigin {
         let runs = self.scenario.recordings().unwrap_or_default();
         let only = || runs.first().map(|run| run.name.clone());
-        RunPart {
+        FrameOrigin {
             name: self.file.clone().or_else(only).unwrap_or_default(),
             start_ns,
             stress: None,
@@ -202,8 +203,6 @@ impl ScenarioFile {
 impl NewScenario<'_> {
     fn text(&self, path: &Path) -> anyhow::Result<String> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let is_safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        let safe = |c: char| if is_safe(c) { c } else { '-' };
         let arena_scenario = self
             .opened
             .recording
@@ -234,7 +233,7 @@ impl NewScenario<'_> {
         };
         let algorithm = self.algorithm.cloned().map_or_else(|| "v3".parse(), Ok)?;
         let scenario = Scenario {
-            name: stem.chars().take(64).map(safe).collect(),
+            name: safe_name(&stem, 64),
             description: format!("What a person measured or saw in {}", self.source),
             algorithms: vec![algorithm],
             ..begun

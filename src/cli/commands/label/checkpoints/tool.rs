@@ -8,7 +8,7 @@ use super::scenario_file::ScenarioFile;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, Stepper, picture};
 use ratatui::layout::Rect;
 use svl::counted;
-use svl::score::{ExpectedCell, LabelledPair, RunPart, Verdict};
+use svl::score::{ExpectedCell, FrameOrigin, LabelledPair, Verdict};
 use svl::sink::{CellNote, StepView};
 use svl::stereo::{Frame, GridShape};
 
@@ -31,7 +31,7 @@ pub(super) struct Labelling {
     pub(super) draft: Draft,
     pub(super) reported: Option<Reported>,
     pub(super) viewer: Option<Box<dyn StepView>>,
-    pub(super) run: RunPart,
+    pub(super) run: FrameOrigin,
     /// Column and row of the cell that is picked.
     pub(super) picked: (usize, usize),
     /// Place where the image was drawn last.

@@ -16,9 +16,9 @@ use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
-use svl::run::{Matchers, frames_through};
+use svl::pass::{Matchers, frames_through};
 use svl::score::Judge;
-use svl::sink::{CollectSink, RunStart};
+use svl::sink::{CollectSink, PassStart};
 use svl::source::Request;
 use svl::stereo::GridShape;
 use svl::train::TrainSettings;
@@ -112,7 +112,7 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
         })
     });
     let (manifest, judge) = (Manifest::new("label", &[])?, Judge::default());
-    let start = RunStart::new(&manifest, None, &judge);
+    let start = PassStart::new(&manifest, None, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let mut none = Matchers::none();

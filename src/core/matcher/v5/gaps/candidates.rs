@@ -20,11 +20,11 @@ pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
 }
 
 /// Reach of the windows around a pixel.
-const NEAR: usize = 2;
-const WIDE: usize = 7;
+const NEAR_REACH: usize = 2;
+const WIDE_REACH: usize = 7;
 
 /// Number of seen pixels around a seen pixel that keeps its disparity: most of the 25.
-const SURE: u8 = 13;
+const MIN_SEEN: u8 = 13;
 
 /// Quality of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
 #[derive(Clone, Copy, Default)]
@@ -98,17 +98,23 @@ pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, out: &mut [Quality]) {
     let (width, height) = map.size;
     out.fill(Quality::default());
     // Sums of columns first, in a place that is written again.
-    for row in around(y, NEAR, height) {
+    for row in around(y, NEAR_REACH, height) {
         let row = &map.seen[row * width..][..width];
         let columns = out.iter_mut().zip(row);
         columns.for_each(|(out, seen)| out.unique += seen);
     }
     // The window's sum moves along the row.
-    let mut sum = out.iter().take(NEAR).map(|quality| quality.unique).sum();
+    let mut sum = out
+        .iter()
+        .take(NEAR_REACH)
+        .map(|quality| quality.unique)
+        .sum();
     for x in 0..width {
-        sum += out.get(x + NEAR).map_or(0, |quality| quality.unique);
+        sum += out.get(x + NEAR_REACH).map_or(0, |quality| quality.unique);
         out[x].seen = sum;
-        sum -= x.checked_sub(NEAR).map_or(0, |first| out[first].unique);
+        sum -= x
+            .checked_sub(NEAR_REACH)
+            .map_or(0, |first| out[first].unique);
     }
     let [least, second, own] =
         [map.least, map.second, map.own].map(|plane| &plane[y * width..][..width]);
@@ -130,14 +136,14 @@ impl RowSums {
     fn load(&mut self, measured: &Measured<'_>, y: usize) {
         let (width, height) = measured.half.size;
         self.seen.fill(0);
-        for row in around(y, WIDE, height) {
+        for row in around(y, WIDE_REACH, height) {
             let row = &measured.half.seen[row * width..][..width];
             let sums = self.seen.iter_mut().zip(row);
             sums.for_each(|(sum, seen)| *sum += u16::from(*seen));
         }
         self.across.fill(0);
         self.down.fill(0);
-        for y in around(y, NEAR, height) {
+        for y in around(y, NEAR_REACH, height) {
             let (row, above) = (
                 measured.image.row(y),
                 measured.image.row(y.saturating_sub(1)),
@@ -172,7 +178,7 @@ impl Measured<'_> {
                 sums.load(self, STEPS[1] * row);
             }
             let pixel = STEPS[1] * row * width + STEPS[0] * column;
-            if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= SURE {
+            if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= MIN_SEEN {
                 take(GapStep::Sure(place, self.half.bins[pixel]));
                 continue;
             }
@@ -323,8 +329,13 @@ impl Measured<'_> {
         let (width, height) = half.size;
         let pixel = y * width + x;
         let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
-        let near = |sums: &[u16]| sums[around(x, NEAR, width)].iter().sum::<u16>().into();
-        let wide: u16 = sums.seen[around(x, WIDE, width)].iter().sum();
+        let near = |sums: &[u16]| {
+            sums[around(x, NEAR_REACH, width)]
+                .iter()
+                .sum::<u16>()
+                .into()
+        };
+        let wide: u16 = sums.seen[around(x, WIDE_REACH, width)].iter().sum();
         [
             64 * i32::from(half.seen[pixel]),
             64 * i32::from(agrees),

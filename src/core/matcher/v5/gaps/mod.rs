@@ -17,7 +17,7 @@ use std::ops::Range;
 const ALL: u8 = 64;
 
 /// Hypotheses this close to a pixel's best agree with it, bins.
-const AGREE: u16 = 12;
+const MAX_AGREEING_BINS: u16 = 12;
 
 /// Rows of the lattice that one task weighs.
 const BAND: usize = 4;
@@ -207,7 +207,7 @@ impl PixelVotes {
                 best = k;
             }
         }
-        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= AGREE);
+        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= MAX_AGREEING_BINS);
         Self {
             bins,
             votes,

@@ -8,7 +8,7 @@ use super::unit::StoredUnit;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
-use svl_score::manifest::RunRecord;
+use svl_score::manifest::InputRecord;
 use svl_score::notice::Notice;
 use svl_score::plausibility::MeasuredScales;
 
@@ -137,7 +137,7 @@ impl RunUnits {
     }
 
     /// The recording that it reads, if it is one; of perturbed pairs that is told once.
-    pub fn record(&self) -> Option<RunRecord> {
+    pub fn record(&self) -> Option<InputRecord> {
         let is_told = self.run.stress.is_none();
         self.facts.record.clone().filter(|_| is_told)
     }

@@ -1,4 +1,4 @@
-use super::matchers::RunMatcher;
+use super::matchers::ReadyMatcher;
 use super::*;
 use crate::sink::Outbox;
 use crate::source::Chain;
@@ -82,7 +82,7 @@ impl Full {
 }
 
 impl Sink for Full {
-    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+    fn begin_pass(&mut self, _: &PassStart<'_>) -> Result<()> {
         self.note("begin".into());
         Ok(())
     }
@@ -97,7 +97,7 @@ impl Sink for Full {
         Ok(())
     }
 
-    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+    fn end_pass(&mut self, end: &PassEnd<'_>) -> Result<()> {
         self.note(format!("end {}", end.error.unwrap_or("well")));
         Ok(())
     }
@@ -111,12 +111,12 @@ impl Monitor for Until {
     }
 }
 
-/// The calls of the sink, and the end of the run.
+/// The calls of the sink, and the end of the pass.
 fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
     let algorithms = ["v3:max_disparity=8".parse().unwrap()];
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart::new(&manifest, None, &judge);
+    let start = PassStart::new(&manifest, None, &judge);
     let log = Log::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
     let mut matchers = Matchers::new(&algorithms).unwrap();
@@ -161,7 +161,7 @@ fn a_source_that_listens_hears_each_frame_before_the_next() {
         listens: true,
         ..Failing::new(20)
     };
-    // Through the wrappers of every run of the command line.
+    // Through the wrappers of every pass of the command line.
     let wrapped: &mut dyn Source = &mut source;
     let mut wrapped = Chain::for_matching(true).over(Box::new(wrapped)).unwrap();
     ran(&mut *wrapped, 100, 3).2.unwrap();
@@ -174,7 +174,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
     let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart::new(&manifest, None, &judge);
+    let start = PassStart::new(&manifest, None, &judge);
     let mut matchers = Matchers::new(&algorithms).unwrap();
     let matchings = Arc::new(AtomicU64::new(0));
     matchers.0[0].matcher = Box::new(CountedMatcher(Arc::clone(&matchings)));
@@ -184,7 +184,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
         ran.unwrap();
         matchings.swap(0, Ordering::Relaxed)
     };
-    // Two pairs; the first run matches one more.
+    // Two pairs; the first pass matches one more.
     assert_eq!((run(&mut matchers), run(&mut matchers)), (3, 2));
     // One that replaces another has to be set up; none that was away meanwhile has.
     matchers.replace(&algorithms[1]).unwrap();
@@ -247,7 +247,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
     matchers.0[0].matcher = Box::new(Fails);
     let kept = Outbox::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Kept(Vec::new(), kept.clone()))];
-    let start = RunStart::new(&manifest, None, &judge);
+    let start = PassStart::new(&manifest, None, &judge);
     let (mut source, pace) = (Failing::new(9), Pace::Asap);
     let ran = run(
         &mut source,
@@ -274,7 +274,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
 fn the_time_of_a_pair_holds_the_decision_of_its_cells() {
     for decision in [CellDecision::Median, CellDecision::Safe] {
         // The matcher's own time is that of matching alone.
-        let mut entry = RunMatcher::new(&"blind".parse().unwrap()).unwrap();
+        let mut entry = ReadyMatcher::new(&"blind".parse().unwrap()).unwrap();
         let grid = GridSettings {
             decision,
             ..GridSettings::default()
@@ -329,7 +329,7 @@ impl Matcher for Several {
 
 #[test]
 fn each_pair_has_its_own_outputs() {
-    let mut entry = RunMatcher::new(&"v3".parse().unwrap()).unwrap();
+    let mut entry = ReadyMatcher::new(&"v3".parse().unwrap()).unwrap();
     entry.matcher = Box::new(Several(VecDeque::new()));
     let image = Gray::filled(4, 2, 0).unwrap();
     let pair = StereoPair::new(image.clone(), image).unwrap();

@@ -1,13 +1,14 @@
 //! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
 use super::plan::EvaluationPlan;
-use super::run_opener::{BegunRun, OpenedRun, RunOpener, RunPlace, WantedResults};
+use super::run_opener::{OpenedRun, OpeningResult, RunOpener, RunPlace, WantedResults};
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
-use crate::run::{Matchers, Pace, run_through};
+use crate::pass::{Matchers, Pace, run_through};
 use crate::runs::{RECORDINGS, warn_of_own_reference};
 use crate::sink::{
-    LiveTable, RunInfo, RunPairs, RunStart, Sink, SinkRequest, Sinks, UnitRequest, ViewerRequest,
+    PassStart, RunningTable, SeenPairs, Sink, SinkRequest, Sinks, UnitRequest, ViewedScene,
+    ViewerRequest,
 };
 use crate::source::{RunSource, Source};
 use std::collections::BTreeSet;
@@ -33,7 +34,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
             Some(file) => Error::format(file, error.to_string()),
             None => error,
         })?;
-    let live = LiveTable::default();
+    let live = RunningTable::default();
     let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     warn_of_unstressed(scenario);
@@ -54,7 +55,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         .flat_map(|stress| places.clone().map(move |place| (stress, place)))
         .collect();
     let keys = runs.iter().map(|run| opener.key(*run)).collect();
-    let mut work = RunWork {
+    let mut work = EvaluationWork {
         plan,
         console,
         session: EvaluationSession::open(plan, manifest, keys)?,
@@ -65,7 +66,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         opened: opener.opened_files(),
         source: source_digest(&plan.description),
         has_program_truth: references.iter().any(|own| own.spec().is_program()),
-        pairs: RunPairs::default(),
+        pairs: SeenPairs::default(),
     };
     work.compare_changed()?;
     work.check_programs()?;
@@ -97,7 +98,7 @@ fn warn_of_unstressed(scenario: &Scenario) {
 }
 
 /// The runs of an evaluation.
-pub(super) struct RunWork<'a> {
+pub(super) struct EvaluationWork<'a> {
     pub(super) plan: &'a EvaluationPlan<'a>,
     console: &'a dyn Console,
     pub(super) runs: Vec<RunPlace>,
@@ -113,13 +114,13 @@ pub(super) struct RunWork<'a> {
     /// True if a program computes the truth.
     has_program_truth: bool,
     /// The pairs of the run under way.
-    pairs: RunPairs,
+    pairs: SeenPairs,
 }
 
-impl RunWork<'_> {
-    /// A second look at the runs, apart from that of [`RunWork::run`].
+impl EvaluationWork<'_> {
+    /// A second look at the runs, apart from that of [`EvaluationWork::run`].
     pub(super) fn opener(&self) -> Result<RunOpener<'_>> {
-        RunOpener::new(self.plan.scenario, self.console, &LiveTable::default())
+        RunOpener::new(self.plan.scenario, self.console, &RunningTable::default())
     }
 
     fn are_recordings(&self) -> bool {
@@ -182,7 +183,7 @@ impl RunWork<'_> {
             return Ok(());
         }
         let scenario = self.plan.scenario;
-        let mut opener = RunOpener::new(scenario, self.console, &LiveTable::default())?;
+        let mut opener = RunOpener::new(scenario, self.console, &RunningTable::default())?;
         let manifest = self.session.manifest();
         let nothing = RunUnits::default();
         for (i, changed) in changed.iter().enumerate() {
@@ -302,7 +303,7 @@ impl RunWork<'_> {
     fn read_runs(
         &mut self,
         runs: &[usize],
-        first: BegunRun,
+        first: OpeningResult,
         opener: &mut RunOpener<'_>,
         manifest: &Manifest,
         sinks: &mut Sinks,
@@ -332,13 +333,13 @@ impl RunWork<'_> {
     fn pass(
         &self,
         i: usize,
-        (notices, opened): BegunRun,
+        (notices, opened): OpeningResult,
         matchers: &mut Matchers,
         manifest: &Manifest,
         sinks: &mut Sinks,
         wanted: &WantedResults<'_>,
-    ) -> RunPass {
-        let mut pass = RunPass {
+    ) -> PassOutcome {
+        let mut pass = PassOutcome {
             facts: RunFacts {
                 source: self.source.clone(),
                 after: self.after(i),
@@ -366,7 +367,7 @@ impl RunWork<'_> {
         manifest: &Manifest,
         sinks: &mut Sinks,
         wanted: &WantedResults<'_>,
-        pass: &mut RunPass,
+        pass: &mut PassOutcome,
     ) {
         let OpenedRun {
             source: mut run,
@@ -374,9 +375,9 @@ impl RunWork<'_> {
             files,
         } = opened;
         let entered = files.enter();
-        let start = RunStart {
+        let start = PassStart {
             wanted: Some(wanted),
-            ..RunStart::new(manifest, run.seed, &judge)
+            ..PassStart::new(manifest, run.seed, &judge)
         };
         let title = self.title(&run, &judge);
         let watch = Watch::new(self.console, &title, run.pairs(), None);
@@ -411,7 +412,7 @@ impl RunWork<'_> {
 
     /// The sinks of runs: units, and for those that are matched the viewer and the table of the
     /// screen.
-    fn sinks(&self, matched: Option<(&Manifest, &LiveTable)>) -> Result<Sinks> {
+    fn sinks(&self, matched: Option<(&Manifest, &RunningTable)>) -> Result<Sinks> {
         let (plan, scenario) = (self.plan, self.plan.scenario);
         // More do not fit into a viewer, nor the file on a disk.
         let is_shown = scenario.algorithms.len() <= MAX_SHOWN;
@@ -420,10 +421,10 @@ impl RunWork<'_> {
             viewer,
             target,
             detail,
-            info: RunInfo {
+            info: ViewedScene {
                 // The files of all sessions are one recording.
                 recording_id: self.session.first_id(),
-                ..RunInfo::new(manifest, scenario.wireframe(None))
+                ..ViewedScene::new(manifest, scenario.wireframe(None))
             },
         });
         let mut sinks = Sinks::open(SinkRequest {
@@ -444,7 +445,7 @@ impl RunWork<'_> {
 }
 
 /// What came of reading a run.
-struct RunPass {
+struct PassOutcome {
     facts: RunFacts,
     interrupted: bool,
     ran: Result<()>,

@@ -13,20 +13,20 @@ mod through;
 pub use matchers::Matchers;
 pub use through::{complete, ending, frames_through, report_losses, run_through};
 
-use crate::sink::{RunEnd, RunStart, Sink};
+use crate::sink::{PassEnd, PassStart, Sink};
 use crate::source::Source;
 use matching::Matching;
 use std::collections::BTreeMap;
-use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted};
+use svl_score::losses::Losses;
 use svl_score::losses::{FailedPairs, Missing};
 use svl_score::notice::Notice;
 use svl_score::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
-/// Watches a run and may end it.
+/// Watches a pass and may end it.
 pub trait Monitor {
-    /// Called after every frame; `false` ends the run without an error.
+    /// Called after every frame; `false` ends the pass without an error.
     fn go_on(&mut self, done: u64) -> bool;
 
     /// Reports that an algorithm failed on a pair, and why.
@@ -50,7 +50,7 @@ pub enum Pace {
 }
 
 impl Pace {
-    /// The work that the times of such a run measure, in words.
+    /// The work that the times of such a pass measure, in words.
     pub fn times(self) -> String {
         match self {
             Self::Asap | Self::Times(_) => {
@@ -67,7 +67,7 @@ impl Pace {
     }
 }
 
-/// Result of a run.
+/// Result of a pass.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Frames that every sink took.
@@ -116,26 +116,26 @@ impl Outcome {
 }
 
 /// Runs every frame of `source` through the algorithms into `sinks`, between their
-/// [`Sink::begin_run`] and [`Sink::end_run`]. Both are called also when the run fails, so that what
-/// came before the error is kept. The caller finishes the sinks.
+/// [`Sink::begin_pass`] and [`Sink::end_pass`]. Both are called also when the pass fails, so that
+/// what came before the error is kept. The caller finishes the sinks.
 ///
 /// Frames are read ahead and taken by the sinks, where the algorithms leave a core free, in threads
 /// of their own, in the same order; else all happens in turn, so that other threads do not disturb
 /// the times that are measured. With a source that listens all happens in turn too. The threads for
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
-/// waits for the caller's pool, whose only thread may be waiting for them. A measured run
+/// waits for the caller's pool, whose only thread may be waiting for them. A measured pass
 /// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
 ///
 /// An algorithm that fails on a frame leaves no estimate for it, and the others continue. It is
 /// reported to the monitor, but not again while the algorithm fails for the same reason frame after
 /// frame.
 ///
-/// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
+/// The outcome holds also for a pass that failed, with the first error of the source, of a raw pair
 /// for an algorithm, or of a sink.
 pub fn run(
     source: &mut dyn Source,
     matchers: &mut Matchers,
-    start: &RunStart<'_>,
+    start: &PassStart<'_>,
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
     monitor: &mut dyn Monitor,
@@ -145,7 +145,7 @@ pub fn run(
     let has_free_core = cores > rayon::current_num_threads();
     let reads_ahead = has_free_core && !source.listens();
     let mut taken = TakenFrames::default();
-    let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
+    let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_pass(start));
     let ran = begun.and_then(|()| {
         if matching.is_measured() && !source.listens() {
             in_batches(source, &mut matching, sinks, &mut taken)
@@ -174,13 +174,13 @@ pub fn run(
         },
     };
     let error = ran.as_ref().err().map(ToString::to_string);
-    let end = RunEnd {
+    let end = PassEnd {
         losses: &outcome.losses,
         error: error.as_deref(),
     };
     let ended = sinks
         .iter_mut()
-        .map(|sink| sink.end_run(&end))
+        .map(|sink| sink.end_pass(&end))
         .fold(Ok(()), Result::and);
     (outcome, ran.and(ended))
 }

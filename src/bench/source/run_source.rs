@@ -7,9 +7,9 @@ use std::io::ErrorKind;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_report::TopicDelay;
-use svl_score::judge::{Judge, RunPart};
-use svl_score::manifest::RunRecord;
-use svl_score::scenario::{RecordingRun, Scenario};
+use svl_score::judge::{FrameOrigin, Judge};
+use svl_score::manifest::InputRecord;
+use svl_score::scenario::{InputFile, Scenario};
 use svl_sim::stress::Stress;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -17,7 +17,7 @@ use xxhash_rust::xxh3::Xxh3Default;
 ///
 /// # Errors
 /// [`Error::Io`] where it does not exist; [`Error::Usage`] for a scenario among recordings.
-pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Request<'a>> {
+pub fn run_request<'a>(scenario: &Scenario, run: &'a InputFile) -> Result<Request<'a>> {
     let path = &run.path;
     if !path.exists() {
         return Err(Error::io(path, ErrorKind::NotFound.into()));
@@ -78,7 +78,7 @@ pub struct RunSource {
     /// Seed of an arena's run.
     pub seed: Option<u64>,
     /// The recording that it reads, where it is one.
-    pub record: Option<RunRecord>,
+    pub record: Option<InputRecord>,
     /// Delays of the topics that it reads maps from.
     pub latency: Vec<TopicDelay>,
     /// Scenario and seed of the simulation that a recording is of.
@@ -113,7 +113,7 @@ impl RunSource {
     }
 
     /// A recording.
-    pub fn from_recording(run: &RecordingRun, opened: Opened) -> Result<Self> {
+    pub fn from_recording(run: &InputFile, opened: Opened) -> Result<Self> {
         Ok(Self {
             record: Some(opened.record(&run.name, &run.path)),
             simulated: opened.header.simulated(),
@@ -188,7 +188,7 @@ impl RunSource {
     /// of its first frame.
     pub fn judge(&mut self, judge: &Judge) -> Result<Judge> {
         let name = self.record.as_ref().map(|record| record.name.clone());
-        let run = RunPart {
+        let run = FrameOrigin {
             name: name.unwrap_or_default(),
             start_ns: self.start_ns,
             stress: None,

@@ -1,19 +1,18 @@
 //! Runs whose losses are reported.
 
 use super::{Matchers, Monitor, Outcome, Pace, run};
-use crate::sink::{CollectSink, RunStart, Sink, finish};
+use crate::sink::{CollectSink, PassStart, Sink, finish};
 use crate::source::{Chain, Source};
-use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_score::judge::Judged;
-use svl_score::losses::{LossLimit, Missing, RunEnding, RunState};
+use svl_score::losses::{EndState, Ending, Incomplete, LossLimit, Losses, Missing};
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
-/// The outcome holds also for a run that failed.
+/// The outcome holds also for a pass that failed.
 pub fn run_through(
     source: &mut dyn Source,
     matchers: &mut Matchers,
-    start: &RunStart<'_>,
+    start: &PassStart<'_>,
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
     mut monitor: impl Monitor,
@@ -35,11 +34,11 @@ pub fn run_through(
 /// Runs a source through the algorithms, and returns what the sink collects.
 ///
 /// # Errors
-/// The errors of the run; [`Error::Invalid`] for one that was interrupted.
+/// The errors of the pass; [`Error::Invalid`] for one that was interrupted.
 pub fn frames_through<T: Send + 'static>(
     source: &mut dyn Source,
     matchers: &mut Matchers,
-    start: &RunStart<'_>,
+    start: &PassStart<'_>,
     sink: CollectSink<T, impl FnMut(&Judged) -> T + Send + 'static>,
     monitor: impl Monitor,
 ) -> Result<Vec<T>> {
@@ -58,17 +57,17 @@ pub fn frames_through<T: Send + 'static>(
     Ok(collected.take())
 }
 
-/// The end of a run: complete, unless `ran` is an error.
-pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) -> RunEnding {
+/// The end of a pass: complete, unless `ran` is an error.
+pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) -> Ending {
     match ran {
-        Ok(()) => RunEnding::new(missing, allowed),
+        Ok(()) => Ending::new(missing, allowed),
         Err(why) => {
             let state = if interrupt::requested() {
-                RunState::Incomplete
+                EndState::Incomplete
             } else {
-                RunState::Failed
+                EndState::Failed
             };
-            RunEnding::early(state, why.to_string(), missing)
+            Ending::early(state, why.to_string(), missing)
         }
     }
 }
@@ -115,12 +114,12 @@ pub fn report_losses(name: &str, losses: &Losses) {
     }
 }
 
-/// Fails for a run that lost more than is allowed.
-pub fn complete(ending: &RunEnding) -> Result<()> {
+/// Fails for a pass that lost more than is allowed.
+pub fn complete(ending: &Ending) -> Result<()> {
     match (ending.state, &ending.incomplete) {
-        (RunState::Lossy, Some(missing)) => {
+        (EndState::Lossy, Some(missing)) => {
             let words = format!("{missing}; all else is kept");
-            Err(Error::Incomplete(words))
+            Err(Error::other(Incomplete(words)))
         }
         _ => Ok(()),
     }

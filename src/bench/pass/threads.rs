@@ -1,4 +1,4 @@
-//! The threads of a run: all in turn, side by side, or batch by batch where times are measured.
+//! The threads of a pass: all in turn, side by side, or batch by batch where times are measured.
 
 use super::matchers::Spent;
 use super::matching::{MatchedFrame, Matching, judged};
@@ -96,7 +96,7 @@ pub(super) fn side_by_side(
     })
 }
 
-/// Limit on the frames of a batch of a measured run.
+/// Limit on the frames of a batch of a measured pass.
 const MAX_BATCH_FRAMES: usize = 32;
 /// Limit on the bytes of a batch's frames and maps.
 const MAX_BATCH_BYTES: usize = 256 << 20;

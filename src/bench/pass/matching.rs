@@ -1,8 +1,8 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
-use super::matchers::{Matched, Matchers, RunMatcher, add};
+use super::matchers::{Matched, Matchers, ReadyMatcher, add};
 use super::{Monitor, Pace};
-use crate::sink::{RunStart, Wanted};
+use crate::sink::{PassStart, Wanted};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::{MatchContext, MatchOutput};
@@ -48,16 +48,16 @@ pub(super) fn judged(judge: &Judge, frame: Frame, matches: MatchedFrame) -> Judg
     judged
 }
 
-/// The part of a run between source and sinks.
+/// The part of a pass between source and sinks.
 pub(super) struct Matching<'a> {
     pub(super) matchers: &'a mut Matchers,
     pub(super) judge: &'a Judge,
     pacer: Pacer,
-    /// Number of times that a pair is matched in a measured run.
+    /// Number of times that a pair is matched in a measured pass.
     rounds: Option<usize>,
     /// The results that are asked for, if not all are.
     wanted: Option<&'a dyn Wanted>,
-    /// Place of the next pair in the run.
+    /// Place of the next pair in the pass.
     place: u64,
     /// The size of images whose ranges of disparities were looked at.
     ranged_for: Option<(usize, usize)>,
@@ -70,14 +70,14 @@ pub(super) struct Matching<'a> {
 impl<'a> Matching<'a> {
     pub(super) fn new(
         matchers: &'a mut Matchers,
-        start: &RunStart<'a>,
+        start: &PassStart<'a>,
         pace: Pace,
         monitor: &'a mut dyn Monitor,
     ) -> Self {
         let labels = matchers.0.iter().map(|entry| entry.label.clone());
         let failures = labels.map(|label| (label, 0)).collect();
         for entry in &mut matchers.0 {
-            entry.begin_run();
+            entry.begin_pass();
         }
         Self {
             matchers,
@@ -105,7 +105,7 @@ impl<'a> Matching<'a> {
         self.pacer.wait_for(frame);
         let (wanted, place) = (self.wanted, self.place);
         self.place += 1;
-        // Also of algorithms whose results are known: the warning belongs to the run.
+        // Also of algorithms whose results are known: the warning belongs to the pass.
         let is_new = self.ranged_for.replace(frame.pair.size()) != Some(frame.pair.size());
         if let Some(rig) = frame.rig().filter(|_| is_new && self.rounds.is_some()) {
             warn_of_ranges(&mut self.matchers.0, rig, self.judge.cells);
@@ -191,7 +191,7 @@ impl<'a> Matching<'a> {
 }
 
 /// True if the result of an algorithm of the pair at `place` is asked for.
-fn is_wanted(wanted: Option<&dyn Wanted>, place: u64, entry: &RunMatcher) -> bool {
+fn is_wanted(wanted: Option<&dyn Wanted>, place: u64, entry: &ReadyMatcher) -> bool {
     wanted.is_none_or(|wanted| wanted.wants(place, &entry.label))
 }
 
@@ -214,7 +214,7 @@ impl Pacer {
 
 /// The outputs of each algorithm, of all rounds or ahead.
 fn in_rounds(
-    matching: &mut [&mut RunMatcher],
+    matching: &mut [&mut ReadyMatcher],
     pair: RectifiedPair<'_>,
     context: &MatchContext<'_>,
     rounds: usize,
@@ -237,7 +237,7 @@ fn in_rounds(
 }
 
 /// Sets up the memory of algorithms for the size of a pair.
-fn warm_up(entries: &mut [&mut RunMatcher], pair: RectifiedPair<'_>, context: &MatchContext<'_>) {
+fn warm_up(entries: &mut [&mut ReadyMatcher], pair: RectifiedPair<'_>, context: &MatchContext<'_>) {
     for entry in entries {
         if entry.warm_for.replace(pair.size()) != Some(pair.size()) {
             entry.warm_up(pair, context);
@@ -246,7 +246,7 @@ fn warm_up(entries: &mut [&mut RunMatcher], pair: RectifiedPair<'_>, context: &M
 }
 
 /// Warns of algorithms whose ranges of disparities end before obstacles do, each once.
-fn warn_of_ranges(entries: &mut [RunMatcher], rig: &Rig, cells: CellRule) {
+fn warn_of_ranges(entries: &mut [ReadyMatcher], rig: &Rig, cells: CellRule) {
     let (obstacle_m, _) = cells.obstacle_and_clear_m();
     let px = rig.disparity_px(obstacle_m).ceil();
     let short = entries.iter_mut().filter_map(|entry| {

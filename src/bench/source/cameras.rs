@@ -1,14 +1,15 @@
 //! Cameras as a source.
 
 use super::Source;
-use svl_core::stereo::{Frame, GrabberReport, Losses};
-use svl_core::{Error, Result};
-use svl_grab::{self as grab, GrabRequest, Grabber, Host};
+use svl_core::Result;
+use svl_core::stereo::Frame;
+use svl_grab::{self as grab, GrabRequest, Grabber, Host, camera_error};
+use svl_score::losses::{GrabberReport, Losses};
 
 /// A running grabber as a source. It ends when `stopped`.
 ///
-/// When a camera fails, the pairs from before come first, then one [`svl_core::Error::Camera`].
-pub struct LiveSource {
+/// When a camera fails, the pairs from before come first, then one [`svl_grab::CameraError`].
+pub struct CameraSource {
     name: String,
     grabber: Grabber,
     stopped: fn() -> bool,
@@ -24,7 +25,7 @@ pub struct LiveSource {
 /// less.
 const MIN_RATE: f64 = 0.95;
 
-impl LiveSource {
+impl CameraSource {
     /// Opens the two cameras that `name` names, as `v4l2:/dev/video0,/dev/video2`, and starts to
     /// grab.
     ///
@@ -66,7 +67,7 @@ impl LiveSource {
     }
 }
 
-impl Source for LiveSource {
+impl Source for CameraSource {
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -84,7 +85,7 @@ impl Source for LiveSource {
             } else {
                 "gave no pair; the counts say why, and another --trigger or --pairing may help"
             };
-            return Err(Error::camera(&self.name, reason));
+            return Err(camera_error(&self.name, reason));
         }
         Ok(frame)
     }

@@ -1,9 +1,9 @@
-//! One drive: a course with an algorithm at the wheel, through the loop of [`crate::run`].
+//! One drive: a course with an algorithm at the wheel, through the loop of [`crate::pass`].
 
 use super::course::Course;
 use super::source::DriveSource;
-use crate::run::{Matchers, Monitor, Pace, run};
-use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, Wanted, frame_shot};
+use crate::pass::{Matchers, Monitor, Pace, run};
+use crate::sink::{Outbox, PassStart, RowIdentity, Sink, SinkRequest, Sinks, Wanted, frame_shot};
 use crate::source::{ArenaSource, Chain, Perturbation};
 use parking_lot::Mutex;
 use std::collections::VecDeque;
@@ -15,7 +15,7 @@ use svl_recording::{Header, SCENARIO, Writer};
 use svl_report::html::{CheckpointFigure, Rank};
 use svl_report::{CellRow, CoursePlan, DriveRow, FailureRow, Row, TrackRow};
 use svl_score::drive::{DriveEvent, DriveLog};
-use svl_score::judge::{Judge, Judged, RunPart};
+use svl_score::judge::{FrameOrigin, Judge, Judged};
 use svl_score::manifest::{Manifest, hash};
 use svl_score::scenario::Scenario;
 use svl_sim::stress::Stress;
@@ -74,16 +74,16 @@ impl DrivePlan<'_> {
         let mut matchers = Matchers::new(std::slice::from_ref(self.algorithm))?;
         let judge = Judge {
             checkpoints: Vec::new(),
-            run: RunPart {
+            run: FrameOrigin {
                 stress: self.stress_text(),
-                ..RunPart::default()
+                ..FrameOrigin::default()
             },
             ..self.scenario.judge()
         };
         let taken = FreeAlgorithm(Arc::clone(&log));
-        let start = RunStart {
+        let start = PassStart {
             wanted: Some(&taken),
-            ..RunStart::new(self.manifest, Some(self.course.seed()), &judge)
+            ..PassStart::new(self.manifest, Some(self.course.seed()), &judge)
         };
         let mut sinks = match self.writer()? {
             None => Vec::new(),
@@ -95,7 +95,7 @@ impl DrivePlan<'_> {
         };
         let kept = Outbox::default();
         sinks.push(Box::new(DriveSink {
-            identity: RunIdentity::default(),
+            identity: RowIdentity::default(),
             log: Arc::clone(&log),
             last: VecDeque::new(),
             kept: DriveResult::default(),
@@ -242,7 +242,7 @@ impl Wanted for FreeAlgorithm {
 
 /// Keeps the rows of a drive, and the frames before its worst collision.
 struct DriveSink {
-    identity: RunIdentity,
+    identity: RowIdentity,
     log: Arc<Mutex<DriveLog>>,
     /// The last frames, as long as they may be shown.
     last: VecDeque<Judged>,
@@ -251,8 +251,8 @@ struct DriveSink {
 }
 
 impl Sink for DriveSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = RunIdentity::new(start);
+    fn begin_pass(&mut self, start: &PassStart<'_>) -> Result<()> {
+        self.identity = RowIdentity::new(start);
         Ok(())
     }
 

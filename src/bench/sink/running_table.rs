@@ -13,7 +13,7 @@ const MAX_SHOWN: usize = 12;
 
 /// A sink that sums up results, and shows them as text. Clones share them.
 #[derive(Clone, Default)]
-pub struct LiveTable(Arc<Mutex<Vec<LiveLine>>>);
+pub struct RunningTable(Arc<Mutex<Vec<LiveLine>>>);
 
 struct LiveLine {
     algorithm: String,
@@ -23,7 +23,7 @@ struct LiveLine {
     time: Option<Duration>,
 }
 
-impl LiveTable {
+impl RunningTable {
     /// A line per algorithm, each after a line break.
     pub fn text(&self) -> String {
         let lines = self.0.lock();
@@ -70,7 +70,7 @@ impl LiveLine {
     }
 }
 
-impl Sink for LiveTable {
+impl Sink for RunningTable {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         let mut lines = self.0.lock();
         for scored in &judged.estimates {

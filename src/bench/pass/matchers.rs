@@ -1,4 +1,4 @@
-//! The algorithms of a run, each with its memory.
+//! The algorithms of a pass, each with its memory.
 
 use std::collections::VecDeque;
 use svl_core::depth::{self, CellDecision};
@@ -9,10 +9,10 @@ use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 use svl_score::memory::{self, MemoryUse};
 
-/// The algorithms of a run, ready to match.
-pub struct Matchers(pub(super) Vec<RunMatcher>);
+/// The algorithms of a pass, ready to match.
+pub struct Matchers(pub(super) Vec<ReadyMatcher>);
 
-pub(super) struct RunMatcher {
+pub(super) struct ReadyMatcher {
     pub(super) label: String,
     pub(super) matcher: Box<dyn Matcher>,
     /// Number of pairs that it failed on, the last reason, and true if that was on the previous
@@ -35,7 +35,7 @@ pub(super) struct RunMatcher {
     pub(super) ahead: VecDeque<Result<Vec<MatchOutput>>>,
 }
 
-impl RunMatcher {
+impl ReadyMatcher {
     pub(super) fn new(algorithm: &Algorithm) -> Result<Self> {
         let label = algorithm.label().to_owned();
         let matcher = algorithm.build().map_err(|error| match error {
@@ -74,7 +74,7 @@ impl Matchers {
                 )));
             }
         }
-        let entries = algorithms.iter().map(RunMatcher::new);
+        let entries = algorithms.iter().map(ReadyMatcher::new);
         entries.collect::<Result<_>>().map(Self)
     }
 
@@ -85,9 +85,9 @@ impl Matchers {
     pub fn replace(&mut self, algorithm: &Algorithm) -> Result<()> {
         let label = algorithm.label();
         if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
-            *entry = RunMatcher {
+            *entry = ReadyMatcher {
                 warned_of_range: entry.warned_of_range,
-                ..RunMatcher::new(algorithm)?
+                ..ReadyMatcher::new(algorithm)?
             };
         }
         Ok(())
@@ -102,7 +102,7 @@ impl Matchers {
     /// Splits off those with these labels.
     #[must_use]
     pub fn take(&mut self, labels: &[&str]) -> Self {
-        let is_named = |entry: &mut RunMatcher| labels.contains(&entry.label.as_str());
+        let is_named = |entry: &mut ReadyMatcher| labels.contains(&entry.label.as_str());
         Self(self.0.extract_if(.., is_named).collect())
     }
 
@@ -121,7 +121,7 @@ impl Matchers {
         self
     }
 
-    /// Labels of the algorithms whose results depend on all earlier pairs of a run.
+    /// Labels of the algorithms whose results depend on all earlier pairs of a pass.
     pub fn with_run_memory(&self) -> impl Iterator<Item = &str> {
         let entries = self.0.iter();
         let entries = entries.filter(|entry| entry.matcher.has_run_memory());
@@ -133,7 +133,7 @@ impl Matchers {
         Self(Vec::new())
     }
 
-    /// Completes the manifest with the memory of each algorithm, known after a measured run whose
+    /// Completes the manifest with the memory of each algorithm, known after a measured pass whose
     /// program counts it, with the pairs that each failed on, and with whether it depends on
     /// earlier ones.
     pub fn complete(&self, manifest: &mut Manifest) {
@@ -167,7 +167,7 @@ impl Matchers {
 /// Maps that the sinks no longer need, with the labels of their algorithms.
 pub(super) type Spent = Vec<(String, DisparityMap)>;
 
-impl RunMatcher {
+impl ReadyMatcher {
     /// Matches a pair. A decision of cells other than the median is part of the measured time; the
     /// median costs nothing beside a matcher.
     pub(super) fn compute(
@@ -226,9 +226,9 @@ impl RunMatcher {
         (!self.is_recorded).then(|| output.clock.times())
     }
 
-    /// A run begins.
-    pub(super) fn begin_run(&mut self) {
-        // Pairs of a run that was interrupted.
+    /// A pass begins.
+    pub(super) fn begin_pass(&mut self) {
+        // Pairs of a pass that was interrupted.
         self.ahead.clear();
         self.matcher.reset();
     }

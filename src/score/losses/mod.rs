@@ -1,12 +1,20 @@
-//! Losses of a run: missing pairs, the limit on them, and the state of the run at its end.
+//! Losses of a pass: missing pairs, the limit on them, and the state of the pass at its end.
 
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 use svl_core::counted;
-use svl_core::stereo::Losses;
 
-/// Losses with which a run counts as complete, written `3` or `1%`.
+mod counts;
+
+pub use counts::{GrabberReport, Losses};
+
+/// The work is done, but something is missing: a [`svl_core::Error::Other`], with what is missing.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Incomplete(pub String);
+
+/// Losses with which a pass counts as complete, written `3` or `1%`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenLimit", into = "WrittenLimit")]
 pub enum LossLimit {
@@ -82,7 +90,7 @@ impl Display for LossLimit {
     }
 }
 
-/// Number of pairs of a run, and of those missing from it: shards add up to the whole.
+/// Number of pairs of a pass, and of those missing from it: shards add up to the whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
     /// Pairs read, of every run and perturbation level.
@@ -105,7 +113,7 @@ pub struct FailedPairs {
 }
 
 impl Missing {
-    /// Adds the missing pairs of another run.
+    /// Adds the missing pairs of another pass.
     pub fn add(&mut self, other: Self) {
         self.pairs += other.pairs;
         self.losses.add(other.losses);
@@ -177,10 +185,10 @@ impl Missing {
     }
 }
 
-/// State of a run at its end.
+/// State of a pass or of a whole report at its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum RunState {
+pub enum EndState {
     /// At the end of its sources, with everything except allowed losses.
     #[default]
     Complete,
@@ -192,34 +200,34 @@ pub enum RunState {
     Failed,
 }
 
-/// The end of a run, and its missing pairs.
+/// The end of a pass or of a whole report, and its missing pairs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunEnding {
-    pub state: RunState,
+pub struct Ending {
+    pub state: EndState,
     /// The reason why it is not complete, in words.
     pub incomplete: Option<String>,
     pub missing: Missing,
 }
 
-impl RunEnding {
-    /// For a run that reached the end of its sources.
+impl Ending {
+    /// For a pass that reached the end of its sources.
     pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
         let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
         let more = allowed.map(|limit| format!(", more than {limit}").replace('%', " %"));
         let words = missing.words().filter(|_| is_lossy);
         Self {
             state: if is_lossy {
-                RunState::Lossy
+                EndState::Lossy
             } else {
-                RunState::Complete
+                EndState::Complete
             },
             incomplete: words.map(|words| words + &more.unwrap_or_default()),
             missing,
         }
     }
 
-    /// For a run that ended early.
-    pub fn early(state: RunState, why: String, missing: Missing) -> Self {
+    /// For a pass that ended early.
+    pub fn early(state: EndState, why: String, missing: Missing) -> Self {
         Self {
             state,
             incomplete: Some(why),
@@ -229,13 +237,13 @@ impl RunEnding {
 
     /// True if it reached the end of its sources.
     pub fn is_whole(&self) -> bool {
-        matches!(self.state, RunState::Complete | RunState::Lossy)
+        matches!(self.state, EndState::Complete | EndState::Lossy)
     }
 
-    /// Everything that is not scored but does not make the run incomplete, in words.
+    /// Everything that is not scored but does not make the pass incomplete, in words.
     pub fn note(&self) -> Option<String> {
         let allowed = self.missing.words();
-        let allowed = allowed.filter(|_| self.state == RunState::Complete);
+        let allowed = allowed.filter(|_| self.state == EndState::Complete);
         let outside = counted(self.missing.losses.outside, "image");
         let outside = (self.missing.losses.outside > 0)
             .then(|| format!("{outside} outside the overlap of both cameras"));
@@ -276,9 +284,9 @@ mod tests {
         }
     }
 
-    fn state(missing: &Missing, limit: Option<&str>) -> RunState {
+    fn state(missing: &Missing, limit: Option<&str>) -> EndState {
         let limit = limit.map(|limit| limit.parse().unwrap());
-        RunEnding::new(missing.clone(), limit).state
+        Ending::new(missing.clone(), limit).state
     }
 
     #[test]
@@ -308,15 +316,15 @@ mod tests {
         let one = missing(199, unpaired(1, 0), &[]);
         let states = [None, Some("0"), Some("0.4%"), Some("0.5%"), Some("1")];
         assert_eq!(
-            states.map(|limit| state(&one, limit) == RunState::Complete),
+            states.map(|limit| state(&one, limit) == EndState::Complete),
             [false, false, false, true, true]
         );
         // Every tenth of them was requested.
         let one = missing(20, unpaired(1, 179), &[]);
-        assert_eq!(state(&one, Some("0.5%")), RunState::Complete);
+        assert_eq!(state(&one, Some("0.5%")), EndState::Complete);
         assert_eq!(
             state(&missing(9, unpaired(0, 0), &[]), None),
-            RunState::Complete
+            EndState::Complete
         );
     }
 
@@ -324,10 +332,10 @@ mod tests {
     fn the_limit_of_losses_applies_to_each_algorithm() {
         let losses = Losses::default;
         let few = missing(200, losses(), &[(200, 2), (200, 2), (200, 2)]);
-        assert_eq!(state(&few, Some("1%")), RunState::Complete);
-        assert_eq!(state(&few, Some("1")), RunState::Lossy);
+        assert_eq!(state(&few, Some("1%")), EndState::Complete);
+        assert_eq!(state(&few, Some("1")), EndState::Lossy);
         let all = missing(200, losses(), &[(200, 0), (200, 200), (200, 0)]);
-        assert_eq!(state(&all, Some("50%")), RunState::Lossy);
+        assert_eq!(state(&all, Some("50%")), EndState::Lossy);
     }
 
     #[test]

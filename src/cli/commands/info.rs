@@ -1,0 +1,197 @@
+//! `svl info`: the contents of a recording, and its integrity.
+
+use crate::cli::shared::data::{DataField, data_table, data_text, events, field};
+use crate::cli::shared::progress::listen_for_interrupt;
+use crate::cli::shared::terminal::{print, print_json, width, wrapped};
+use std::path::{Path, PathBuf};
+use svl::recording::{Recording, RecordingSummary, is_bag};
+use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
+use svl::{Error, interrupt};
+
+/// Show the contents of a recording, and check its integrity
+///
+/// The first line says if svl can use it: pairs, raw or rectified, calibration, truth, what is
+/// missing and the cure.
+///
+/// Also shows, from the first pairs, the size of the images, focal length and baseline, the nearest
+/// distance by the default range of disparities, and the number of cells that each ground truth
+/// would score. For a folder of images only these are shown.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl info recordings/arena.mcap
+  svl info bag.mcap     which topics of a ROS 2 bag svl would take
+  svl info ros2:        the published topics, and why they form no pairs
+  svl info pictures/    image size, focal length, baseline, truth
+  svl info recordings/arena.mcap --json | jq '.gaps | length'")]
+pub(crate) struct Args {
+    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
+    /// of images, or live topics: ros2:[LEFT,RIGHT]
+    file: PathBuf,
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let name = args.file.to_string_lossy();
+    let live = match SourceKind::topics(&name) {
+        Some(topics) => {
+            listen_for_interrupt();
+            Some((topics.listen)(&name, interrupt::requested)?)
+        }
+        None => None,
+    };
+    let file = live.as_ref().map_or_else(|| args.file.clone(), Heard::bag);
+    let is_recording = !file.is_dir() || is_bag(&file);
+    let summary = if is_recording {
+        Some(Recording::open(&file)?.summary()?)
+    } else {
+        None
+    };
+    let path = file.to_string_lossy();
+    let mut request = Request::new(&path);
+    if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
+        (request.options.left, request.options.right) = (Some(left), Some(right));
+    }
+    let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
+        Ok(facts) => {
+            let pairs = summary.as_ref().map(|summary| summary.pairs);
+            let usability = Usability::from_facts(pairs.or(facts.pairs), &facts);
+            (usability, Some(facts), None)
+        }
+        // A recording without pairs has a summary all the same.
+        Err(error) if summary.is_some() => {
+            let (words, reason) = no_pairs(error, &file, &name);
+            (Usability::without_pairs(&reason), None, Some(words))
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let is_intact = summary.as_ref().map(RecordingSummary::is_intact);
+    let cure = (is_intact == Some(false)).then(|| format!("svl recover {name} -o OUT.mcap"));
+    if let Some(cure) = &cure {
+        usability.missing.push(format!("a damaged file: `{cure}`"));
+    }
+    let info = Info {
+        usability,
+        is_intact,
+        cure,
+        duration_ns: summary.as_ref().map(RecordingSummary::duration_ns),
+        summary,
+        live,
+        first_pairs,
+        no_pairs,
+    };
+    if args.json {
+        print_json(&info)
+    } else {
+        print(&info.text(&name))
+    }
+}
+
+/// The reason why a file has no pairs, of the source `name` and alone: live topics are read from a
+/// file that is removed.
+fn no_pairs(error: Error, file: &Path, name: &str) -> (String, String) {
+    match error {
+        Error::Format { path, reason } | Error::Damaged { path, reason } if path == file => {
+            (format!("{name}: {reason}"), reason)
+        }
+        error => (error.to_string(), error.to_string()),
+    }
+}
+
+/// The JSON that `--json` prints.
+#[derive(serde::Serialize)]
+struct Info {
+    /// Can svl use it?
+    usability: Usability,
+    is_intact: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cure: Option<String>,
+    duration_ns: Option<u64>,
+    #[serde(flatten)]
+    summary: Option<RecordingSummary>,
+    /// In place of a file, what was heard of live topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<Heard>,
+    first_pairs: Option<SourceFacts>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_pairs: Option<String>,
+}
+
+/// The lines of the text; docs/recording.md explains them.
+const FIELDS: &[DataField] = &[
+    field("bytes", "size"),
+    field("duration_ns", "duration"),
+    field("is_intact", "intact"),
+    field("damage", "damage"),
+    field("checksums", "checksums"),
+    field("library", "writer"),
+    field("header.source", "source"),
+    field("header.scenario", "scenario"),
+    field("header.seed", "seed"),
+    field("header.calibration", "calibration"),
+    field("header.bits", "bits"),
+    field("manifest.run_id", "session"),
+    field("manifest.began", "began"),
+    field("manifest.machine.processor", "machine"),
+    field("live.seconds", "seconds"),
+    field("live.silent", "silent topics"),
+    field("live.lost", "lost messages"),
+    field("live.others", "other topics"),
+    field("no_pairs", "no pairs"),
+    field("pairs", "pairs"),
+    field("stereo", "paired topics"),
+    field("header.stamps", "stamps"),
+    field("period_ns", "period"),
+    events("drops", "dropped frames"),
+    events("drops_before", "before a pair"),
+    events("missing_pairs", "missing pairs"),
+    events("unpaired", "unpaired"),
+    field("videos", "video"),
+    field("first_pairs.geometry", "geometry"),
+    field("first_pairs.size_px", "images"),
+    field("first_pairs.focal_px", "focal length"),
+    field("first_pairs.rig.baseline_m", "baseline"),
+    field(
+        "first_pairs.vertical_misalignment.median_abs_px",
+        "misaligned",
+    ),
+    field("misalignment", "by algorithm"),
+    field("first_pairs.nearest", "nearest"),
+    field("first_pairs.truths", "truth"),
+    field("grabber", "grabber"),
+    field("skew", "skew"),
+    field("skew.histogram", "spread of skew"),
+    field("gaps", "gaps"),
+    events("repeated_images", "repeated images"),
+    field("clock_jumps", "clock jumps"),
+    field("poses", "poses"),
+    field("poses.frames", "frames"),
+    field("missing", "missing"),
+    field("losses", "damaged parts"),
+    field("cure", "cure"),
+    field("attachments", "attachments"),
+];
+
+const TOPIC_COLUMNS: [(&str, &str); 5] = [
+    ("name", "topic"),
+    ("messages", "messages"),
+    ("rate_hz", "rate"),
+    ("bytes", "size"),
+    ("schema", "schema"),
+];
+
+impl Info {
+    fn text(&self, name: &str) -> String {
+        let head = format!("{}: ", self.usability.answer());
+        let usability = wrapped(&head, head.len(), &self.usability.words(), width());
+        let topics = self.summary.iter();
+        let topics = topics.map(|summary| data_table(&summary.topics, &TOPIC_COLUMNS, width()));
+        let topics: String = topics.map(|table| format!("\n{table}")).collect();
+        format!(
+            "{usability}{name}\n{}{topics}",
+            data_text(self, FIELDS, width())
+        )
+    }
+}

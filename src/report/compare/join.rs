@@ -1,0 +1,368 @@
+//! Two reports, joined once: their algorithms, and of each the pairs or courses of both.
+
+use super::scored_run::ScoredRun;
+use crate::drives::DriveRow;
+use crate::rows::Row;
+use crate::samples::{RunKey, is_scene, run_key};
+use crate::words::shell_word;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use svl_core::{Error, Result};
+use svl_score::losses::Incomplete;
+use svl_score::manifest::Manifest;
+
+/// Two reports, the pairs of the second in the order of the first.
+pub struct Join<'a> {
+    pub(super) runs: [&'a ScoredRun; 2],
+    pub(super) is_driven: bool,
+    pub(super) algorithms: Vec<JoinedAlgorithm<'a>>,
+}
+
+/// An algorithm of the first report with one of the second.
+#[derive(Default)]
+pub(super) struct JoinedAlgorithm<'a> {
+    pub labels: [&'a str; 2],
+    /// Rows of the pairs with equal pixels, those of a run beside each other.
+    pub pairs: Vec<[&'a Row; 2]>,
+    /// The drives through equal courses.
+    pub courses: Vec<[&'a DriveRow; 2]>,
+    /// Pairs or courses of either report without a partner.
+    pub unmatched: usize,
+    /// Pairs that the second failed on and of which the first has a result.
+    pub newly_failed: usize,
+    /// Pairs before which the two have different pairs.
+    pub other_past: usize,
+    /// Runs whose pairs both have completely, by the names of each: checkpoints are counted over
+    /// whole runs.
+    pub whole_runs: [Vec<RunKey<'a>>; 2],
+}
+
+/// Run, number and name of a pair, by the names and numbers of the first report.
+type PairKey<'a> = (RunKey<'a>, u64, &'a str);
+type PairRows<'a> = BTreeMap<PairKey<'a>, &'a Row>;
+
+impl<'a> Join<'a> {
+    /// Joins the algorithms that `map` names, as `BASE=OTHER`, and of the others those of equal
+    /// labels; without a map, where each report has just one, these two.
+    ///
+    /// # Errors
+    /// [`Incomplete`] when the reports have no algorithm or no pair in common;
+    /// [`Error::Invalid`] for drives and pairs, and for a map of algorithms that they do not have.
+    pub fn new(base: &'a ScoredRun, other: &'a ScoredRun, map: &[String]) -> Result<Self> {
+        let runs = [base, other];
+        let is_driven = !base.drives.is_empty();
+        if is_driven == other.drives.is_empty() {
+            return Err(Error::Invalid(format!(
+                "{}: is of drives, and the other report is of pairs; compare two of a kind",
+                runs[usize::from(!is_driven)].name.display()
+            )));
+        }
+        let alignment = AlignedRuns::new(base, other);
+        let labels = matched_labels(&base.manifest, &other.manifest, map)?;
+        let algorithms = labels.into_iter().map(|labels| {
+            if is_driven {
+                JoinedAlgorithm::from_courses(runs, labels)
+            } else {
+                JoinedAlgorithm::from_pairs(runs, labels, &alignment)
+            }
+        });
+        let join = Self {
+            runs,
+            is_driven,
+            algorithms: algorithms.collect(),
+        };
+        let shown = || format!("{} and {}", base.name.display(), other.name.display());
+        let has_any = |own: &JoinedAlgorithm<'_>| own.compared() > 0 || own.newly_failed > 0;
+        if join.algorithms.is_empty() {
+            let [ours, theirs] = runs.map(|run| run.labels().join(", "));
+            let words = format!("{}: no algorithm in common ({ours}; {theirs})", shown());
+            let parts: Vec<_> = [words].into_iter().chain(join.map_options()).collect();
+            return Err(Error::other(Incomplete(parts.join("; "))));
+        }
+        if !join.algorithms.iter().any(has_any) {
+            let things = if is_driven { "course" } else { "pair" };
+            return Err(Error::other(Incomplete(format!(
+                "{}: no {things} in common: their {things}s differ, as those of other scenarios, \
+                 seeds or arena versions do",
+                shown()
+            ))));
+        }
+        Ok(join)
+    }
+
+    /// True if the label of that report is compared.
+    fn is_joined(&self, side: usize, label: &str) -> bool {
+        self.algorithms.iter().any(|own| own.labels[side] == label)
+    }
+
+    /// Labels that only this report has, and that are not compared.
+    pub(super) fn only_in(&self, side: usize) -> Vec<String> {
+        let others = self.runs[1 - side].labels();
+        let own = self.runs[side].labels().into_iter();
+        let only = own.filter(|label| !others.contains(label) && !self.is_joined(side, label));
+        only.map(str::to_owned).collect()
+    }
+
+    /// Labels of both reports that in one of them are not compared, as a map names the namesake.
+    pub(super) fn left_out(&self) -> Vec<&str> {
+        let [mut ours, theirs] = self.runs.map(ScoredRun::labels);
+        let is_joined = |label| self.is_joined(0, label) && self.is_joined(1, label);
+        ours.retain(|label| theirs.contains(label) && !is_joined(label));
+        ours
+    }
+
+    /// The options that compare algorithms of one report alone with those of the other with other
+    /// parameters, where each has just one of a name.
+    pub(super) fn map_options(&self) -> Option<String> {
+        let record = |side: usize, label: &String| self.runs[side].record(label);
+        let only = [0, 1].map(|side| self.only_in(side));
+        let one = |side: usize, name: &str| {
+            let mut own = only[side]
+                .iter()
+                .filter(|own| record(side, own).is_some_and(|r| r.name == name));
+            own.next().filter(|_| own.next().is_none())
+        };
+        let maps = only[0].iter().filter_map(|label| {
+            let name = &record(0, label)?.name;
+            let map = format!("{}={}", one(0, name)?, one(1, name)?);
+            Some(format!("--map {}", shell_word(&map)))
+        });
+        let options = maps.collect::<Vec<_>>().join(" ");
+        (!options.is_empty()).then(|| format!("add `{options}` to compare other parameters"))
+    }
+}
+
+/// The algorithms that are compared, by their labels in the two reports.
+fn matched_labels<'a>(
+    base: &'a Manifest,
+    other: &'a Manifest,
+    map: &[String],
+) -> Result<Vec<[&'a str; 2]>> {
+    let (ours, theirs): (Vec<_>, Vec<_>) = (base.labels().collect(), other.labels().collect());
+    let mut both = Vec::new();
+    for text in map {
+        // Either label may hold `=`.
+        let splits = text
+            .match_indices('=')
+            .map(|(i, _)| (&text[..i], &text[i + 1..]));
+        let find = |labels: &[&'a str], label| labels.iter().find(|own| **own == label).copied();
+        let mut known = splits.filter_map(|(a, b)| Some([find(&ours, a)?, find(&theirs, b)?]));
+        both.push(known.next().ok_or_else(|| {
+            let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+            Error::Invalid(format!(
+                "--map {text}: expected BASE=OTHER, an algorithm of the first report ({ours}) and \
+                 one of the other ({theirs})"
+            ))
+        })?);
+    }
+    match (&ours[..], &theirs[..]) {
+        // With one algorithm each, two different algorithms can be compared: v1 with v3.
+        ([one], [another]) if both.is_empty() => both.push([one, another]),
+        // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where their
+        // parameters are equal.
+        _ => {
+            let is_free = |label: &&&str| both.iter().all(|pair| !pair.contains(label));
+            let equal = ours
+                .iter()
+                .filter(|label| theirs.contains(label))
+                .filter(is_free);
+            let equal: Vec<_> = equal.map(|label| [*label; 2]).collect();
+            both.extend(equal);
+        }
+    }
+    Ok(both)
+}
+
+/// The second report's runs by the names, and its scenes by the numbers, that the first has them
+/// under.
+struct AlignedRuns<'a> {
+    runs: BTreeMap<RunKey<'a>, RunKey<'a>>,
+    scenes: HashMap<u64, u64>,
+}
+
+impl<'a> AlignedRuns<'a> {
+    fn new(base: &'a ScoredRun, other: &'a ScoredRun) -> Self {
+        Self {
+            runs: aligned_runs(base, other),
+            scenes: aligned_scenes(base, other),
+        }
+    }
+
+    fn place(&self, run: RunKey<'a>, sequence: u64) -> (RunKey<'a>, u64) {
+        let run = *self.runs.get(&run).unwrap_or(&run);
+        // Scenes are in no recording and of no seed.
+        let scene = self.scenes.get(&sequence).filter(|_| run == (None, None));
+        (run, *scene.unwrap_or(&sequence))
+    }
+}
+
+/// Each run is the one with the most pairs in common, of several that of its own name: a recording
+/// may have another name, or be of a seed of the arena.
+fn aligned_runs<'a>(base: &'a ScoredRun, other: &'a ScoredRun) -> BTreeMap<RunKey<'a>, RunKey<'a>> {
+    let in_run = |row: &&Row| !is_scene(row);
+    let pair = |row: &'a Row| (row.sequence, row.stamp_ns, row.pair_hash.as_str());
+    let by_pair = base.rows.iter().filter(in_run);
+    let by_pair: HashMap<_, _> = by_pair.map(|row| (pair(row), run_key(row))).collect();
+    let mut common: BTreeMap<RunKey<'_>, BTreeMap<RunKey<'_>, u64>> = BTreeMap::new();
+    for row in other.rows.iter().filter(in_run) {
+        let runs = common.entry(run_key(row)).or_default();
+        if let Some(run) = by_pair.get(&pair(row)) {
+            *runs.entry(*run).or_default() += 1;
+        }
+    }
+    let names = common.iter().map(|(own, runs)| {
+        let best = runs
+            .iter()
+            .max_by_key(|(run, pairs)| (**pairs, *run == own));
+        (*own, *best.map_or(own, |(run, _)| run))
+    });
+    let names: BTreeMap<_, _> = names.collect();
+    // All keep their names if two would have the same.
+    let is_unique = names.values().collect::<BTreeSet<_>>().len() == names.len();
+    if is_unique { names } else { BTreeMap::new() }
+}
+
+/// A folder that got another scene numbers the later ones anew.
+fn aligned_scenes(base: &ScoredRun, other: &ScoredRun) -> HashMap<u64, u64> {
+    let scenes = base.rows.iter().filter(|row| is_scene(row));
+    let scenes = scenes.map(|row| ((&row.name, &row.pair_hash), row.sequence));
+    let scenes: HashMap<_, _> = scenes.collect();
+    let behind = scenes.values().max().map_or(0, |last| last + 1);
+    let number = |row: &Row| scenes.get(&(&row.name, &row.pair_hash)).copied();
+    let others = other.rows.iter().filter(|row| is_scene(row));
+    others
+        .map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)))
+        .collect()
+}
+
+impl<'a> JoinedAlgorithm<'a> {
+    /// Number of pairs or courses of both.
+    pub fn compared(&self) -> usize {
+        self.pairs.len().max(self.courses.len())
+    }
+
+    /// The rows of the pairs in one of the reports.
+    pub fn rows(&self, side: usize) -> Vec<&'a Row> {
+        self.pairs.iter().map(|pair| pair[side]).collect()
+    }
+
+    /// The pairs of equal number and pixels: another seed or version of the arena renders other
+    /// pixels, and pairs of a parked robot have equal ones.
+    fn from_pairs(
+        [base, other]: [&'a ScoredRun; 2],
+        labels: [&'a str; 2],
+        alignment: &AlignedRuns<'a>,
+    ) -> Self {
+        let rows =
+            |run: &'a ScoredRun, label, place: &dyn Fn(RunKey<'a>, u64) -> (RunKey<'a>, u64)| {
+                let own = run.rows.iter().filter(|row| row.algorithm == label);
+                let own = own.map(|row| {
+                    let (run, number) = place(run_key(row), row.sequence);
+                    ((run, number, row.name.as_str()), row)
+                });
+                own.collect::<PairRows<'a>>()
+            };
+        let ours = rows(base, labels[0], &|run, number| (run, number));
+        let theirs = rows(other, labels[1], &|run, number| {
+            alignment.place(run, number)
+        });
+        let both = ours.iter().filter_map(|(key, a)| {
+            let b = theirs.get(key).filter(|b| a.pair_hash == b.pair_hash);
+            b.map(|b| [*a, *b])
+        });
+        let pairs: Vec<_> = both.collect();
+        let has_results: BTreeSet<_> = ours.keys().map(|key| (key.0, key.1)).collect();
+        let failures = other
+            .failures
+            .iter()
+            .filter(|row| row.algorithm == labels[1]);
+        let failures = failures.filter(|row| {
+            let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
+            has_results.contains(&place)
+        });
+        let has_run_memory = [base, other].iter().zip(labels).any(|(run, label)| {
+            run.record(label)
+                .is_some_and(|record| record.has_run_memory)
+        });
+        Self {
+            labels,
+            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+            newly_failed: failures.count(),
+            other_past: if has_run_memory {
+                other_past(&ours, &theirs)
+            } else {
+                0
+            },
+            whole_runs: whole_runs(&pairs, [&ours, &theirs]),
+            pairs,
+            ..Self::default()
+        }
+    }
+
+    /// The courses of equal seed and obstacles.
+    fn from_courses([base, other]: [&'a ScoredRun; 2], labels: [&'a str; 2]) -> Self {
+        let drives = |run: &'a ScoredRun, label| {
+            let own = run
+                .drives
+                .iter()
+                .filter(|row| row.algorithm == label && row.stress.is_none());
+            own.map(|row| (row.seed, row)).collect::<BTreeMap<_, _>>()
+        };
+        let (ours, theirs) = (drives(base, labels[0]), drives(other, labels[1]));
+        let both = ours
+            .iter()
+            .filter(|(seed, _)| base.has_course_of(other, **seed));
+        let courses: Vec<_> = both
+            .filter_map(|(seed, row)| Some([*row, *theirs.get(seed)?]))
+            .collect();
+        Self {
+            labels,
+            unmatched: ours.len() + theirs.len() - 2 * courses.len(),
+            courses,
+            ..Self::default()
+        }
+    }
+}
+
+/// The runs, by the names of each report, of which both have no other pairs than these.
+fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKey<'a>>; 2] {
+    let names = |pair: &[&'a Row; 2]| pair.map(run_key);
+    let runs = pairs.chunk_by(|a, b| names(a) == names(b));
+    let is_whole = |run: &&[[&'a Row; 2]]| {
+        (0..2).all(|side| {
+            let name = run_key(run[0][side]);
+            all[side]
+                .values()
+                .filter(|row| run_key(row) == name)
+                .count()
+                == run.len()
+        })
+    };
+    let whole: Vec<_> = runs.filter(is_whole).map(|run| names(&run[0])).collect();
+    [0, 1].map(|side| whole.iter().map(|names| names[side]).collect())
+}
+
+/// The number of common pairs before which the two reports have different pairs.
+fn other_past(ours: &PairRows<'_>, theirs: &PairRows<'_>) -> usize {
+    let (ours, theirs) = (pasts(ours), pasts(theirs));
+    let differs = |(key, (pair, past)): &(&PairKey<'_>, &(&str, u64))| {
+        let other = theirs.get(*key);
+        other.is_some_and(|(other, other_past)| other == pair && other_past != past)
+    };
+    ours.iter().filter(differs).count()
+}
+
+/// Per pair its hash, and that of all earlier pairs of its run.
+fn pasts<'a>(rows: &PairRows<'a>) -> BTreeMap<PairKey<'a>, (&'a str, u64)> {
+    let (mut run, mut past) = (None, DefaultHasher::new());
+    let pasts = rows.iter().map(|(key, row)| {
+        // Scenes of a data set are independent of each other.
+        if run.replace(key.0) != Some(key.0) || is_scene(row) {
+            past = DefaultHasher::new();
+        }
+        let before = past.finish();
+        row.pair_hash.hash(&mut past);
+        (*key, (row.pair_hash.as_str(), before))
+    });
+    pasts.collect()
+}
