@@ -1,8 +1,8 @@
 //! An append-only MCAP file: every prefix of complete chunks is valid.
 
-use mcap::records::{MessageHeader, Metadata};
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use mcap::write::NoSeek;
-use mcap::{Attachment, Compression, McapError, McapResult, WriteOptions};
+use mcap::{Compression, McapError, McapResult, WriteOptions};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -96,8 +96,16 @@ impl AppendFile {
         self.write(|mcap| mcap.write_to_known_channel(header, data))
     }
 
-    pub(super) fn attach(&mut self, attachment: &Attachment<'_>) -> Result<()> {
-        self.write(|mcap| mcap.attach(attachment))
+    pub(super) fn begin_attachment(&mut self, bytes: u64, header: AttachmentHeader) -> Result<()> {
+        self.write(|mcap| mcap.start_attachment(bytes, header))
+    }
+
+    pub(super) fn attachment_piece(&mut self, piece: &[u8]) -> Result<()> {
+        self.write(|mcap| mcap.put_attachment_bytes(piece))
+    }
+
+    pub(super) fn finish_attachment(&mut self) -> Result<()> {
+        self.write(mcap::Writer::finish_attachment)
     }
 
     pub(super) fn metadata(&mut self, metadata: &Metadata) -> Result<()> {

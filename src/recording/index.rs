@@ -1,12 +1,12 @@
 //! The index of one MCAP file: its writer, topics, message counts, metadata and attachments.
 //!
-//! It is read from the summary section. Only if that is missing, corrupt or incomplete, the file is
-//! walked from record to record, skipping its chunks.
+//! It is read from the summary section. Only if that is missing, corrupt or incomplete, all of the
+//! file is read.
 
 use super::file::McapFile;
-use super::messages::{Contents, Declared, EventReader, FileEvent, Messages, Section};
+use super::messages::{Declared, EventReader, FileEvent, Messages};
 use super::records::Records;
-use mcap::records::{Header, Metadata, Record, op};
+use mcap::records::{ChunkIndex, Header, Metadata, Record, op};
 use std::path::Path;
 use svl_core::{Error, Result};
 
@@ -15,52 +15,109 @@ use svl_core::{Error, Result};
 pub(super) struct Index {
     /// MCAP's header: profile and library. `None` if it cannot be read.
     pub(super) header: Option<Header>,
-    /// Topics and message counts; empty without a summary.
+    /// Topics, and message counts if there is an intact summary.
     pub(super) declared: Declared,
     /// Metadata records in the order of the file.
     pub(super) metadata: Vec<Metadata>,
     /// Names of the attachments and positions of their records, in file order.
     pub(super) attachments: Vec<(String, u64)>,
-    /// Position and reason of the walk's end, if before the end of the file.
+    /// The first damage, if the file was read for want of a summary.
     damage: Option<String>,
+}
+
+/// Contents of an intact summary section.
+#[derive(Default)]
+pub(super) struct Summary {
+    pub(super) declared: Declared,
+    attachments: Vec<(String, u64)>,
+    /// Positions of the metadata records.
+    metadata: Vec<u64>,
+    /// The chunks in the order of the file.
+    pub(super) chunks: Vec<ChunkIndex>,
+}
+
+impl Summary {
+    /// `None` if the file has none, or it is corrupt or not where the footer says.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn read(file: &McapFile) -> Result<Option<Self>> {
+        let mut records = Records::unread(file)?;
+        if !records.seek_summary()? {
+            return Ok(None);
+        }
+        let mut messages = Messages::new(records, Declared::default());
+        let mut found = Self::default();
+        while let Some(opcode) = messages.advance()? {
+            match messages.records.parse(opcode) {
+                Ok(Record::AttachmentIndex(index)) => {
+                    found.attachments.push((index.name, index.offset));
+                }
+                Ok(Record::MetadataIndex(index)) => found.metadata.push(index.offset),
+                Ok(Record::ChunkIndex(index)) => found.chunks.push(index),
+                _ if is_data(opcode) => return Ok(None),
+                _ => {}
+            }
+        }
+        if !messages.records.losses.is_empty() {
+            return Ok(None);
+        }
+        // Writers may list them in any order; the first in the file wins among equal names.
+        found.attachments.sort_by_key(|(_, start)| *start);
+        found.metadata.sort_unstable();
+        found.chunks.sort_by_key(|chunk| chunk.chunk_start_offset);
+        found.declared = messages.declared().clone();
+        Ok(Some(found))
+    }
+}
+
+/// True if records of this kind belong to the data section, including its end.
+fn is_data(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::HEADER | op::MESSAGE | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END
+    )
 }
 
 impl Index {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is not MCAP.
     pub(super) fn read(file: &McapFile) -> Result<Self> {
-        let Section::Intact(contents) = Messages::summary(file)? else {
-            return Self::walk(file);
+        let Some(summary) = Summary::read(file)? else {
+            let index = Self::walk(file)?;
+            let declared = index.declared.without_counts();
+            return Ok(Self { declared, ..index });
         };
         // The counts of an intact summary are valid even if its index entries are not.
-        let index = match Self::from_summary(file, &contents)? {
+        let index = match Self::from_summary(file, &summary)? {
             Some(index) => index,
             None => Self::walk(file)?,
         };
-        let declared = contents.declared;
+        let declared = summary.declared;
         Ok(Self { declared, ..index })
     }
 
     /// The index from the summary section; `None` if that does not list everything, or points to a
     /// wrong position.
-    fn from_summary(file: &McapFile, contents: &Contents) -> Result<Option<Self>> {
-        if !contents.is_complete() {
+    fn from_summary(file: &McapFile, summary: &Summary) -> Result<Option<Self>> {
+        let (attachments, metadata) = (&summary.attachments, &summary.metadata);
+        if !summary.declared.counts(attachments.len(), metadata.len()) {
             return Ok(None);
         }
-        let mut records = Records::open(file)?;
+        let mut records = Records::open(file, true)?;
         let mut index = Self::default();
         if let Ok(Some(op::HEADER)) = records.advance()
             && let Ok(Record::Header(header)) = records.parse(op::HEADER)
         {
             index.header = Some(header);
         }
-        for &start in &contents.metadata {
+        for &start in metadata {
             match records.record_at(start)? {
                 Some(Record::Metadata(metadata)) => index.metadata.push(metadata),
                 _ => return Ok(None),
             }
         }
-        for (name, start) in &contents.attachments {
+        for (name, start) in attachments {
             // Only the head: an attachment may be of any size, and few are requested.
             if records.opcode_at(*start)? != Some(op::ATTACHMENT) {
                 return Ok(None);
@@ -72,28 +129,22 @@ impl Index {
 
     fn walk(file: &McapFile) -> Result<Self> {
         let mut index = Self::default();
-        let mut messages = Messages::beside(file)?;
-        loop {
-            match messages.next() {
-                Ok(Some(FileEvent::Library(header))) => drop(index.header.get_or_insert(header)),
-                Ok(Some(FileEvent::Metadata(metadata))) => index.metadata.push(metadata),
-                Ok(Some(FileEvent::Attachment { start, name, .. })) => {
-                    index.attachments.push((name, start));
-                }
-                // Only in files without chunks.
-                Ok(Some(FileEvent::Message(..))) => {}
-                Ok(None) => return Ok(index),
-                Err(Error::Damaged { reason, .. }) => {
-                    index.damage = Some(reason);
-                    return Ok(index);
-                }
-                Err(error) => return Err(error),
+        let mut messages = Messages::salvage(file)?;
+        while let Some(event) = messages.next()? {
+            match event {
+                FileEvent::Library(header) => drop(index.header.get_or_insert(header)),
+                FileEvent::Metadata(metadata) => index.metadata.push(metadata),
+                FileEvent::Attachment { start, name, .. } => index.attachments.push((name, start)),
+                FileEvent::Message(..) => {}
             }
         }
+        index.damage = messages.records.losses.first().map(ToString::to_string);
+        index.declared = messages.declared().clone();
+        Ok(index)
     }
 
     /// # Errors
-    /// [`Error::Damaged`] if the walk did not reach the end of the file.
+    /// [`Error::Damaged`] if the file was read and is damaged: more may be there.
     pub(super) fn check_complete(&self, path: &Path) -> Result<()> {
         let damage = self.damage.as_ref();
         damage.map_or(Ok(()), |reason| Err(Error::damaged(path, reason.clone())))

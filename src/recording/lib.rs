@@ -61,7 +61,6 @@ mod recovery;
 mod result;
 mod ros;
 mod ros1_bag;
-mod salvage;
 mod search;
 mod skew;
 mod sqlite;
@@ -85,12 +84,12 @@ pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
 pub use opened::Recording;
 pub use reader::Reader;
+pub use records::DamagedPart;
 pub use recovery::Recovery;
 pub use result::{AlgorithmResult, PairResult, StoredResults};
 pub use ros::{
     CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, static_transforms,
 };
-pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
 pub use stream_facts::{CameraFacts, StreamFacts};
 pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};

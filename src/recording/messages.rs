@@ -3,13 +3,12 @@
 use super::file::McapFile;
 use super::records::{ANOTHER, Records};
 use super::ros::ROS1;
-use super::salvage::DamagedPart;
-use mcap::records::{self, ChunkIndex, Header, Metadata, Record, SchemaHeader, op};
+use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use parking_lot::Mutex;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use svl_core::Result;
 use svl_core::counted;
-use svl_core::{Error, Result};
 
 /// A topic with the encoding of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,6 +32,16 @@ impl Channel {
             encoding,
         }
     }
+
+    fn declared(channel: &records::Channel, schemas: &HashMap<u16, Schema>) -> Self {
+        let schema = schemas.get(&channel.schema_id);
+        let schema = schema.map(|(schema, _)| schema.name.clone());
+        Self::new(
+            channel.topic.clone(),
+            schema.unwrap_or_default(),
+            channel.message_encoding.clone(),
+        )
+    }
 }
 
 /// One message, metadata record or attachment, or the header of a file.
@@ -44,7 +53,8 @@ pub(super) enum FileEvent<'a> {
         /// Start of its record.
         start: u64,
         name: String,
-        data: Cow<'a, [u8]>,
+        /// Size of its data.
+        bytes: u64,
     },
     Library(Header),
 }
@@ -79,47 +89,19 @@ struct RecordCounts {
 
 /// Reads a file from start to end, and any files appended to it.
 pub(super) struct Messages {
-    records: Records,
+    pub(super) records: Records,
+    has_ended: bool,
     /// Declarations of the current file so far.
     declared: Declared,
+    /// The file in a salvage, and true once declarations were looked for behind damage.
+    file: Option<McapFile>,
+    has_looked_ahead: bool,
     found: RecordCounts,
     /// Declarations of the files before the current one.
     past: Vec<Declared>,
-    /// Declarations of each file known before reading it: the summary repeats those of corrupt
-    /// chunks.
-    beforehand: Vec<Declared>,
     missing: BTreeMap<String, u64>,
     /// True if a summary counts records that were not found.
     lacks: bool,
-}
-
-/// The summary section of a file.
-pub(super) enum Section {
-    Missing,
-    Intact(Box<Contents>),
-    /// Not at the position in the footer, or corrupt.
-    Unknown,
-}
-
-/// Contents of a summary section.
-pub(super) struct Contents {
-    pub(super) declared: Declared,
-    /// Names of the attachments and positions of their records, in file order.
-    pub(super) attachments: Vec<(String, u64)>,
-    /// Positions of the metadata records.
-    pub(super) metadata: Vec<u64>,
-    /// The chunks in the order of the file.
-    pub(super) chunks: Vec<ChunkIndex>,
-}
-
-impl Contents {
-    /// True if it lists all attachments and metadata records.
-    pub(super) fn is_complete(&self) -> bool {
-        self.declared.promised.as_ref().is_some_and(|promised| {
-            promised.attachments == self.attachments.len() as u64
-                && promised.metadata == self.metadata.len() as u64
-        })
-    }
 }
 
 impl Declared {
@@ -139,6 +121,19 @@ impl Declared {
         let channels = self.channels.iter();
         let of_topic = channels.filter(|(_, (known, _))| known.topic == topic);
         of_topic.map(|(id, _)| *id).collect()
+    }
+
+    /// True if statistics count as many attachments and metadata records.
+    pub(super) fn counts(&self, attachments: usize, metadata: usize) -> bool {
+        let counts = (attachments as u64, metadata as u64);
+        let promised = self.promised.as_ref();
+        promised.is_some_and(|promised| (promised.attachments, promised.metadata) == counts)
+    }
+
+    /// Forgets the counts of statistics, which may be damaged.
+    pub(super) fn without_counts(mut self) -> Self {
+        self.promised = None;
+        self
     }
 
     /// Message count of `topic` in the summary; `None` without statistics.
@@ -162,101 +157,43 @@ impl Messages {
     /// # Errors
     /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP.
     pub(super) fn open(file: &McapFile) -> Result<Self> {
-        Ok(Self::new(Records::open(file)?, Vec::new()))
+        Ok(Self::new(Records::open(file, true)?, Declared::default()))
     }
 
-    /// Same as [`Messages::open`], for the intact parts of a corrupt file: see
-    /// [`Records::salvage`].
+    /// Same as [`Messages::open`], but damaged parts are skipped and noted.
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
-        let beforehand = match Self::summary(file)? {
-            Section::Missing => Vec::new(),
-            Section::Intact(contents) => vec![contents.declared],
-            // Declarations of corrupt chunks may be repeated anywhere in the file: one pass finds
-            // them.
-            Section::Unknown => {
-                let mut messages = Self::new(Records::salvage(file)?, Vec::new());
-                while messages.advance()?.is_some() {}
-                messages.past
-            }
-        };
-        Ok(Self::new(Records::salvage(file)?, beforehand))
+        let records = Records::open(file, false)?;
+        Ok(Self {
+            file: Some(file.clone()),
+            ..Self::new(records, Declared::default())
+        })
     }
 
     /// Same as [`Messages::open`], starting at the chunk at `chunk`. The summary's `declared`
     /// replaces the declarations of the chunks before.
     pub(super) fn from(file: &McapFile, chunk: u64, declared: Declared) -> Result<Self> {
-        let mut records = Records::open(file)?;
-        records.seek_chunk(chunk)?;
-        Ok(Self::new(records, vec![declared]))
+        let mut records = Records::open(file, true)?;
+        records.seek(chunk);
+        Ok(Self::new(records, declared))
     }
 
-    /// Same as [`Messages::open`], only for the records outside of chunks.
-    pub(super) fn beside(file: &McapFile) -> Result<Self> {
-        let mut messages = Self::open(file)?;
-        messages.records.skip_chunks();
-        Ok(messages)
-    }
-
-    fn new(records: Records, beforehand: Vec<Declared>) -> Self {
+    pub(super) fn new(records: Records, declared: Declared) -> Self {
         Self {
             records,
-            declared: Declared::default(),
+            has_ended: false,
+            declared,
+            file: None,
+            has_looked_ahead: false,
             found: RecordCounts::default(),
             past: Vec::new(),
-            beforehand,
             missing: BTreeMap::new(),
             lacks: false,
         }
     }
 
-    /// Reads the summary section.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub(super) fn summary(file: &McapFile) -> Result<Section> {
-        // The start is corrupt; salvage looks for the rest.
-        let Ok(records) = Records::open(file) else {
-            return Ok(Section::Unknown);
-        };
-        let mut messages = Self::new(records, Vec::new());
-        if !messages.records.seek_summary()? {
-            return Ok(Section::Missing);
-        }
-        let (mut attachments, mut metadata) = (Vec::new(), Vec::new());
-        let mut chunks = Vec::new();
-        loop {
-            match messages.advance() {
-                Ok(Some(opcode)) => match messages.records.parse(opcode) {
-                    Ok(Record::AttachmentIndex(index)) => {
-                        attachments.push((index.name, index.offset));
-                    }
-                    Ok(Record::MetadataIndex(index)) => metadata.push(index.offset),
-                    Ok(Record::ChunkIndex(index)) => chunks.push(index),
-                    _ => {}
-                },
-                Ok(None) => break,
-                Err(Error::Damaged { .. }) => return Ok(Section::Unknown),
-                Err(error) => return Err(error),
-            }
-        }
-        // Writers may list them in any order; the first in the file wins among equal names.
-        attachments.sort_by_key(|(_, start)| *start);
-        metadata.sort_unstable();
-        chunks.sort_by_key(|chunk| chunk.chunk_start_offset);
-        Ok(Section::Intact(Box::new(Contents {
-            declared: messages.past.swap_remove(0),
-            attachments,
-            metadata,
-            chunks,
-        })))
-    }
-
-    /// Damaged parts, and by topic the messages counted in the summaries but not found.
-    pub(super) fn take_losses(&mut self) -> (Vec<DamagedPart>, BTreeMap<String, u64>) {
-        (
-            self.records.take_losses(),
-            std::mem::take(&mut self.missing),
-        )
+    /// By topic the messages counted in the summaries but not found.
+    pub(super) fn take_missing(&mut self) -> BTreeMap<String, u64> {
+        std::mem::take(&mut self.missing)
     }
 
     /// True if the file has, by its summary or by what was skipped, more than was read.
@@ -264,15 +201,10 @@ impl Messages {
         self.lacks || self.records.has_skipped()
     }
 
-    /// True if all messages read so far are covered by a CRC.
-    pub(super) fn is_checked(&self) -> bool {
-        self.records.is_checked()
-    }
-
-    /// Channels of the file, or of the first one if others are appended, in the order of their
-    /// topics. Before the end of the file, those found so far.
-    pub(super) fn channels(&self) -> Vec<Channel> {
-        self.past.first().unwrap_or(&self.declared).channels()
+    /// Declarations of the file, or of the first one if others are appended. Before the end of the
+    /// file, those found so far.
+    pub(super) fn declared(&self) -> &Declared {
+        self.past.first().unwrap_or(&self.declared)
     }
 
     /// Everything declared, as it was written: channels and their schemas, file by file.
@@ -297,64 +229,81 @@ impl Messages {
 
     /// A channel of the current file, as it was written, and its schema.
     pub(super) fn declaration(&self, id: u16) -> Option<(&records::Channel, Option<&Schema>)> {
-        let (_, channel) = self.channel(id)?;
-        let before = || {
-            self.beforehand
-                .get(self.past.len())?
-                .schemas
-                .get(&channel.schema_id)
-        };
-        Some((
-            channel,
-            self.declared
-                .schemas
-                .get(&channel.schema_id)
-                .or_else(before),
-        ))
+        let (_, channel) = self.declared.channels.get(&id)?;
+        Some((channel, self.declared.schemas.get(&channel.schema_id)))
     }
 
-    fn channel(&self, id: u16) -> Option<&(Channel, records::Channel)> {
-        let before = || self.beforehand.get(self.past.len())?.channels.get(&id);
-        self.declared.channels.get(&id).or_else(before)
-    }
-
-    /// Advances to the next readable record, and returns its opcode; see [`Messages::record`].
+    /// Advances to the next readable record, and returns its opcode; see [`Records::parse`].
     ///
     /// # Errors
     /// The errors of [`Messages::next`].
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
-        loop {
-            if self.records.has_ended() {
-                return Ok(None);
-            }
+        while !self.has_ended {
             let opcode = self.records.advance()?;
             if opcode.is_none_or(|opcode| opcode == ANOTHER) {
-                self.close()?;
+                self.close();
             }
-            let Some(opcode) = opcode else {
-                return Ok(None);
-            };
-            if opcode == ANOTHER {
-                self.records.begin_another()?;
-                continue;
+            match opcode {
+                None => self.has_ended = true,
+                Some(ANOTHER) => self.records.begin_another(),
+                // Reading ends before what follows the damage.
+                Some(_) if self.records.is_broken && self.records.strict => {}
+                Some(opcode) => match self.look_ahead(opcode)?.check(opcode) {
+                    Ok(()) => return Ok(Some(opcode)),
+                    Err(reason) => self.records.lose(&reason)?,
+                },
             }
-            match self.check(opcode) {
-                Ok(()) => return Ok(Some(opcode)),
-                Err(reason) => self.records.lose(&reason)?,
+            if self.records.strict
+                && (self.has_ended || self.records.is_broken)
+                && let Some(error) = self.records.error()
+            {
+                self.has_ended = true;
+                return Err(error);
             }
         }
-    }
-
-    /// The record that [`Messages::advance`] reached.
-    pub(super) fn record(&self, opcode: u8) -> Result<Record<'_>> {
-        self.records
-            .parse(opcode)
-            .map_err(|reason| self.records.damaged(&reason))
+        Ok(None)
     }
 
     /// Number of files before the current one in the same file.
     pub(super) fn part(&self) -> usize {
         self.past.len()
+    }
+
+    /// Takes the declarations that follow in the file, once, if the current record lacks its own:
+    /// the summary repeats those of corrupt chunks.
+    fn look_ahead(&mut self, opcode: u8) -> Result<&mut Self> {
+        let Declared {
+            schemas, channels, ..
+        } = &mut self.declared;
+        let lacks = self.records.has_losses()
+            && match self.records.parse(opcode) {
+                Ok(Record::Message { header, .. }) => !channels.contains_key(&header.channel_id),
+                Ok(Record::Channel(channel)) => {
+                    channel.schema_id > 0 && !schemas.contains_key(&channel.schema_id)
+                }
+                _ => false,
+            };
+        let Some(file) = self
+            .file
+            .as_ref()
+            .filter(|_| lacks && !self.has_looked_ahead)
+        else {
+            return Ok(self);
+        };
+        self.has_looked_ahead = true;
+        let mut records = Records::unread(file)?;
+        records.seek(self.records.start);
+        let mut ahead = Self::new(records, Declared::default());
+        while ahead.past.is_empty() && ahead.advance()?.is_some() {}
+        let found = ahead.declared().clone();
+        for (id, schema) in found.schemas {
+            schemas.entry(id).or_insert(schema);
+        }
+        for (id, (_, raw)) in found.channels {
+            let channel = Channel::declared(&raw, schemas);
+            channels.entry(id).or_insert((channel, raw));
+        }
+        Ok(self)
     }
 
     /// Stores the declarations of the current record, and checks that it can be read.
@@ -369,7 +318,6 @@ impl Messages {
             | op::CHANNEL => {}
             _ => return Ok(()),
         }
-        let before = self.beforehand.get(self.past.len());
         let Declared {
             schemas,
             channels,
@@ -390,13 +338,7 @@ impl Messages {
                 schemas.insert(header.id, (header, data.into_owned()));
             }
             Record::Channel(channel) => {
-                let id = channel.schema_id;
-                let schema = schemas.get(&id).or_else(|| before?.schemas.get(&id));
-                let schema = schema
-                    .map(|(schema, _)| schema.name.clone())
-                    .unwrap_or_default();
-                let (topic, encoding) = (channel.topic.clone(), channel.message_encoding.clone());
-                let new = Channel::new(topic, schema, encoding);
+                let new = Channel::declared(&channel, schemas);
                 if !channels
                     .get(&channel.id)
                     .is_none_or(|(known, _)| *known == new)
@@ -409,10 +351,7 @@ impl Messages {
                 channels.insert(channel.id, (new, channel));
             }
             Record::Message { header, .. } => {
-                let id = &header.channel_id;
-                if !channels.contains_key(id)
-                    && !before.is_some_and(|before| before.channels.contains_key(id))
-                {
+                if !channels.contains_key(&header.channel_id) {
                     // The topic was in a corrupt part, so the message is unusable.
                     return Err("a message belongs to an undeclared channel".to_owned());
                 }
@@ -432,37 +371,22 @@ impl Messages {
         Ok(())
     }
 
-    /// The declarations of the current file, with those that were read beforehand.
-    fn take_declared(&mut self) -> Declared {
-        let mut declared = std::mem::take(&mut self.declared);
-        if let Some(before) = self.beforehand.get_mut(self.past.len()).map(std::mem::take) {
-            for (id, schema) in before.schemas {
-                declared.schemas.entry(id).or_insert(schema);
-            }
-            for (id, channel) in before.channels {
-                declared.channels.entry(id).or_insert(channel);
-            }
-            declared.promised = declared.promised.or(before.promised);
-        }
-        declared
-    }
-
-    /// Ends the current file: checks that it has everything its summary promises.
-    fn close(&mut self) -> Result<()> {
+    /// Ends the current file: notes what it lacks of all that its summary promises.
+    fn close(&mut self) {
         let found = std::mem::take(&mut self.found);
-        let declared = self.take_declared();
-        self.past.push(declared);
+        self.has_looked_ahead = false;
+        self.past.push(std::mem::take(&mut self.declared));
         let Some(Declared {
             channels,
             promised: Some(promised),
             ..
         }) = self.past.last()
         else {
-            return Ok(());
+            return;
         };
         // Chunks were skipped, so no messages were counted.
         if !self.records.reads_all() {
-            return Ok(());
+            return;
         }
         let mut messages = 0_u64;
         for (id, n) in &promised.messages {
@@ -492,29 +416,29 @@ impl Messages {
             .collect();
         self.lacks |= !lacking.is_empty();
         // Damage found before explains missing records.
-        if lacking.is_empty() || self.records.has_losses() {
-            return Ok(());
+        if !lacking.is_empty() && !self.records.has_losses() {
+            let lacking = lacking.join(" and ");
+            self.records.missing(&format!(
+                "its summary counts {lacking} more than it contains"
+            ));
         }
-        self.records.missing(&format!(
-            "its summary counts {} more than it contains",
-            lacking.join(" and ")
-        ))
     }
 
-    fn event(&self, opcode: u8) -> Result<Option<FileEvent<'_>>> {
-        Ok(match self.record(opcode)? {
+    fn event(&self, opcode: u8) -> Option<FileEvent<'_>> {
+        // Checked already.
+        Some(match self.records.parse(opcode).ok()? {
             Record::Message { header, data } => {
-                let channel = self.channel(header.channel_id);
-                channel.map(|(channel, _)| FileEvent::Message(channel, header.log_time, data))
+                let (channel, _) = self.declared.channels.get(&header.channel_id)?;
+                FileEvent::Message(channel, header.log_time, data)
             }
-            Record::Metadata(metadata) => Some(FileEvent::Metadata(metadata)),
-            Record::Attachment { header, data, .. } => Some(FileEvent::Attachment {
-                start: self.records.start(),
+            Record::Metadata(metadata) => FileEvent::Metadata(metadata),
+            Record::Attachment { header, .. } => FileEvent::Attachment {
+                start: self.records.start,
                 name: header.name,
-                data,
-            }),
-            Record::Header(header) => Some(FileEvent::Library(header)),
-            _ => None,
+                bytes: self.records.attached,
+            },
+            Record::Header(header) => FileEvent::Library(header),
+            _ => return None,
         })
     }
 }
@@ -526,7 +450,7 @@ impl EventReader for Messages {
                 opcode,
                 op::MESSAGE | op::METADATA | op::ATTACHMENT | op::HEADER
             ) {
-                return self.event(opcode);
+                return Ok(self.event(opcode));
             }
         }
         Ok(None)

@@ -5,10 +5,9 @@ use super::bag::{files, several_files};
 use super::container::Container;
 use super::header::{Header, RECORD};
 use super::index::Index;
-use super::messages::{Channel, Messages};
-use super::records::Records;
+use super::messages::Channel;
+use super::records::attachment;
 use super::ros1_bag::Ros1Messages;
-use mcap::records::Record;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use svl_core::{Error, Result};
@@ -140,28 +139,6 @@ impl Recording {
         }
     }
 
-    /// The error for damage as reported by `svl info` and `svl recover`. They resynchronize, and so
-    /// know where it begins, even if a corrupt length points far beyond it. Reads a corrupt file
-    /// again.
-    pub(super) fn located(&self, error: Error) -> Error {
-        let Error::Damaged { path, .. } = &error else {
-            return error;
-        };
-        let file = self.files().find_map(|file| match file {
-            Container::Mcap(file) if file.path() == path => Some(file),
-            _ => None,
-        });
-        let first = file.map(|file| -> Result<_> {
-            let mut messages = Messages::salvage(file)?;
-            while messages.advance()?.is_some() {}
-            Ok(messages.take_losses().0.into_iter().next())
-        });
-        match first {
-            Some(Ok(Some(loss))) => Error::damaged(path, loss.to_string()),
-            _ => error,
-        }
-    }
-
     /// MCAP's profile from the header of the first file; `None` if that cannot be read.
     pub(super) fn profile(&self) -> Result<Option<&str>> {
         let Some(first) = self.parts.first() else {
@@ -219,33 +196,21 @@ impl RecordingFile {
         let channels = match &self.file {
             Container::Sqlite(file) => file.channels()?,
             Container::Ros1(file) => Ros1Messages::open(file)?.channels(),
-            Container::Mcap(file) => match self.index()?.declared.channels() {
-                none if none.is_empty() => {
-                    let mut messages = Messages::open(file)?;
-                    // Channels are declared inside chunks, so all of the file has to be read.
-                    while let Ok(Some(_)) = messages.advance() {}
-                    messages.channels()
-                }
-                channels => channels,
-            },
+            Container::Mcap(_) => self.index()?.declared.channels(),
         };
         Ok(self.channels.get_or_init(|| channels))
     }
 
     /// The contents of the attachment whose record begins at `start`.
     fn attachment(&self, start: u64) -> Result<Vec<u8>> {
-        let record = match &self.file {
-            Container::Mcap(file) => Records::open(file)?
-                .record_at(start)?
-                .map(Record::into_owned),
+        let data = match &self.file {
+            Container::Mcap(file) => attachment(file, start)?,
             Container::Sqlite(_) | Container::Ros1(_) => None,
         };
-        match record {
-            Some(Record::Attachment { data, .. }) => Ok(data.into_owned()),
-            _ => {
-                let reason = format!("the attachment at byte {start} cannot be read");
-                Err(Error::damaged(self.file.path(), reason))
-            }
-        }
+        let bad = || {
+            let reason = format!("the attachment at byte {start} cannot be read");
+            Error::damaged(self.file.path(), reason)
+        };
+        data.ok_or_else(bad)
     }
 }

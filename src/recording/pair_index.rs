@@ -2,7 +2,8 @@
 
 use super::TopicKind;
 use super::file::McapFile;
-use super::messages::{Declared, Messages, Section};
+use super::index::Summary;
+use super::messages::{Declared, Messages};
 use super::records::Records;
 use mcap::records::Record;
 use svl_core::Result;
@@ -27,12 +28,12 @@ impl PairIndex {
     /// # Errors
     /// [`svl_core::Error::Io`].
     pub(super) fn read(file: &McapFile) -> Result<Option<Self>> {
-        let Section::Intact(contents) = Messages::summary(file)? else {
+        let Some(contents) = Summary::read(file)? else {
             return Ok(None);
         };
         let topic = TopicKind::Sync.topic();
         let channels = contents.declared.ids(topic);
-        let mut records = Records::open(file)?;
+        let mut records = Records::open(file, true)?;
         let mut pairs = Vec::new();
         let mut before = None;
         for chunk in &contents.chunks {

@@ -268,9 +268,8 @@ impl Reader {
 
     /// The error, with the number of pairs read before it.
     fn counted(&self, error: Error) -> Error {
-        let (path, reason) = match self.recording.located(error) {
-            Error::Damaged { path, reason } => (path, reason),
-            other => return other,
+        let Error::Damaged { path, reason } = error else {
+            return error;
         };
         let pairs = self.source.facts().pairs;
         Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))

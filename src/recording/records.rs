@@ -1,208 +1,452 @@
-//! The records of an MCAP file, read from start to end in bounded memory.
+//! The records of an MCAP file, whole, cut or damaged, its own or another program's: read from
+//! start to end in bounded memory, going on behind damage.
 //!
-//! Every length is checked against the file's size, a chunk is used only if it matches its CRC, and
-//! the CRCs of data and summary section are checked on the way. So any changed byte is detected, at
-//! the latest at the end, in files with CRCs; files of many ROS 2 recorders have none, see
-//! [`Records::is_checked`].
+//! Every length is checked against the file's size, a chunk is used only if it matches its CRC and
+//! is whole, and the CRCs of data and summary section are checked on the way. So any changed byte
+//! is detected, at the latest at the end, in files with CRCs; files of many ROS 2 recorders have
+//! none, see [`Records::is_checked`].
 //!
-//! This walker also reads intact files, instead of mcap's own readers (0.25), which are not faster
-//! and less safe. The messages of the arena's recording (109 MB) take 0.17 s of CPU time here, 0.19
-//! s with `LinearReader` and all its CRCs, 0.19 s with `MessageStream`, 0.17 s with `IndexedReader`
-//! (Intel Xeon model 207, one thread of two cores). Of these, `IndexedReader` checks no CRC;
-//! `MessageStream` returns messages before the CRC of their chunk is known, and ends before the
-//! CRCs of data and summary section; `LinearReader` zero-fills the size that a chunk claims, 2.1 GB
-//! and 5 s for a file of 278 bytes. None reports the position of a record in the file, which
-//! salvage needs: this walker would be needed in addition to any of them.
+//! mcap's own readers (0.25) are not faster and less safe: `LinearReader` zero-fills the size that
+//! a chunk claims, `MessageStream` returns messages before the CRC of their chunk is known, and
+//! `IndexedReader` checks none. None tells the position of a record, which resynchronization needs.
 
 use super::bag::not_mcap;
-use super::chunk::Chunk;
-use super::file::{FileReader, McapFile};
-use super::layout::{HEAD, MAX_RECORD, known_size, u32_at, u64_at};
-use super::salvage::{self, DamagedPart, Salvage};
+use super::chunk::split;
+use super::file::McapFile;
+use super::layout::{HEAD, u32_at, u64_at};
+use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
+use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::cell::Cell;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::Read as _;
+use std::io::Result as IoResult;
+use std::ops::Range;
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 
-/// Code for the magic of an appended file. No record has this opcode.
-pub(super) const ANOTHER: u8 = 0;
-/// Footer record and end magic.
-const TAIL: u64 = HEAD + 20 + 8;
+pub(super) use super::search::ANOTHER;
 
-/// Reads raw records, including those inside chunks.
-///
-/// Reading ends at the first damage. With salvage, damaged parts are skipped and noted.
+const MAGIC: u64 = mcap::MAGIC.len() as u64;
+
+/// A part of a file that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct DamagedPart {
+    pub at_byte: u64,
+    /// Length of the part; 0 if something was never written, or is only detected here.
+    pub bytes: u64,
+    pub reason: String,
+}
+
+impl DamagedPart {
+    /// True if records are skipped in a file of `len` bytes, apart from the one in which it ends.
+    pub(super) fn have_records_behind(losses: &[Self], len: u64) -> bool {
+        let is_inside = |loss: &Self| loss.bytes > 0 && loss.at_byte + loss.bytes < len;
+        losses.iter().any(is_inside)
+    }
+}
+
+impl std::fmt::Display for DamagedPart {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (at, reason) = (self.at_byte, &self.reason);
+        write!(
+            f,
+            "the recording is incomplete or damaged at byte {at}: {reason}"
+        )
+    }
+}
+
+/// Reads raw records, including those inside chunks. Damaged parts are skipped and noted.
 pub(super) struct Records {
     path: PathBuf,
-    file: BufReader<FileReader>,
-    len: u64,
-    /// Number of bytes read so far.
+    /// True if nothing is read behind the first damage that messages may be lost to.
+    pub(super) strict: bool,
+    file: RecordSearch,
+    /// Start of the next record of the file itself.
     at: u64,
-    /// Start of the current record of the file itself.
-    start: u64,
-    /// CRC of the section being read.
-    crc: crc32fast::Hasher,
-    body: Vec<u8>,
-    chunk: Chunk,
-    /// True if the current record is in `chunk`.
-    in_chunk: bool,
-    /// In a cell, because a shared reference may find damage, which ends the reading.
-    ended: Cell<bool>,
-    extent: Extent,
+    /// Start of the current record of the file itself; of an attachment, the size of its data.
+    pub(super) start: u64,
+    pub(super) attached: u64,
+    /// The current record, if it is in a chunk.
+    in_chunk: Option<Range<usize>>,
+    part: Part,
+    /// True if messages without a CRC were read in the files before the current one.
+    unchecked: bool,
+    /// The damaged parts that were skipped, in file order.
+    pub(super) losses: Vec<DamagedPart>,
+    /// True if messages may be lost.
+    pub(super) is_broken: bool,
+}
+
+/// What is known of the current file, of several appended to each other.
+struct Part {
+    /// CRC of the section being read; `None` if reading began inside the file.
+    crc: Option<Hasher>,
     has_header: bool,
     has_chunks: bool,
     /// True if the end magic was read: only an appended file may follow.
     finished: bool,
     /// True if messages without a CRC were read: in this data section, and before.
     unchecked: [bool; 2],
-    /// True if records were skipped, apart from the one in which the file ends.
-    skipped: bool,
-    salvage: Option<Salvage>,
+    /// No record is missed before this position: the end of the last proven record, or of the last
+    /// search.
+    sure: u64,
+    /// Number of damaged parts in the files before.
+    before: usize,
 }
 
-/// Part of a file's records to read.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Extent {
-    All,
-    /// Records outside of chunks: neither messages nor the damage among them.
-    Beside,
-    /// The summary section.
-    Summary,
-    /// From a chunk to the end.
-    Rest,
-}
-
-/// Result of reading at a position of the file.
-enum Top {
-    Record(u8),
-    /// Handled already; the next one follows.
-    Passed,
-    End,
-}
-
-impl Records {
-    pub(super) fn open(file: &McapFile) -> Result<Self> {
-        let mut records = Self::unread(file)?;
-        if records.begin()? {
-            Ok(records)
-        } else {
-            Err(no_mcap(file))
-        }
-    }
-
-    /// Same as [`Records::open`], but corrupt parts are skipped and recorded.
-    pub(super) fn salvage(file: &McapFile) -> Result<Self> {
-        let io = |e| Error::io(file.path(), e);
-        let mut records = Self::unread(file)?;
-        let mut salvage = Salvage::new(file.reader()?, records.len).map_err(io)?;
-        if records.begin()? {
-            salvage.trust(records.at);
-        } else {
-            let at = salvage
-                .begin(records.len)
-                .map_err(io)?
-                .ok_or_else(|| no_mcap(file))?;
-            records.skipped = at > mcap::MAGIC.len() as u64;
-            records.seek(at)?;
-        }
-        records.salvage = Some(salvage);
-        Ok(records)
-    }
-
-    fn unread(file: &McapFile) -> Result<Self> {
-        Ok(Self {
-            path: file.path().to_owned(),
-            file: BufReader::with_capacity(1 << 18, file.reader()?),
-            len: file.len(),
-            at: 0,
-            start: 0,
-            crc: crc32fast::Hasher::new(),
-            body: Vec::new(),
-            chunk: Chunk::new().map_err(|e| Error::io(file.path(), e))?,
-            in_chunk: false,
-            ended: Cell::new(false),
-            extent: Extent::All,
+impl Part {
+    /// A file whose records begin at `start`.
+    fn new(start: u64, before: usize) -> Self {
+        let mut crc = Hasher::new();
+        crc.update(mcap::MAGIC);
+        Self {
+            crc: Some(crc),
             has_header: false,
             has_chunks: false,
             finished: false,
             unchecked: [false; 2],
-            skipped: false,
-            salvage: None,
+            sure: start,
+            before,
+        }
+    }
+}
+
+impl Records {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a file without MCAP's magic, and, unless `strict`,
+    /// without any proven record.
+    pub(super) fn open(file: &McapFile, strict: bool) -> Result<Self> {
+        let mut records = Self {
+            strict,
+            ..Self::unread(file)?
+        };
+        let begins = records.begin().map_err(|e| records.io(e))?;
+        begins.then_some(records).ok_or_else(|| no_mcap(file))
+    }
+
+    /// A reader that is still to be moved to a record.
+    pub(super) fn unread(file: &McapFile) -> Result<Self> {
+        Ok(Self {
+            path: file.path().to_owned(),
+            strict: false,
+            file: RecordSearch::open(file)?,
+            at: MAGIC,
+            start: 0,
+            attached: 0,
+            in_chunk: None,
+            part: Part::new(MAGIC, 0),
+            unchecked: false,
+            losses: Vec::new(),
+            is_broken: false,
         })
     }
 
-    /// Reads the magic; returns true if it is there.
-    fn begin(&mut self) -> Result<bool> {
-        let mut magic = [0; 8];
-        Ok(self.len - self.at >= 8 && self.read(&mut magic).map(|()| magic == *mcap::MAGIC)?)
+    /// Finds the first record. False in a file that is not MCAP.
+    fn begin(&mut self) -> IoResult<bool> {
+        if self.strict || self.file.is_magic(0)? {
+            return self.file.is_magic(0);
+        }
+        // A file without any proven record is not MCAP.
+        let Some(found) = self.file.find(0..self.file.len)? else {
+            return Ok(false);
+        };
+        if !self.file.is_header(MAGIC)? {
+            self.at = found;
+        }
+        self.note(0..self.at, "it does not begin as an MCAP file does");
+        self.part.sure = self.at;
+        Ok(true)
     }
 
-    /// Restricts reading to the records outside of chunks from here on.
-    pub(super) fn skip_chunks(&mut self) {
-        self.extent = Extent::Beside;
+    /// Moves to a record of the file itself.
+    pub(super) fn seek(&mut self, start: u64) {
+        (self.at, self.part.sure, self.part.crc) = (start, start, None);
     }
 
-    /// True if the records in chunks are read too.
+    /// Moves to the summary section; false if the file has no intact one at its end.
+    pub(super) fn seek_summary(&mut self) -> Result<bool> {
+        let start = self.summary().map_err(|e| self.io(e))?;
+        start.into_iter().for_each(|start| self.seek(start));
+        Ok(start.is_some())
+    }
+
+    fn summary(&mut self) -> IoResult<Option<u64>> {
+        let Some(footer) = self.file.len.checked_sub(HEAD + 20 + MAGIC) else {
+            return Ok(None);
+        };
+        let loaded = self.file.load(footer)?;
+        let is_footer = loaded.is_ok_and(|loaded| loaded.opcode == op::FOOTER)
+            && self.file.is_magic(footer + HEAD + 20)?;
+        let start = u64_at(&self.file.body, 0).unwrap_or(0);
+        if !is_footer || !(1..=footer).contains(&start) {
+            return Ok(None);
+        }
+        let saved = u32_at(&self.file.body, 16).unwrap_or(0);
+        let mut crc = Hasher::new();
+        let covered = footer + HEAD + 16 - start;
+        self.file
+            .pieces(start, covered, |piece| crc.update(piece))?;
+        Ok(Some(start).filter(|_| saved == 0 || saved == crc.finalize()))
+    }
+
+    /// True if reading began with the file.
     pub(super) fn reads_all(&self) -> bool {
-        self.extent == Extent::All
-    }
-
-    /// True if there are no more records.
-    pub(super) fn has_ended(&self) -> bool {
-        self.ended.get()
+        self.part.crc.is_some()
     }
 
     /// True if all messages read so far are covered by a CRC. Otherwise changed bytes may be
     /// undetected.
     pub(super) fn is_checked(&self) -> bool {
-        self.unchecked == [false; 2]
-    }
-
-    /// The damaged parts that were skipped, in file order.
-    pub(super) fn take_losses(&mut self) -> Vec<DamagedPart> {
-        self.salvage
-            .take()
-            .map(Salvage::into_losses)
-            .unwrap_or_default()
+        !self.unchecked && self.part.unchecked == [false; 2]
     }
 
     /// True if records were skipped, apart from the one in which the file ends.
     pub(super) fn has_skipped(&self) -> bool {
-        self.skipped
+        DamagedPart::have_records_behind(&self.losses, self.file.len)
     }
 
     /// True if any part of the current file was skipped.
     pub(super) fn has_losses(&self) -> bool {
-        self.salvage.as_ref().is_some_and(Salvage::has_losses)
+        self.losses.len() > self.part.before
     }
 
-    /// Moves to the summary section; returns false if the file has none.
-    pub(super) fn seek_summary(&mut self) -> Result<bool> {
-        let mut tail = [0; TAIL as usize];
-        let Some(footer) = self.len.checked_sub(TAIL) else {
-            return Ok(false);
+    /// The error of the first damaged part; `None` without any.
+    pub(super) fn error(&self) -> Option<Error> {
+        let first = self.losses.first()?;
+        Some(Error::damaged(&self.path, first.to_string()))
+    }
+
+    fn io(&self, error: std::io::Error) -> Error {
+        Error::io(&self.path, error)
+    }
+
+    /// The current record, parsed, or the reason why it cannot be read. An attachment is parsed as
+    /// if it had no data.
+    pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
+        let body = match &self.in_chunk {
+            Some(body) => &self.file.unpacked[body.clone()],
+            None => &self.file.body[..],
         };
-        self.seek(footer)?;
-        self.read(&mut tail)?;
-        let start = u64_at(&tail, 9).unwrap_or(0);
-        // Read from the end; a file that was truncated or appended to has no footer there.
-        if tail[0] != op::FOOTER || tail[29..] != *mcap::MAGIC || start == 0 || start > footer {
-            return Ok(false);
+        mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
+    }
+
+    /// Advances to the next record and returns its opcode; `None` at the end of the file.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn advance(&mut self) -> Result<Option<u8>> {
+        self.step().map_err(|e| self.io(e))
+    }
+
+    fn step(&mut self) -> IoResult<Option<u8>> {
+        loop {
+            if let Some(opcode) = self.next_in_chunk() {
+                return Ok(Some(opcode));
+            }
+            self.start = self.at;
+            if self.part.finished && self.at == self.file.len {
+                return Ok(None);
+            }
+            let loaded = match self.file.load(self.at)? {
+                Ok(loaded) if loaded.opcode == ANOTHER => return Ok(Some(ANOTHER)),
+                _ if self.part.finished => Err(RecordFault::cut("other data follow after its end")),
+                Ok(loaded) => self.accept(loaded)?,
+                Err(fault) => Err(fault),
+            };
+            match loaded {
+                // The records of a chunk follow; nothing reads a footer.
+                Ok(op::CHUNK | op::FOOTER) => {}
+                Ok(opcode) => return Ok(Some(opcode)),
+                Err(fault) => self.pass_over(fault)?,
+            }
         }
-        self.seek(start)?;
-        self.crc = crc32fast::Hasher::new();
-        (self.extent, self.has_header) = (Extent::Summary, true);
-        Ok(true)
     }
 
-    /// Moves to the chunk that begins at `start`.
-    pub(super) fn seek_chunk(&mut self, start: u64) -> Result<()> {
-        (self.extent, self.has_header) = (Extent::Rest, true);
-        self.seek(start)
+    fn next_in_chunk(&mut self) -> Option<u8> {
+        let end = self.in_chunk.take()?.end;
+        let (opcode, body, _) = split(&self.file.unpacked[end..])?;
+        let start = end + HEAD as usize;
+        self.in_chunk = Some(start..start + body.len());
+        Some(opcode)
     }
 
-    /// The record of the file itself that begins at `start`; `None` if none can be read.
+    /// Takes the loaded record in, unless there is a reason not to trust it.
+    fn accept(&mut self, loaded: LoadedRecord) -> IoResult<std::result::Result<u8, RecordFault>> {
+        let opcode = loaded.opcode;
+        // No writer mixes messages inside and outside of chunks, and one flipped bit can turn
+        // another record into a message.
+        if opcode == op::MESSAGE && self.part.has_chunks {
+            let reason = "a message is outside of the chunks";
+            return Ok(Err(RecordFault::beside(loaded.end, reason)));
+        }
+        // After damage any byte from 0x80 on looks like a private record, and the bytes after it
+        // like its length.
+        let is_doubtful = opcode >= PRIVATE && self.has_losses();
+        let unknown = if is_doubtful {
+            self.at + 1
+        } else {
+            loaded.unknown
+        };
+        if unknown < loaded.end {
+            if self.file.find(unknown..loaded.end)?.is_some() {
+                let reason = "the unknown part of a record covers others";
+                return Ok(Err(RecordFault::beside(loaded.end, reason)));
+            }
+            // The search has loaded others.
+            let _ = self.file.load(self.at)?;
+        }
+        if self.file.is_proven(&loaded)? {
+            self.part.sure = loaded.end;
+        }
+        (self.at, self.attached) = (loaded.end, loaded.bytes);
+        let before = self.part.crc.clone();
+        self.part
+            .crc
+            .iter_mut()
+            .for_each(|crc| crc.combine(&loaded.crc));
+        match opcode {
+            op::CHUNK => {
+                (self.in_chunk, self.part.has_chunks) = (Some(0..0), true);
+                self.part.unchecked[0] |= !loaded.is_checked;
+            }
+            op::MESSAGE => self.part.unchecked[0] = true,
+            // MCAP requires it first; it is accepted anywhere, as its position does not matter.
+            op::HEADER => self.part.has_header = true,
+            op::DATA_END => {
+                let is_checked = self.check_crc("data section", before, 0);
+                let [section, earlier] = self.part.unchecked;
+                self.part.unchecked = [false, earlier || section && !is_checked];
+                self.part.crc = self.part.crc.take().map(|_| Hasher::new());
+            }
+            op::FOOTER => return self.finish(before),
+            _ => {}
+        }
+        Ok(Ok(opcode))
+    }
+
+    /// Ends a file at its footer. `section`: CRC of the summary section before it.
+    fn finish(
+        &mut self,
+        mut section: Option<Hasher>,
+    ) -> IoResult<std::result::Result<u8, RecordFault>> {
+        // The CRC covers the footer up to the CRC itself.
+        let head = [
+            &[op::FOOTER][..],
+            &20_u64.to_le_bytes(),
+            &self.file.body[..16],
+        ]
+        .concat();
+        section.iter_mut().for_each(|section| section.update(&head));
+        self.check_crc("summary section", section, 16);
+        if !self.part.has_header && self.reads_all() && !self.has_losses() {
+            self.missing("it has no header");
+        }
+        self.start = self.at;
+        if !self.file.is_magic(self.at)? {
+            return Ok(Err(RecordFault::cut(
+                "it does not end as an MCAP file does",
+            )));
+        }
+        self.at += MAGIC;
+        (self.part.finished, self.part.sure) = (true, self.at);
+        Ok(Ok(op::FOOTER))
+    }
+
+    /// Checks the CRC of a section, which is at `place` in the current record; returns true if it
+    /// has one, which matches.
+    fn check_crc(&mut self, section: &str, crc: Option<Hasher>, place: usize) -> bool {
+        let saved = u32_at(&self.file.body, place).unwrap_or(0);
+        let Some(calculated) = crc.map(Hasher::finalize).filter(|_| saved != 0) else {
+            return false;
+        };
+        // Damage found before explains a CRC that does not match.
+        if saved != calculated && !self.has_losses() {
+            self.missing(&format!(
+                "the CRC of its {section} is {calculated:08x}, {saved:08x} expected"
+            ));
+        }
+        saved == calculated
+    }
+
+    /// Continues in the appended file that begins here, see [`ANOTHER`].
+    pub(super) fn begin_another(&mut self) {
+        // Both files are read; the note is that there are two.
+        let reason = ["it is truncated, and another", "another"][usize::from(self.part.finished)];
+        self.note(
+            self.start..self.start,
+            &format!("{reason} MCAP file follows"),
+        );
+        (self.is_broken, self.unchecked) = (true, !self.is_checked());
+        self.at = self.start + MAGIC;
+        self.part = Part::new(self.at, self.losses.len());
+    }
+
+    /// Skips the current record and notes the reason.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
+        if self.in_chunk.is_some() {
+            self.note(self.start..self.at, reason);
+            self.is_broken = true;
+            return Ok(());
+        }
+        self.pass_over(RecordFault::new(self.at, reason))
+            .map_err(|e| self.io(e))
+    }
+
+    /// Notes that something is missing.
+    pub(super) fn missing(&mut self, reason: &str) {
+        self.is_broken = true;
+        self.note(self.at..self.at, reason);
+    }
+
+    /// Skips the record at `start`: up to its end, or to a proven record before that.
+    fn pass_over(&mut self, fault: RecordFault) -> IoResult<()> {
+        let end = fault.end.unwrap_or(self.file.len);
+        // Not at `sure` itself, where the corrupt record begins. Nor at the skipped record, which
+        // its known part may prove.
+        let (sure, begin) = (self.part.sure, self.start);
+        let found = match self.file.find(sure + 1..begin)? {
+            Some(found) => found,
+            None => self
+                .file
+                .find((sure + 1).max(begin + 1)..end)?
+                .unwrap_or(end),
+        };
+        // Bytes read before and again after the search count, or two corrupt lengths could loop.
+        let read = fault.end.unwrap_or(begin);
+        self.file.spend(read.saturating_sub(found));
+        // The length that led here may itself be corrupt, and point too far.
+        self.note(
+            if found < begin { sure } else { begin }..found,
+            &fault.reason,
+        );
+        self.is_broken |= !fault.is_beside;
+        (self.at, self.part.sure) = (found, found);
+        self.part.finished = found == self.file.len;
+        Ok(())
+    }
+
+    fn note(&mut self, part: Range<u64>, reason: &str) {
+        let loss = DamagedPart {
+            at_byte: part.start,
+            bytes: part.end - part.start,
+            reason: reason.to_owned(),
+        };
+        match self.losses[self.part.before..].last_mut() {
+            Some(last) if *last == loss => {}
+            // Adjacent parts, or parts of the same chunk, are one.
+            Some(last)
+                if last.bytes.min(loss.bytes) > 0
+                    && (last.at_byte..=last.at_byte + last.bytes).contains(&loss.at_byte) =>
+            {
+                last.bytes = last.bytes.max(part.end - last.at_byte);
+            }
+            _ => self.losses.push(loss),
+        }
+    }
+
+    /// The record of the file itself at `start`; `None` if none can be read there.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -210,14 +454,36 @@ impl Records {
         if self.opcode_at(start)?.is_none() {
             return Ok(None);
         }
-        self.seek(start)?;
-        self.extent = Extent::Beside;
-        match self.advance() {
-            // Chunks are skipped, so this may be a later record.
-            Ok(Some(opcode)) if self.start == start => Ok(self.parse(opcode).ok()),
-            Ok(_) | Err(Error::Damaged { .. }) => Ok(None),
-            Err(error) => Err(error),
+        self.in_chunk = None;
+        match self.file.load(start).map_err(|e| self.io(e))? {
+            Ok(loaded) => Ok(self.parse(loaded.opcode).ok()),
+            Err(_) => Ok(None),
         }
+    }
+
+    /// Gives the data of the attachment at `start` piece by piece; false if it cannot be read.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; those of `take`.
+    pub(super) fn attachment(
+        &mut self,
+        start: u64,
+        mut take: impl FnMut(&[u8]) -> Result<()>,
+    ) -> Result<bool> {
+        if self.opcode_at(start)? != Some(op::ATTACHMENT) {
+            return Ok(false);
+        }
+        let Ok(loaded) = self.file.load(start).map_err(|e| self.io(e))? else {
+            return Ok(false);
+        };
+        let (data, mut taken) = (loaded.unknown - 4 - loaded.bytes, Ok(()));
+        let read = self.file.pieces(data, loaded.bytes, |piece| {
+            if taken.is_ok() {
+                taken = take(piece);
+            }
+        });
+        read.map_err(|e| self.io(e))?;
+        taken.map(|()| true)
     }
 
     /// Opcode of the record at `start`; `None` if the file has no room for one.
@@ -225,376 +491,22 @@ impl Records {
     /// # Errors
     /// [`Error::Io`].
     pub(super) fn opcode_at(&mut self, start: u64) -> Result<Option<u8>> {
-        let Some(left) = self
-            .len
-            .checked_sub(HEAD)
-            .and_then(|last| last.checked_sub(start))
-        else {
-            return Ok(None);
-        };
-        let mut head = [0; HEAD as usize];
-        self.seek(start)?;
-        self.read(&mut head)?;
-        Ok(u64_at(&head, 1)
-            .filter(|&length| length <= left)
-            .map(|_| head[0]))
+        let head = self.file.head(start).map_err(|e| self.io(e))?;
+        Ok(head.map(|(opcode, _)| opcode))
     }
+}
 
-    /// Start of the current record of the file itself.
-    pub(super) fn start(&self) -> u64 {
-        self.start
-    }
-
-    fn seek(&mut self, to: u64) -> Result<()> {
-        self.at = self
-            .file
-            .seek(SeekFrom::Start(to))
-            .map_err(|e| Error::io(&self.path, e))?;
+/// The data of the attachment at `start`; `None` if it cannot be read.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(super) fn attachment(file: &McapFile, start: u64) -> Result<Option<Vec<u8>>> {
+    let mut data = Vec::new();
+    let is_read = Records::unread(file)?.attachment(start, |piece| {
+        data.extend_from_slice(piece);
         Ok(())
-    }
-
-    fn read(&mut self, bytes: &mut [u8]) -> Result<()> {
-        self.file
-            .read_exact(bytes)
-            .map_err(|e| Error::io(&self.path, e))?;
-        self.at += bytes.len() as u64;
-        self.crc.update(bytes);
-        Ok(())
-    }
-
-    /// Advances to the next record and returns its opcode; `None` at the end of the file, and after
-    /// an error.
-    pub(super) fn advance(&mut self) -> Result<Option<u8>> {
-        let opcode = if self.ended.get() {
-            Ok(None)
-        } else {
-            self.step()
-        };
-        if !matches!(opcode, Ok(Some(_))) {
-            self.ended.set(true);
-        }
-        opcode
-    }
-
-    /// The body of the current record.
-    pub(super) fn body(&self) -> &[u8] {
-        if self.in_chunk {
-            self.chunk.body()
-        } else {
-            &self.body
-        }
-    }
-
-    /// The current record, parsed, or the reason why it cannot be read.
-    pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
-        let body = self.body();
-        // mcap 0.25 panics on an attachment that ends before its CRC.
-        if opcode == op::ATTACHMENT && known_size(opcode, body, body.len() as u64).is_none() {
-            return Err("an attachment is truncated".to_owned());
-        }
-        mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
-    }
-
-    fn step(&mut self) -> Result<Option<u8>> {
-        loop {
-            self.in_chunk = !self.chunk.is_done();
-            if self.in_chunk {
-                match self.chunk.advance() {
-                    Ok(opcode) => return Ok(Some(opcode)),
-                    Err(reason) => {
-                        self.chunk.clear();
-                        self.pass_over(self.at, reason)?;
-                        continue;
-                    }
-                }
-            }
-            self.start = self.at;
-            match self.top()? {
-                Top::Record(op::CHUNK) if self.extent == Extent::Beside => {}
-                Top::Record(op::CHUNK) => match self.chunk.open(&self.body) {
-                    Ok(()) => {
-                        self.has_chunks = true;
-                        self.unchecked[0] |= !self.chunk.has_crc();
-                        match &mut self.salvage {
-                            Some(salvage) if self.chunk.has_crc() => salvage.trust(self.at),
-                            Some(salvage) if self.chunk.has_only_complete_records() => {
-                                salvage.trust_if_followed(self.at)
-                            }
-                            _ => {}
-                        }
-                    }
-                    Err(reason) => {
-                        self.pass_over(self.at, &format!("a chunk is damaged: {reason}"))?
-                    }
-                },
-                Top::Record(opcode) => {
-                    self.unchecked[0] |= opcode == op::MESSAGE;
-                    return Ok(Some(opcode));
-                }
-                Top::Passed => {}
-                Top::End => return Ok(None),
-            }
-        }
-    }
-
-    /// Reads the next record outside of chunks into `body`.
-    fn top(&mut self) -> Result<Top> {
-        let left = self.len - self.at;
-        if left < HEAD {
-            return match (left, self.finished) {
-                // Exactly the end magic was last.
-                (0, true) => Ok(Top::End),
-                (0, false) => self.cut("it was never finished"),
-                _ => self.cut("it ends inside a record"),
-            };
-        }
-        // The CRC of a section ends before the record that contains it.
-        let section = self.crc.clone();
-        let mut head = [0; HEAD as usize];
-        self.read(&mut head)?;
-        if head.starts_with(mcap::MAGIC) {
-            return Ok(Top::Record(ANOTHER));
-        }
-        let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
-        if let Some(reason) = self.head_fault(opcode, length) {
-            return self.cut(&reason);
-        }
-        if let Some(salvage) = &mut self.salvage {
-            salvage.follows(self.start, opcode);
-        }
-        // Seeking makes the walk cheap: only heads are read.
-        if opcode == op::CHUNK && self.extent == Extent::Beside {
-            // Checked above: not beyond the end of the file.
-            self.file
-                .seek_relative(length as i64)
-                .map_err(|e| Error::io(&self.path, e))?;
-            self.at += length;
-            return Ok(Top::Record(opcode));
-        }
-        // At most the rest of the file, so a corrupt length cannot allocate more than that.
-        self.body.resize(length as usize, 0);
-        self.file
-            .read_exact(&mut self.body)
-            .map_err(|e| Error::io(&self.path, e))?;
-        self.at += length;
-        self.crc.update(&self.body);
-        if let Some(reason) = self.untrusted(opcode)? {
-            self.pass_over(self.at, &reason)?;
-            return Ok(Top::Passed);
-        }
-        if self.extent == Extent::Summary && is_data(opcode) {
-            return Err(self.damaged("its summary is not where its footer says"));
-        }
-        self.check_section(opcode, section, &head)
-    }
-
-    /// The reason why no record can have this head, which was just read.
-    fn head_fault(&self, opcode: u8, length: u64) -> Option<String> {
-        if self.finished {
-            return Some("other data follow after its end".to_owned());
-        }
-        if opcode == 0 {
-            return Some("there is no record here".to_owned());
-        }
-        let left = self.len - self.at;
-        if length > left {
-            let reason =
-                format!("it ends inside a record of {length} bytes, of which it has {left}");
-            return Some(reason);
-        }
-        (length > MAX_RECORD)
-            .then(|| format!("a record of {length} bytes is longer than {MAX_RECORD}"))
-    }
-
-    /// The reason why salvage does not trust the record just read.
-    fn untrusted(&mut self, opcode: u8) -> Result<Option<String>> {
-        if self.salvage.is_some()
-            && let Err(reason) = self.examine(opcode)
-        {
-            return Ok(Some(reason));
-        }
-        let Some(salvage) = &mut self.salvage else {
-            return Ok(None);
-        };
-        if salvage
-            .covers_others(opcode, &self.body, self.start..self.at)
-            .map_err(|e| Error::io(&self.path, e))?
-        {
-            let reason = "the unknown part of a record covers others";
-            return Ok(Some(reason.to_owned()));
-        }
-        if matches!(opcode, op::ATTACHMENT | op::METADATA | op::DATA_END) {
-            salvage
-                .try_trust(self.start..self.at)
-                .map_err(|e| Error::io(&self.path, e))?;
-        }
-        Ok(None)
-    }
-
-    /// Checks the CRC of the section that ends with the record just read, if one does. `section`:
-    /// that up to the record.
-    fn check_section(
-        &mut self,
-        opcode: u8,
-        section: crc32fast::Hasher,
-        head: &[u8],
-    ) -> Result<Top> {
-        match opcode {
-            // MCAP requires it first; it is accepted anywhere, as its position does not matter
-            // here.
-            op::HEADER => self.has_header = true,
-            op::DATA_END => {
-                let checked = self.check_crc("data section", section, u32_at(&self.body, 0))?;
-                let [section, before] = self.unchecked;
-                self.unchecked = [false, before || section && !checked];
-                self.crc = crc32fast::Hasher::new();
-            }
-            op::FOOTER => {
-                let mut summary = section;
-                summary.update(head);
-                // The CRC covers the footer up to the CRC itself.
-                summary.update(self.body.get(..16).unwrap_or_default());
-                self.check_crc("summary section", summary, u32_at(&self.body, 16))?;
-                return self.finish();
-            }
-            _ => {}
-        }
-        Ok(Top::Record(opcode))
-    }
-
-    /// Reason why the record just read cannot be intact. Only salvage has to know before the CRC of
-    /// the section is checked.
-    fn examine(&self, opcode: u8) -> std::result::Result<(), String> {
-        // No writer mixes messages inside and outside of chunks, and one flipped bit can turn
-        // another record into a message.
-        if opcode == op::MESSAGE && self.has_chunks {
-            return Err("a message is outside of the chunks".to_owned());
-        }
-        salvage::examine(opcode, &self.body)
-    }
-
-    fn finish(&mut self) -> Result<Top> {
-        if !self.has_header && !self.has_losses() {
-            self.missing("it has no header")?;
-        }
-        self.start = self.at;
-        if !self.begin()? {
-            return self.cut("it does not end as an MCAP file does");
-        }
-        self.finished = true;
-        if let Some(salvage) = &mut self.salvage {
-            salvage.trust(self.at);
-        }
-        Ok(if self.at == self.len {
-            Top::End
-        } else {
-            Top::Passed
-        })
-    }
-
-    /// Continues in the appended file that begins here, see [`ANOTHER`].
-    pub(super) fn begin_another(&mut self) -> Result<()> {
-        let what = if self.finished {
-            "another MCAP file follows"
-        } else {
-            "it is truncated, and another MCAP file follows"
-        };
-        let Some(salvage) = &mut self.salvage else {
-            return Err(self.damaged(what));
-        };
-        // Both files are read; the note is that there are two.
-        salvage.note(self.start..self.start, what);
-        salvage.begin_another(self.start + 8);
-        self.seek(self.start + 8)?;
-        (self.has_header, self.has_chunks, self.finished) = (false, false, false);
-        self.unchecked = [false, self.unchecked.contains(&true)];
-        self.crc = crc32fast::Hasher::new();
-        self.crc.update(mcap::MAGIC);
-        Ok(())
-    }
-
-    /// Skips the current record and records the reason; an error without salvage.
-    pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
-        match &mut self.salvage {
-            Some(salvage) if self.in_chunk => {
-                self.skipped = true;
-                salvage.note(self.start..self.at, reason);
-                Ok(())
-            }
-            _ => self.pass_over(self.at, reason),
-        }
-    }
-
-    /// Records that something is missing; an error without salvage.
-    pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
-        let Some(salvage) = &mut self.salvage else {
-            return Err(self.damaged_at(self.at, reason));
-        };
-        salvage.note(self.at..self.at, reason);
-        Ok(())
-    }
-
-    /// Skips a part whose end is unknown.
-    fn cut(&mut self, reason: &str) -> Result<Top> {
-        let skipped = self.skipped;
-        self.pass_over(self.len, reason)?;
-        self.skipped = skipped || self.at < self.len;
-        Ok(Top::Passed)
-    }
-
-    /// Skips the current record up to `end`, or resynchronizes before it at a proven record; an
-    /// error without salvage.
-    fn pass_over(&mut self, end: u64, reason: &str) -> Result<()> {
-        let Some(salvage) = &mut self.salvage else {
-            return Err(self.damaged(reason));
-        };
-        let found = salvage
-            .pass_over(self.start..self.at, end, reason)
-            .map_err(|e| Error::io(&self.path, e))?;
-        self.finished = found == self.len;
-        self.skipped = true;
-        self.seek(found)
-    }
-
-    /// Checks the CRC of a section; returns true if it has one, which matches.
-    fn check_crc(
-        &mut self,
-        section: &str,
-        crc: crc32fast::Hasher,
-        saved: Option<u32>,
-    ) -> Result<bool> {
-        let calculated = crc.finalize();
-        let Some(saved) = saved else {
-            return self
-                .missing(&format!("the end of its {section} is truncated"))
-                .map(|()| false);
-        };
-        // A part was skipped, so the CRC was not computed over the section.
-        let unread = matches!(self.extent, Extent::Beside | Extent::Rest);
-        // Damage found before explains a CRC that does not match.
-        if saved != 0 && saved != calculated && !unread && !self.has_losses() {
-            self.missing(&format!(
-                "the CRC of its {section} is {calculated:08x}, {saved:08x} expected"
-            ))?;
-        }
-        Ok(saved == calculated && saved != 0)
-    }
-
-    /// The error for damage in the current record, which ends the reading.
-    pub(super) fn damaged(&self, reason: &str) -> Error {
-        // The start of the record: the position that salvage records for the same damage.
-        self.damaged_at(self.start, reason)
-    }
-
-    fn damaged_at(&self, at_byte: u64, reason: &str) -> Error {
-        self.ended.set(true);
-        let loss = DamagedPart {
-            at_byte,
-            bytes: 0,
-            reason: reason.to_owned(),
-        };
-        Error::damaged(&self.path, loss.to_string())
-    }
+    })?;
+    Ok(is_read.then_some(data))
 }
 
 fn no_mcap(file: &McapFile) -> Error {
@@ -607,18 +519,4 @@ fn no_mcap(file: &McapFile) -> Error {
         Ok(_) => Error::format(file.path(), not_mcap(file.path(), &start)),
         Err(error) => error,
     }
-}
-
-/// True if records of this kind belong to the data section, including its end.
-fn is_data(opcode: u8) -> bool {
-    matches!(
-        opcode,
-        op::HEADER
-            | op::MESSAGE
-            | op::CHUNK
-            | op::MESSAGE_INDEX
-            | op::ATTACHMENT
-            | op::METADATA
-            | op::DATA_END
-    )
 }

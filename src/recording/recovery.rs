@@ -4,13 +4,11 @@ use super::append_file::AppendFile;
 use super::container::Container;
 use super::file::McapFile;
 use super::messages::{EventReader, FileEvent, Messages, Schema};
+use super::records::{DamagedPart, Records};
 use super::ros::ROS1;
 use super::ros1_bag::Ros1Messages;
-use super::salvage::DamagedPart;
 use super::{LIBRARY, Recording, TopicKind, sync};
-use mcap::Attachment;
-use mcap::records::{AttachmentHeader, Channel, MessageHeader, Record, op};
-use std::borrow::Cow;
+use mcap::records::{Channel, MessageHeader, Record};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -60,32 +58,45 @@ impl Recording {
         };
         let mut messages = Messages::salvage(from)?;
         let first = messages.advance()?;
-        let (profile, library) = match first.map(|opcode| messages.record(opcode)).transpose()? {
-            Some(Record::Header(header)) => (header.profile, header.library),
+        let (profile, library) = match first.map(|opcode| messages.records.parse(opcode)) {
+            Some(Ok(Record::Header(header))) => (header.profile, header.library),
             _ => Default::default(),
         };
         // Distinguishes a recovered file from an original, also for other programs.
         let library = format!("{LIBRARY}, recovered from {library}");
+        let file = AppendFile::create(to.to_owned(), &profile, &library)?;
         let mut copy = Copier {
-            file: AppendFile::create(to.to_owned(), &profile, &library)?,
+            file,
+            attachments: Records::unread(from)?,
             channels: HashMap::new(),
             recovery: Recovery::default(),
         };
         let saved = copy.all(&mut messages, first);
-        if matches!(saved, Ok(true)) {
-            copy.file.finish()?;
-        } else {
-            drop(copy.file);
-            // An empty file is useless, and would block the next attempt.
-            let _ = std::fs::remove_file(to);
-        }
-        if saved? {
-            Ok(copy.recovery)
-        } else {
-            let reason = "contains nothing that can be recovered";
-            Err(Error::format(from.path(), reason))
-        }
+        let Copier { file, recovery, .. } = copy;
+        completed(saved, (file, recovery), (from.path(), to))
     }
+}
+
+/// The figures of a recovery whose file is complete.
+///
+/// # Errors
+/// That of `saved`; [`Error::Format`] if nothing was saved. The file is then removed.
+fn completed(
+    saved: Result<()>,
+    (mut file, recovery): (AppendFile, Recovery),
+    (from, to): (&Path, &Path),
+) -> Result<Recovery> {
+    let is_empty = recovery.messages.is_empty() && recovery.attachments + recovery.metadata == 0;
+    if saved.is_ok() && !is_empty {
+        file.finish()?;
+        return Ok(recovery);
+    }
+    drop(file);
+    // An empty file is useless, and would block the next attempt.
+    let _ = std::fs::remove_file(to);
+    saved?;
+    let reason = "contains nothing that can be recovered";
+    Err(Error::format(from, reason))
 }
 
 /// Copies the messages of a ROS 1 bag that can be read into an MCAP file.
@@ -119,30 +130,22 @@ fn recover_ros1(from: &McapFile, to: &Path) -> Result<Recovery> {
         *recovery.messages.entry(topic.clone()).or_default() += 1;
     }
     recovery.losses = messages.take_losses();
-    recovery.partial = recovery
-        .losses
-        .iter()
-        .any(|loss| loss.bytes > 0 && loss.at_byte + loss.bytes < from.len());
-    if recovery.messages.is_empty() {
-        drop(copy);
-        let _ = std::fs::remove_file(to);
-        let reason = "contains nothing that can be recovered";
-        return Err(Error::format(from.path(), reason));
-    }
-    copy.finish()?;
-    Ok(recovery)
+    recovery.partial = DamagedPart::have_records_behind(&recovery.losses, from.len());
+    completed(Ok(()), (copy, recovery), (from.path(), to))
 }
 
 struct Copier {
     file: AppendFile,
+    /// Reads the data of the attachments.
+    attachments: Records,
     /// Channel ids in the new file, by file and channel id in the old one.
     channels: HashMap<(usize, u16), u16>,
     recovery: Recovery,
 }
 
 impl Copier {
-    /// Copies everything from the first record on; returns true if there was anything.
-    fn all(&mut self, messages: &mut Messages, first: Option<u8>) -> Result<bool> {
+    /// Copies everything from the first record on.
+    fn all(&mut self, messages: &mut Messages, first: Option<u8>) -> Result<()> {
         let mut next = first;
         while let Some(opcode) = next {
             self.take_in(messages, opcode)?;
@@ -153,19 +156,20 @@ impl Copier {
             declare(&mut self.file, channel, schema)?;
         }
         let recovery = &mut self.recovery;
-        (recovery.losses, recovery.missing) = messages.take_losses();
+        recovery.losses = messages.records.losses.clone();
+        recovery.missing = messages.take_missing();
         recovery.partial = messages.has_more();
-        recovery.checksums = messages.is_checked();
-        Ok(!recovery.messages.is_empty() || recovery.attachments + recovery.metadata > 0)
+        recovery.checksums = messages.records.is_checked();
+        Ok(())
     }
 
     /// Copies the current record.
     fn take_in(&mut self, messages: &Messages, opcode: u8) -> Result<()> {
-        match opcode {
-            op::MESSAGE | op::ATTACHMENT | op::METADATA => {}
-            _ => return Ok(()),
-        }
-        match messages.record(opcode)? {
+        // Checked already.
+        let Ok(record) = messages.records.parse(opcode) else {
+            return Ok(());
+        };
+        match record {
             Record::Message { header, data } => {
                 let Some((channel, schema)) = messages.declaration(header.channel_id) else {
                     return Ok(());
@@ -194,21 +198,13 @@ impl Copier {
                     .entry(channel.topic.clone())
                     .or_default() += 1;
             }
-            Record::Attachment { header, data, .. } => {
-                let AttachmentHeader {
-                    log_time,
-                    create_time,
-                    name,
-                    media_type,
-                } = header;
-                let data = Cow::Borrowed(&*data);
-                self.file.attach(&Attachment {
-                    log_time,
-                    create_time,
-                    name,
-                    media_type,
-                    data,
-                })?;
+            Record::Attachment { header, .. } => {
+                let (start, bytes) = (messages.records.start, messages.records.attached);
+                let file = &mut self.file;
+                file.begin_attachment(bytes, header)?;
+                let copy = |piece: &[u8]| file.attachment_piece(piece);
+                self.attachments.attachment(start, copy)?;
+                self.file.finish_attachment()?;
                 self.recovery.attachments += 1;
             }
             Record::Metadata(metadata) => {

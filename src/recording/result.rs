@@ -84,7 +84,7 @@ impl Recording {
         let file = self.only_file()?;
         let mut messages = file.messages()?;
         let mut found = Vec::new();
-        while let Some(event) = messages.next().map_err(|error| self.located(error))? {
+        while let Some(event) = messages.next()? {
             if let FileEvent::Message(channel, log_time, data) = event
                 // By schema, not by topic: names of algorithms are part of the topic.
                 && channel.schema == schema

@@ -7,8 +7,8 @@
 
 use super::file::{FileReader, McapFile};
 use super::messages::{Channel, EventReader, FileEvent};
+use super::records::DamagedPart;
 use super::ros::ROS1;
-use super::salvage::DamagedPart;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};

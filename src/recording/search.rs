@@ -1,212 +1,379 @@
-//! Resynchronization: searches a damaged file for the next record, as the damage may be in the
-//! lengths that lead from one record to the next.
-//!
-//! A record counts as proven if it is:
-//! - a chunk with consistent lengths that decompresses into complete records, and matches its CRC
-//!   or, without a CRC, is followed by another record;
-//! - an attachment that matches its CRC;
-//! - such a chunk or attachment with unknown fields behind its own, followed by another record;
-//! - metadata with consistent lengths, or the end of the data section, followed by another record;
-//! - the magic of an appended file.
+//! Records of an MCAP file at any position: each is checked as far as it can be on its own, and the
+//! next one that is proven is found behind damage, as that may be in the lengths that lead from one
+//! record to the next.
 //!
 //! Every position is examined once, and a budget limits the bytes read for positions that merely
 //! look like records. So the time is linear in the length of the file, whatever its content.
 
-use super::chunk::{Chunk, chunk_size};
-use super::file::FileReader;
-use super::layout::{HEAD, MAX_RECORD, is_record, known_size, u64_at};
+use super::chunk;
+use super::file::{FileReader, McapFile};
+use super::layout::{HEAD, MAX_RECORD, has_fields, is_record, known_size};
+use super::layout::{u32_at, u64_at};
+use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::io::{Read as _, Result as IoResult, Seek as _, SeekFrom};
 use std::ops::Range;
 
-/// Bytes searched at a time.
-const WINDOW: usize = 1 << 18;
+/// Code for the magic of an appended file. No record has this opcode.
+pub(super) const ANOTHER: u8 = 0;
+/// Opcodes from here on are private to other programs.
+pub(super) const PRIVATE: u8 = 0x80;
+/// Bytes read at a time.
+const WINDOW: u64 = 1 << 18;
 /// Bytes of a record that suffice for a first check.
-const LOOK: usize = 64;
-/// Limit on the length of an attachment up to its data, of metadata, and of the unknown fields of
-/// any record, for the search.
+const LOOK: u64 = 64;
+/// Limit on the length of an attachment up to its data, and for a proof on that of metadata and of
+/// unknown fields.
 const MAX_BESIDE: u64 = 1 << 16;
 
-/// Searches one file.
+/// One file, and the last record loaded from it.
 pub(super) struct RecordSearch {
     file: FileReader,
-    len: u64,
-    /// Bytes that may still be read and decompressed in vain.
+    pub(super) len: u64,
+    /// Bytes that may still be read and unpacked in vain, and those read so far.
     budget: u64,
-    body: Vec<u8>,
-    chunk: Chunk,
+    read: u64,
+    /// The body of the record; of an attachment, as if it had no data.
+    pub(super) body: Vec<u8>,
+    /// The records of a chunk.
+    pub(super) unpacked: Vec<u8>,
+    zstd: zstd::bulk::Decompressor<'static>,
+}
+
+/// A record with a length that fits the file and its own fields.
+pub(super) struct LoadedRecord {
+    pub(super) opcode: u8,
+    pub(super) end: u64,
+    /// Start of what is behind the known fields.
+    pub(super) unknown: u64,
+    /// CRC of all its bytes.
+    pub(super) crc: Hasher,
+    pub(super) proof: Proof,
+    /// True unless a chunk has no CRC.
+    pub(super) is_checked: bool,
+    /// Size of an attachment's data.
+    pub(super) bytes: u64,
+}
+
+/// A record counts as proven if it is a chunk or an attachment that matches its CRC; if another
+/// record follows, also if it is a chunk without one, metadata, the end of the data section, or has
+/// unknown fields behind its own.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Proof {
+    No,
+    IfFollowed,
+    Sure,
+}
+
+/// A record that cannot be used.
+pub(super) struct RecordFault {
+    /// Where the next record begins; `None` if that is unknown.
+    pub(super) end: Option<u64>,
+    pub(super) reason: String,
+    /// True of a record that is neither a chunk nor a part of one: the messages are still whole.
+    pub(super) is_beside: bool,
+}
+
+impl RecordFault {
+    pub(super) fn cut(reason: impl Into<String>) -> Self {
+        let reason = reason.into();
+        Self {
+            end: None,
+            reason,
+            is_beside: false,
+        }
+    }
+
+    pub(super) fn new(end: u64, reason: impl Into<String>) -> Self {
+        Self {
+            end: Some(end),
+            ..Self::cut(reason)
+        }
+    }
+
+    pub(super) fn beside(end: u64, reason: impl Into<String>) -> Self {
+        Self {
+            is_beside: true,
+            ..Self::new(end, reason)
+        }
+    }
 }
 
 impl RecordSearch {
-    pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
-        // 16 times the file size: many fake chunk heads end the search early instead of taking the
-        // user's time.
-        let budget = len.saturating_mul(16).saturating_add(16 << 20);
+    /// # Errors
+    /// The errors of opening the file.
+    pub(super) fn open(file: &McapFile) -> svl_core::Result<Self> {
+        let zstd = zstd::bulk::Decompressor::new();
         Ok(Self {
-            file,
-            len,
-            budget,
+            file: file.reader()?,
+            len: file.len(),
+            // 16 times the file size: many fake chunk heads end the search early instead of taking
+            // the user's time.
+            budget: file.len().saturating_mul(16).saturating_add(16 << 20),
+            read: 0,
             body: Vec::new(),
-            chunk: Chunk::new()?,
+            unpacked: Vec::new(),
+            zstd: zstd.map_err(|e| svl_core::Error::io(file.path(), e))?,
         })
     }
 
-    /// The first position in `range` where a proven record begins.
-    ///
-    /// # Errors
-    /// The errors of reading the file.
-    pub(super) fn next(&mut self, range: Range<u64>) -> io::Result<Option<u64>> {
-        let mut window = Vec::new();
-        let mut at = range.start;
-        while at < range.end && self.budget > 0 {
-            let left = (range.end - at)
-                .saturating_add(LOOK as u64)
-                .min(self.len - at);
-            let bytes = WINDOW.min(usize::try_from(left).unwrap_or(WINDOW));
-            window.resize(bytes, 0);
-            self.file.seek(SeekFrom::Start(at))?;
-            self.file.read_exact(&mut window)?;
-            // Records that begin near the end of the window are examined in the next one.
-            let last = at + bytes as u64 == self.len;
-            let places = if last { bytes } else { bytes - LOOK };
-            let places = places.min(usize::try_from(range.end - at).unwrap_or(places));
-            for i in 0..places {
-                let place = at + i as u64;
-                if self.proves(place, &window[i..bytes.min(i + LOOK)])? {
-                    return Ok(Some(place));
-                }
-            }
-            at += places as u64;
-        }
-        Ok(None)
-    }
-
-    /// True if the record at this position is proven.
-    pub(super) fn proves_at(&mut self, at: u64) -> io::Result<bool> {
-        self.read(at, (self.len - at).min(LOOK as u64))?;
-        let head = self.body.clone();
-        self.proves(at, &head)
-    }
-
-    /// Same as [`RecordSearch::proves_at`], with the first bytes in `head`.
-    fn proves(&mut self, at: u64, head: &[u8]) -> io::Result<bool> {
-        if head.starts_with(mcap::MAGIC) {
-            return self.is_header(at + 8);
-        }
-        let may_be = matches!(
-            head[0],
-            op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END
-        );
-        let Some(length) = u64_at(head, 1).filter(|_| may_be) else {
-            return Ok(false);
+    /// Opcode and length of the record at `at`; `None` if the file has no room for it.
+    pub(super) fn head(&mut self, at: u64) -> IoResult<Option<(u8, u64)>> {
+        let Some(left) = self.len.checked_sub(at.saturating_add(HEAD)) else {
+            return Ok(None);
         };
-        let body = at + HEAD;
-        // Before any reading: most fakes have absurd lengths.
-        if length > MAX_RECORD.min(self.len - body) || self.budget == 0 {
-            return Ok(false);
-        }
-        match head[0] {
-            op::CHUNK => self.proves_chunk(body, length, &head[HEAD as usize..]),
-            op::ATTACHMENT => self.proves_attachment(body, length),
-            op::METADATA if length <= MAX_BESIDE => self.proves_metadata(body, length),
-            op::DATA_END => Ok(length == 4 && self.goes_on(body + length)?),
-            _ => Ok(false),
-        }
+        let head = self.bytes(at, HEAD)?;
+        let length = u64_at(&head, 1).filter(|&length| length <= left.min(MAX_RECORD));
+        Ok(length.map(|length| (head[0], length)))
     }
 
-    /// Proves a chunk by its records. `record`: the first bytes of its body.
-    fn proves_chunk(&mut self, body: u64, length: u64, record: &[u8]) -> io::Result<bool> {
-        let (Some(size), Some(known)) = (
-            chunk_size(record, length),
-            near_size(op::CHUNK, record, length),
-        ) else {
-            return Ok(false);
-        };
-        self.read(body, known)?;
-        let opened = self.chunk.open(&self.body).is_ok() && self.chunk.has_only_complete_records();
-        self.chunk.clear();
-        // A chunk with a corrupt length may still decompress into records, across those that
-        // follow.
-        let is_sure = self.chunk.has_crc() && known == length;
-        let fits = opened && (is_sure || self.goes_on(body + length)?);
-        Ok(self.paid(fits, known + size))
+    /// True if the bytes at `at` look like a record.
+    fn is_record(&mut self, at: u64) -> IoResult<bool> {
+        Ok(self.head(at)?.is_some_and(|(opcode, _)| is_record(opcode)))
     }
 
-    fn proves_attachment(&mut self, body: u64, length: u64) -> io::Result<bool> {
-        let start = length.min(MAX_BESIDE);
-        self.read(body, start)?;
-        let Some(known) = near_size(op::ATTACHMENT, &self.body, length) else {
-            return Ok(self.paid(false, start));
-        };
-        self.read(body, known)?;
-        // Without a CRC any bytes could be an attachment.
-        let has_crc = self.body.last_chunk() != Some(&[0; 4]);
-        let opened = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
-        let fits = opened && (known == length || self.goes_on(body + length)?);
-        Ok(self.paid(fits, known))
-    }
-
-    fn proves_metadata(&mut self, body: u64, length: u64) -> io::Result<bool> {
-        self.read(body, length)?;
-        let metadata = mcap::parse_record(op::METADATA, &self.body);
-        let named = match metadata {
-            Ok(Record::Metadata(metadata)) => !metadata.name.is_empty(),
-            _ => false,
-        };
-        let fits = named
-            && known_size(op::METADATA, &self.body, length).is_some()
-            && self.goes_on(body + length)?;
-        Ok(self.paid(fits, length))
+    /// True if MCAP's magic is there.
+    pub(super) fn is_magic(&mut self, at: u64) -> IoResult<bool> {
+        let left = self.len.saturating_sub(at);
+        Ok(self.bytes(at, left.min(8))? == mcap::MAGIC)
     }
 
     /// True if the header record of a file is there.
-    pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
-        let Some(left) = self.len.checked_sub(at + HEAD) else {
-            return Ok(false);
-        };
-        self.read(at, HEAD)?;
-        let length = u64_at(&self.body, 1)
-            .filter(|&length| self.body[0] == op::HEADER && length <= left.min(MAX_BESIDE));
-        let Some(length) = length else {
-            return Ok(false);
-        };
-        self.read(at + HEAD, length)?;
-        let fits = known_size(op::HEADER, &self.body, length).is_some();
-        Ok(self.paid(fits, length))
+    pub(super) fn is_header(&mut self, at: u64) -> IoResult<bool> {
+        let is_header = |(opcode, length)| opcode == op::HEADER && length <= MAX_BESIDE;
+        Ok(self.head(at)?.is_some_and(is_header) && self.load(at)?.is_ok())
     }
 
-    /// Deducts bytes from the budget.
+    /// True if the loaded record is proven.
+    pub(super) fn is_proven(&mut self, loaded: &LoadedRecord) -> IoResult<bool> {
+        Ok(loaded.proof == Proof::Sure
+            || loaded.proof == Proof::IfFollowed && self.is_record(loaded.end)?)
+    }
+
+    /// Deducts bytes that were read in vain from the budget.
     pub(super) fn spend(&mut self, bytes: u64) {
         self.budget = self.budget.saturating_sub(bytes);
     }
 
-    /// Returns `is_right`, and deducts `bytes` from the budget if it is false.
-    fn paid(&mut self, is_right: bool, bytes: u64) -> bool {
-        if !is_right {
-            self.spend(bytes);
+    /// The first position in `places` where a proven record begins.
+    pub(super) fn find(&mut self, places: Range<u64>) -> IoResult<Option<u64>> {
+        let mut from = places.start;
+        while from < places.end && self.budget > 0 {
+            let left = self.len - from;
+            let window = self.bytes(from, left.min(WINDOW))?;
+            // Records that begin near the end of the window are examined in the next one.
+            let heads = if left > WINDOW { WINDOW - LOOK } else { left };
+            let heads = heads.min(places.end - from);
+            for (i, first) in window[..heads as usize].iter().enumerate() {
+                // The magic's first byte is no opcode.
+                let may_be = matches!(
+                    *first,
+                    op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END | 0x89
+                );
+                if may_be && may_be_proven(&window[i..], left - i as u64) {
+                    let read = self.read;
+                    if self.proves(from + i as u64)? {
+                        return Ok(Some(from + i as u64));
+                    }
+                    self.spend(self.read - read);
+                    if self.budget == 0 {
+                        return Ok(None);
+                    }
+                }
+            }
+            from += heads;
         }
-        is_right
+        Ok(None)
     }
 
-    /// True if the bytes at `at` look like a record.
-    fn goes_on(&mut self, at: u64) -> io::Result<bool> {
-        let Some(left) = self.len.checked_sub(at + HEAD) else {
-            return Ok(false);
+    fn proves(&mut self, at: u64) -> IoResult<bool> {
+        match self.load(at)? {
+            Ok(loaded) if loaded.opcode == ANOTHER => self.is_header(at + 8),
+            Ok(loaded) => self.is_proven(&loaded),
+            Err(_) => Ok(false),
+        }
+    }
+
+    /// Loads the record at `at`, or the magic of an appended file.
+    ///
+    /// # Errors
+    /// The errors of reading the file; inside, the reason why there is no such record.
+    pub(super) fn load(&mut self, at: u64) -> IoResult<Result<LoadedRecord, RecordFault>> {
+        let left = self.len - at;
+        if left < HEAD {
+            let reason = ["it was never finished", "it ends inside a record"];
+            return Ok(Err(RecordFault::cut(reason[usize::from(left > 0)])));
+        }
+        let head = self.bytes(at, HEAD)?;
+        let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
+        let mut loaded = LoadedRecord {
+            opcode: ANOTHER,
+            end: at + HEAD,
+            unknown: at + HEAD,
+            crc: Hasher::new(),
+            proof: Proof::No,
+            is_checked: true,
+            bytes: 0,
         };
-        self.read(at, HEAD)?;
-        Ok(is_record(self.body[0])
-            && u64_at(&self.body, 1).is_some_and(|length| length <= left.min(MAX_RECORD)))
+        if head.starts_with(mcap::MAGIC) {
+            return Ok(Ok(loaded));
+        }
+        if let Some(reason) = head_fault(opcode, length, left - HEAD) {
+            return Ok(Err(RecordFault::cut(reason)));
+        }
+        // At most the rest of the file, so a corrupt length cannot allocate more than that.
+        let all = opcode != op::ATTACHMENT;
+        let bytes = if all { length } else { length.min(MAX_BESIDE) };
+        self.body = self.bytes(at + HEAD, bytes)?;
+        let known = known_size(opcode, &self.body, length);
+        (loaded.opcode, loaded.end) = (opcode, at + HEAD + length);
+        if let Some(reason) = fields_fault(opcode, known) {
+            let is_beside = !matches!(opcode, op::HEADER..=op::CHUNK | op::DATA_END)
+                && !matches!(opcode, op::ATTACHMENT | op::METADATA | op::STATISTICS);
+            let fault = RecordFault::new(loaded.end, reason);
+            return Ok(Err(RecordFault { is_beside, ..fault }));
+        }
+        loaded.unknown = at + HEAD + known.unwrap_or(length);
+        loaded.crc.update(&head);
+        Ok(match opcode {
+            op::ATTACHMENT => self.stream(at + HEAD, loaded)?,
+            op::CHUNK => self.unpack(loaded),
+            _ => {
+                loaded.crc.update(&self.body);
+                let is_metadata = opcode == op::METADATA && length <= MAX_BESIDE;
+                let record = mcap::parse_record(opcode, &self.body);
+                let is_named =
+                    matches!(record, Ok(Record::Metadata(data)) if !data.name.is_empty());
+                if opcode == op::DATA_END || is_metadata && is_named {
+                    loaded.proof = Proof::IfFollowed;
+                }
+                Ok(loaded)
+            }
+        })
     }
 
-    /// Reads `length` bytes, which must be in the file.
-    fn read(&mut self, at: u64, length: u64) -> io::Result<()> {
-        self.body.resize(length as usize, 0);
+    fn unpack(&mut self, mut loaded: LoadedRecord) -> Result<LoadedRecord, RecordFault> {
+        loaded.crc.update(&self.body);
+        let checked = chunk::unpack(&self.body, &mut self.zstd, &mut self.unpacked);
+        self.read += self.unpacked.len() as u64;
+        loaded.is_checked = checked.map_err(|reason| {
+            self.unpacked.clear();
+            RecordFault::new(loaded.end, format!("a chunk is damaged: {reason}"))
+        })?;
+        loaded.proof = match loaded.is_checked {
+            _ if self.unpacked.is_empty() => Proof::No,
+            true => loaded.sure(),
+            // Also a chunk with a corrupt length may unpack into records.
+            false => Proof::IfFollowed,
+        };
+        Ok(loaded)
+    }
+
+    /// Checks the CRC of the attachment whose first bytes are loaded, in bounded memory.
+    fn stream(
+        &mut self,
+        body: u64,
+        mut loaded: LoadedRecord,
+    ) -> IoResult<Result<LoadedRecord, RecordFault>> {
+        let fault = |reason: &str| Ok(Err(RecordFault::new(loaded.end, reason)));
+        let name = u32_at(&self.body, 16).map_or(0, u64::from);
+        let media = u32_at(&self.body, 20 + name as usize).map_or(0, u64::from);
+        // Behind the length of the data.
+        let start = (32 + name + media) as usize;
+        let Some(head) = self.body.get(..start) else {
+            return fault("an attachment is truncated");
+        };
+        loaded.bytes = u64_at(head, start - 8).unwrap_or(0);
+        let mut crc = Hasher::new();
+        crc.update(head);
+        self.body.truncate(start);
+        self.pieces(body + start as u64, loaded.bytes, |piece| crc.update(piece))?;
+        let saved = self.bytes(loaded.unknown - 4, 4)?;
+        loaded.crc.combine(&crc);
+        loaded.crc.update(&saved);
+        let unknown = loaded.end - loaded.unknown;
+        self.pieces(loaded.unknown, unknown, |piece| loaded.crc.update(piece))?;
+        let (saved, calculated) = (u32_at(&saved, 0).unwrap_or(0), crc.finalize());
+        if saved != 0 && saved != calculated {
+            let reason = format!("the CRC of an attachment is {calculated:08x}, not {saved:08x}");
+            return fault(&reason);
+        }
+        // Without a CRC any bytes could be an attachment.
+        loaded.proof = [Proof::No, loaded.sure()][usize::from(saved != 0)];
+        // The body is that of an attachment without data and CRC.
+        self.body.truncate(start - 8);
+        self.body.extend([0; 12]);
+        Ok(Ok(loaded))
+    }
+
+    /// Reads `bytes` from `at` on, a piece at a time.
+    pub(super) fn pieces(
+        &mut self,
+        at: u64,
+        bytes: u64,
+        mut take: impl FnMut(&[u8]),
+    ) -> IoResult<()> {
+        for from in (0..bytes).step_by(WINDOW as usize) {
+            take(&self.bytes(at + from, (bytes - from).min(WINDOW))?);
+        }
+        Ok(())
+    }
+
+    /// Reads bytes, which must be in the file.
+    fn bytes(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
+        let mut read = vec![0; bytes as usize];
         self.file.seek(SeekFrom::Start(at))?;
-        self.file.read_exact(&mut self.body)
+        self.file.read_exact(&mut read)?;
+        self.read += bytes;
+        Ok(read)
     }
 }
 
-/// Length of the known fields of a record, if few unknown ones follow.
-fn near_size(opcode: u8, body: &[u8], length: u64) -> Option<u64> {
-    known_size(opcode, body, length).filter(|known| length - known <= MAX_BESIDE)
+impl LoadedRecord {
+    /// The proof by a CRC.
+    fn sure(&self) -> Proof {
+        match self.end - self.unknown {
+            0 => Proof::Sure,
+            1..=MAX_BESIDE => Proof::IfFollowed,
+            _ => Proof::No,
+        }
+    }
+}
+
+/// False for most bytes that merely look like a record which can be proven; `left`: those up to the
+/// end of the file.
+fn may_be_proven(bytes: &[u8], left: u64) -> bool {
+    let Some(room) = left.checked_sub(HEAD) else {
+        return false;
+    };
+    let length = || u64_at(bytes, 1).filter(|&length| length <= room.min(MAX_RECORD));
+    match bytes[0] {
+        op::CHUNK => length()
+            .is_some_and(|length| chunk::may_be_chunk(&bytes[9..bytes.len().min(73)], length)),
+        op::ATTACHMENT => length().is_some(),
+        op::DATA_END => length() == Some(4),
+        op::METADATA => length().is_some_and(|length| length <= MAX_BESIDE),
+        _ => bytes.starts_with(mcap::MAGIC),
+    }
+}
+
+/// The reason why no record can have this head; `left`: bytes behind it.
+fn head_fault(opcode: u8, length: u64, left: u64) -> Option<String> {
+    if opcode == 0 {
+        return Some("there is no record here".to_owned());
+    }
+    if length > left {
+        let reason = format!("it ends inside a record of {length} bytes, of which it has {left}");
+        return Some(reason);
+    }
+    (length > MAX_RECORD).then(|| format!("a record of {length} bytes is longer than {MAX_RECORD}"))
+}
+
+/// The reason why a record of this kind, with known fields of that length, cannot be intact.
+fn fields_fault(opcode: u8, known: Option<u64>) -> Option<String> {
+    if !is_record(opcode) && opcode < PRIVATE {
+        return Some(format!("a record is of the unknown kind {opcode:#04x}"));
+    }
+    let is_wrong = has_fields(opcode) && known.is_none();
+    is_wrong.then(|| "the lengths of a record do not agree".to_owned())
 }

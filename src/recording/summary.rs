@@ -6,8 +6,8 @@ use super::foreign::{
     is_image, is_picture, pair_stamps, pose_summary,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
+use super::records::{DamagedPart, attachment};
 use super::ros1_bag::Ros1Messages;
-use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
 use super::sync::{PairGeometry, StereoSync};
 use super::{
@@ -184,11 +184,15 @@ impl Recording {
         while let Some(event) = messages.next()? {
             seen.take_in(event);
         }
-        (seen.found.losses, seen.found.missing) = messages.take_losses();
-        seen.found.checksums = messages.is_checked();
+        seen.found.losses = messages.records.losses.clone();
+        seen.found.missing = messages.take_missing();
+        seen.found.checksums = messages.records.is_checked();
+        let manifest = seen.manifest.map(|start| attachment(file, start));
+        let manifest = manifest.transpose()?.flatten();
+        seen.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
         // Neither the profile nor a sync message: svl did not write it.
         if seen.found.profile != PROFILE && seen.sequences.is_empty() {
-            let channels = messages.channels();
+            let channels = messages.declared().channels();
             seen.choose(self, &channels.iter().collect::<Vec<_>>());
         }
         Ok(seen.summary(file.path(), file.len()))
@@ -212,6 +216,8 @@ impl RecordingSummary {
 struct SummaryScan {
     /// The parts of the summary that are found as they come.
     found: RecordingSummary,
+    /// Start of the first attached manifest.
+    manifest: Option<u64>,
     topics: BTreeMap<String, Topic>,
     /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
@@ -250,11 +256,11 @@ impl SummaryScan {
                     .take()
                     .or_else(|| Header::from_record(&metadata))
             }
-            FileEvent::Attachment { name, data, .. } => {
-                if name == MANIFEST && self.found.manifest.is_none() {
-                    self.found.manifest = serde_json::from_slice(&data).ok();
+            FileEvent::Attachment { start, name, bytes } => {
+                if name == MANIFEST {
+                    self.manifest.get_or_insert(start);
                 }
-                self.found.attachments.push((name, data.len() as u64));
+                self.found.attachments.push((name, bytes));
             }
             FileEvent::Message(channel, log_time, data) => self.count(channel, log_time, &data),
         }

@@ -7,10 +7,8 @@ use super::{
     Dialect, Encoded, Header, LIBRARY, MANIFEST, PairResult, RecordingFormat, ResultOptions,
     RosStamp, TopicKind, frame_id, ros, truth,
 };
-use mcap::Attachment;
-use mcap::records::{MessageHeader, Metadata};
+use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use serde::Serialize;
-use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use svl_core::stereo::{Frame, Geometry, Side, Truth};
@@ -58,15 +56,17 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`].
     pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
-        let (name, media_type) = (name.to_owned(), media_type.to_owned());
-        let attachment = Attachment {
+        let header = AttachmentHeader {
             log_time: 0,
             create_time: 0,
-            name,
-            media_type,
-            data: Cow::Borrowed(data),
+            name: name.to_owned(),
+            media_type: media_type.to_owned(),
         };
-        self.file.with(|file| file.attach(&attachment))
+        self.file.with(|file| {
+            file.begin_attachment(data.len() as u64, header)?;
+            file.attachment_piece(data)?;
+            file.finish_attachment()
+        })
     }
 
     /// Attaches the manifest of the run that writes the recording.
