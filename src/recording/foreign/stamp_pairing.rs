@@ -34,6 +34,12 @@ impl UnpairedImages {
 }
 
 /// Images of two cameras waiting for their partners.
+///
+/// An image is paired with the nearest of the other camera only when no nearer one can arrive:
+/// nearest first, so that a late image does not take the partner of the next. How long that takes
+/// is learned from the order so far (`slack`): files in order need no wait, and unordered ones
+/// wait no longer than their own disorder. Images outside the span of the other camera are no
+/// losses, as one camera began earlier; those within it are.
 #[derive(Clone)]
 pub(crate) struct StampPairing<T> {
     max_skew_ns: u64,
