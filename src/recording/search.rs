@@ -20,6 +20,8 @@ pub(super) const ANOTHER: u8 = 0;
 pub(super) const PRIVATE: u8 = 0x80;
 /// Bytes read at a time.
 const WINDOW: u64 = 1 << 18;
+/// Bytes read ahead of records that are smaller.
+const AHEAD: u64 = 1 << 16;
 /// Bytes of a record that suffice for a first check.
 const LOOK: u64 = 64;
 /// Limit on the length of an attachment up to its data, and for a proof on that of metadata and of
@@ -30,6 +32,9 @@ const MAX_BESIDE: u64 = 1 << 16;
 pub(super) struct RecordSearch {
     file: FileReader,
     pub(super) len: u64,
+    /// A piece of the file, and its position.
+    ahead: Vec<u8>,
+    ahead_at: u64,
     /// Bytes that may still be read and unpacked in vain, and those read so far.
     budget: u64,
     read: u64,
@@ -107,6 +112,8 @@ impl RecordSearch {
         Ok(Self {
             file: file.reader()?,
             len: file.len(),
+            ahead: Vec::new(),
+            ahead_at: 0,
             // 16 times the file size: many fake chunk heads end the search early instead of taking
             // the user's time.
             budget: file.len().saturating_mul(16).saturating_add(16 << 20),
@@ -319,12 +326,26 @@ impl RecordSearch {
         Ok(())
     }
 
-    /// Reads bytes, which must be in the file.
+    /// Reads bytes, which must be in the file; few of them with those behind, for the records that
+    /// follow.
     fn bytes(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
+        self.read += bytes;
+        if bytes >= AHEAD {
+            return self.read_at(at, bytes);
+        }
+        let end = self.ahead_at + self.ahead.len() as u64;
+        if !(self.ahead_at..=end).contains(&at) || at + bytes > end {
+            self.ahead = self.read_at(at, self.len.saturating_sub(at).min(AHEAD))?;
+            self.ahead_at = at;
+        }
+        let start = (at - self.ahead_at) as usize;
+        Ok(self.ahead[start..start + bytes as usize].to_vec())
+    }
+
+    fn read_at(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
         let mut read = vec![0; bytes as usize];
         self.file.seek(SeekFrom::Start(at))?;
         self.file.read_exact(&mut read)?;
-        self.read += bytes;
         Ok(read)
     }
 }
