@@ -30,7 +30,7 @@ pub(super) fn unpack(
     records.clear();
     let record = mcap::parse_record(op::CHUNK, body).map_err(|e| e.to_string())?;
     let Record::Chunk { header, data } = record else {
-        return Err("it is none".to_owned());
+        return Err("its record is of another kind".to_owned());
     };
     let size = header.uncompressed_size;
     if size > MAX_RECORD {

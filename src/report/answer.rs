@@ -6,7 +6,8 @@ use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
-use super::samples::{resamples, run_key, sample};
+use super::samples::{RunKey, resamples, run_key, sample};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::joined;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
@@ -37,6 +38,9 @@ pub(super) const USABLE: Usable = Usable {
 const MIN_FOUND: f64 = 0.5;
 const MIN_FOUND_WORDS: &str = "at least half of the near obstacles";
 
+/// The rows of each algorithm by run, number and name of the pair.
+type RowsByAlgorithm<'a> = BTreeMap<&'a str, BTreeMap<(RunKey<'a>, u64, &'a str), &'a Row>>;
+
 /// The metrics by which algorithms are called best.
 pub(super) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
@@ -51,17 +55,26 @@ pub(super) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
 impl Results {
     /// Finds the best algorithms. `rows` and `drives`: those that the results are of.
     pub(super) fn find_best(&mut self, rows: &[Row], drives: &[DriveRow]) {
-        let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
+        let mut by_algorithm: RowsByAlgorithm<'_> = BTreeMap::new();
+        for row in rows.iter().filter(|row| row.stress.is_none()) {
+            let own = by_algorithm.entry(&row.algorithm).or_default();
+            own.insert((run_key(row), row.sequence, &row.name), row);
+        }
         let kind = self.kind();
         // Drives run beside each other, and their pairs differ.
         let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
         let time = Metric::find("time").filter(|_| is_timed);
         let metrics = answer_metrics(kind).into_iter().chain(time);
-        let best = metrics.filter_map(|metric| self.best_by(metric, &rows, drives));
+        let best = metrics.filter_map(|metric| self.best_by(metric, &by_algorithm, drives));
         self.best = best.collect();
     }
 
-    fn best_by(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Best> {
+    fn best_by(
+        &self,
+        metric: &'static Metric,
+        rows: &RowsByAlgorithm<'_>,
+        drives: &[DriveRow],
+    ) -> Option<Best> {
         let value = |a: &AlgorithmSummary| self.ranked(a, metric);
         let mut usable = self.ranked_algorithms();
         usable.retain(|a| self.is_candidate(a) && self.is_usable(a) && value(a).is_some());
@@ -87,7 +100,7 @@ impl Results {
             area: self.area_of(metric),
             algorithm: best.algorithm.clone(),
             value: value(best)?,
-            others: others.iter().map(other).collect(),
+            others: others.par_iter().map(other).collect(),
         })
     }
 
@@ -216,12 +229,10 @@ fn certainty(interval: Option<Interval>) -> Certainty {
 }
 
 /// The difference of a metric of frames over the pairs that both algorithms have.
-fn pair_certainty(metric: &Metric, labels: [&str; 2], rows: &[&Row]) -> Certainty {
-    let [best, second] = labels.map(|label| {
-        let own = rows.iter().filter(|row| row.algorithm == label);
-        let keyed = own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), *row));
-        keyed.collect::<BTreeMap<_, _>>()
-    });
+fn pair_certainty(metric: &Metric, labels: [&str; 2], rows: &RowsByAlgorithm<'_>) -> Certainty {
+    let [Some(best), Some(second)] = labels.map(|label| rows.get(label)) else {
+        return Certainty::TooFew;
+    };
     let both = best
         .iter()
         .filter_map(|(key, row)| Some((*row, *second.get(key)?)));

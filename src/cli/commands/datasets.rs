@@ -1,6 +1,6 @@
 //! `svl datasets`: the data sets svl reads, and their files in a folder.
 
-use crate::cli::shared::data::data_table;
+use crate::cli::shared::data::{DataColumns, data_table};
 use crate::cli::shared::terminal::{print, print_json, size, width, wrapped};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -28,11 +28,11 @@ pub(crate) struct Args {
     json: bool,
 }
 
-const COLUMNS: [(&str, &str); 3] = [
-    ("name", "data set"),
-    ("scenes", "scenes"),
-    ("title", "content"),
-];
+const COLUMNS: DataColumns<'_> = DataColumns {
+    name: ("name", "data set"),
+    numbers: &[("scenes", "scenes")],
+    text: ("title", "content"),
+};
 
 /// A data set, and what is there of it if a folder is known.
 #[derive(Serialize)]
@@ -58,7 +58,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     match root {
         Some(_) => print(&there(&listed)),
-        None => print(&data_table(&listed, &COLUMNS, width())),
+        None => print(&data_table(&listed, &COLUMNS, width())?),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `svl info`: the contents of a recording, and its integrity.
 
-use crate::cli::shared::data::{DataField, data_table, data_text, events, field};
+use crate::cli::shared::data::{DataColumns, DataField, data_table, data_text, events, field};
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use std::path::{Path, PathBuf};
@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         print_json(&info)
     } else {
-        print(&info.text(&name))
+        print(&info.text(&name)?)
     }
 }
 
@@ -175,24 +175,25 @@ const FIELDS: &[DataField] = &[
     field("attachments", "attachments"),
 ];
 
-const TOPIC_COLUMNS: [(&str, &str); 5] = [
-    ("name", "topic"),
-    ("messages", "messages"),
-    ("rate_hz", "rate"),
-    ("bytes", "size"),
-    ("schema", "schema"),
-];
+const TOPIC_COLUMNS: DataColumns<'_> = DataColumns {
+    name: ("name", "topic"),
+    numbers: &[
+        ("messages", "messages"),
+        ("rate_hz", "rate"),
+        ("bytes", "size"),
+    ],
+    text: ("schema", "schema"),
+};
 
 impl Info {
-    fn text(&self, name: &str) -> String {
+    fn text(&self, name: &str) -> serde_json::Result<String> {
         let head = format!("{}: ", self.usability.answer());
-        let usability = wrapped(&head, head.len(), &self.usability.words(), width());
-        let topics = self.summary.iter();
-        let topics = topics.map(|summary| data_table(&summary.topics, &TOPIC_COLUMNS, width()));
-        let topics: String = topics.map(|table| format!("\n{table}")).collect();
-        format!(
-            "{usability}{name}\n{}{topics}",
-            data_text(self, FIELDS, width())
-        )
+        let mut text = wrapped(&head, head.len(), &self.usability.words(), width());
+        text += &format!("{name}\n{}", data_text(self, FIELDS, width())?);
+        if let Some(summary) = &self.summary {
+            let topics = data_table(&summary.topics, &TOPIC_COLUMNS, width())?;
+            text += &format!("\n{topics}");
+        }
+        Ok(text)
     }
 }

@@ -80,6 +80,6 @@ const FIELDS: &[DataField] = &[
 
 fn text(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {
     let bytes = size(args.output.metadata()?.len());
-    let fields = data_text(recovery, FIELDS, width());
+    let fields = data_text(recovery, FIELDS, width())?;
     Ok(format!("{}: {bytes}\n{fields}", args.output.display()))
 }

@@ -54,8 +54,15 @@ const FIRST: [&str; 11] = [
 
 /// The fields that the data has, in the order of `fields`: a line per value, and per entry of a
 /// list. Lines are broken at the column `last`.
-pub(crate) fn data_text(data: &impl Serialize, fields: &[DataField], last: usize) -> String {
-    let data = serde_json::to_value(data).unwrap_or_default();
+///
+/// # Errors
+/// The errors of serialization.
+pub(crate) fn data_text(
+    data: &impl Serialize,
+    fields: &[DataField],
+    last: usize,
+) -> serde_json::Result<String> {
+    let data = serde_json::to_value(data)?;
     let mut text = String::new();
     for field in fields {
         let value = field
@@ -69,24 +76,40 @@ pub(crate) fn data_text(data: &impl Serialize, fields: &[DataField], last: usize
             text += &wrapped(&format!("{label:COLUMN$}"), COLUMN, line, last);
         }
     }
-    text
+    Ok(text)
 }
 
-/// A table of a list in the data: a column per key, with its heading; the last is of text.
-pub(crate) fn data_table(rows: &impl Serialize, columns: &[(&str, &str)], last: usize) -> String {
-    let rows = serde_json::to_value(rows).unwrap_or_default();
-    let [(first, heading), numbers @ .., (text, text_heading)] = columns else {
-        return String::new();
-    };
-    let mut table = Table::new("", heading)
+/// The columns of a list of data, each a key and its heading.
+pub(crate) struct DataColumns<'a> {
+    pub name: (&'a str, &'a str),
+    pub numbers: &'a [(&'a str, &'a str)],
+    pub text: (&'a str, &'a str),
+}
+
+/// A table of a list of data.
+///
+/// # Errors
+/// The errors of serialization.
+pub(crate) fn data_table(
+    rows: &impl Serialize,
+    columns: &DataColumns<'_>,
+    last: usize,
+) -> serde_json::Result<String> {
+    let rows = serde_json::to_value(rows)?;
+    let DataColumns {
+        name,
+        numbers,
+        text,
+    } = columns;
+    let mut table = Table::new("", name.1)
         .with_columns(numbers.iter().map(|(_, heading)| *heading))
-        .with_texts([*text_heading]);
+        .with_texts([text.1]);
     for row in rows.as_array().into_iter().flatten() {
         let cell = |key: &str| words(key, &row[key]).unwrap_or_default();
-        let keys = numbers.iter().map(|(key, _)| *key).chain([*text]);
-        table.push(cell(first), keys.map(cell));
+        let keys = numbers.iter().chain([text]).map(|(key, _)| *key);
+        table.push(cell(name.0), keys.map(cell));
     }
-    table.terminal(TerminalStyle::plain(last))
+    Ok(table.terminal(TerminalStyle::plain(last)))
 }
 
 /// The lines of a value: those of a list are its entries.
@@ -243,13 +266,13 @@ gaps            after 1.000 s
                 after 2.000 s
                 after 3.000 s
 ";
-        assert_eq!(data_text(&data, &fields, 100), expected);
+        assert_eq!(data_text(&data, &fields, 100).unwrap(), expected);
     }
 
     #[test]
     fn long_lists_are_cut() {
-        let data = json!({ "gaps": vec![json!({ "length_ns": 7 }); 9] });
-        let text = data_text(&data, &[field("gaps", "gaps")], 80);
+        let data = json!({ "gaps": vec![json!({ "length_ns": 7 }); MAX_LISTED + 4] });
+        let text = data_text(&data, &[field("gaps", "gaps")], 80).unwrap();
         assert_eq!(text.lines().count(), MAX_LISTED + 1, "{text}");
         assert!(text.ends_with("and 4 more; --json lists them\n"), "{text}");
     }
@@ -257,8 +280,12 @@ gaps            after 1.000 s
     #[test]
     fn a_table_has_a_row_per_entry() {
         let rows = json!([{ "name": "/tf", "messages": 5, "rate_hz": 10.0, "schema": "TF" }]);
-        let columns = [("name", "topic"), ("rate_hz", "rate"), ("schema", "schema")];
-        let text = data_table(&rows, &columns, 80);
+        let columns = DataColumns {
+            name: ("name", "topic"),
+            numbers: &[("rate_hz", "rate")],
+            text: ("schema", "schema"),
+        };
+        let text = data_table(&rows, &columns, 80).unwrap();
         assert_eq!(text, "topic      rate  schema\n/tf    10.00 Hz  TF\n");
     }
 }

@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&alignment)?
     } else {
-        print(&text(&name, &alignment))?
+        print(&text(&name, &alignment)?)?
     }
     // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {
@@ -103,12 +103,12 @@ const FIELDS: &[DataField] = &[
     field("misfit", "looks like"),
 ];
 
-fn text(name: &str, alignment: &Alignment) -> String {
-    let fields = data_text(alignment, FIELDS, width());
+fn text(name: &str, alignment: &Alignment) -> serde_json::Result<String> {
+    let fields = data_text(alignment, FIELDS, width())?;
     let mut table = Table::new("", "px lower").with_columns(["left", "middle", "right"]);
     for (name, row) in ["top", "middle", "bottom"].iter().zip(alignment.parts_px) {
         let part = |px: Option<f64>| px.map_or(NONE.to_owned(), |px| format!("{px:+.2}"));
         table.push(*name, row.map(part));
     }
-    format!("{name}\n{fields}\n{}", table.terminal(style()))
+    Ok(format!("{name}\n{fields}\n{}", table.terminal(style())))
 }
