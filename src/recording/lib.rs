@@ -39,7 +39,6 @@
 mod readme {}
 
 mod append_file;
-mod assembly;
 mod bag;
 mod cells;
 mod chunk;
@@ -54,6 +53,7 @@ mod index;
 mod layout;
 mod messages;
 mod opened;
+mod own_topics;
 mod pair_index;
 mod reader;
 mod records;
@@ -98,9 +98,8 @@ pub use topic_file::TopicFile;
 pub use truth::disparities;
 pub use writer::Writer;
 
-use messages::Channel;
 use std::borrow::Cow;
-use svl_core::stereo::{Frame, Side};
+use svl_core::stereo::Side;
 use svl_core::{Error, Result};
 
 /// Name of the attachment with the scenario file.
@@ -189,38 +188,6 @@ impl TopicKind {
     fn from_topic(topic: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.topic() == topic)
     }
-}
-
-/// Rule by which messages become pairs: by svl's own topics, or by the stamps of other programs'
-/// images.
-trait PairSource: Send {
-    /// Adds one message and returns the pair that it completes.
-    ///
-    /// # Errors
-    /// The reason why the message cannot be read, or why the two images are not a pair.
-    fn take_in(
-        &mut self,
-        channel: &Channel,
-        log_time: u64,
-        data: &[u8],
-    ) -> std::result::Result<Option<Frame>, String>;
-
-    /// The next pair that is ready without another message.
-    ///
-    /// # Errors
-    /// The reason why two images that belong together cannot be a pair.
-    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
-        None
-    }
-
-    /// Ends the recording: there are no more messages.
-    fn end(&mut self);
-
-    /// The rule by which the stamps of the messages form pairs.
-    fn stamps(&self) -> foreign::PairStamps;
-
-    /// The facts so far.
-    fn facts(&self) -> StreamFacts;
 }
 
 /// An encoded message and its schema.

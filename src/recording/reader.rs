@@ -1,11 +1,10 @@
 //! Reads the pairs of a recording.
 
-use super::assembly::PairAssembler;
 use super::container::Container;
 use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
-use super::{Header, PROFILE, PairSource, Recording, StreamFacts, TopicKind, sync};
+use super::{Header, PROFILE, Recording, StreamFacts, TopicKind, sync};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::Frame;
@@ -20,7 +19,7 @@ pub struct Reader {
     messages: Box<dyn EventReader>,
     /// Index of the next file to read.
     next_file: usize,
-    source: Box<dyn PairSource>,
+    source: Foreign,
     /// Topics of the left and the right images.
     topics: [String; 2],
     header: Option<Header>,
@@ -58,15 +57,7 @@ impl Reader {
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let messages = first.messages()?;
         let is_own = !selection.names_topics() && is_own(&recording)?;
-        if is_own && selection.bits.is_some() {
-            let why = "is for 16-bit images; recordings of svl have 8 bits";
-            return Err(Error::Usage(format!("--bits {why}")));
-        }
-        let source: Box<dyn PairSource> = if is_own {
-            Box::new(PairAssembler::default())
-        } else {
-            Box::new(Foreign::open(&recording, selection)?)
-        };
+        let source = Foreign::open(&recording, selection, is_own)?;
         let mut reader = Self {
             messages,
             next_file: 1,
@@ -161,8 +152,7 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] if the pair is not at its indexed position: the file has to be reopened.
     pub fn seek(&mut self, index: u64) -> Result<bool> {
-        // The number of pairs is known only for svl's own recordings.
-        if self.pairs.is_none() {
+        if !self.source.is_own() {
             return Ok(false);
         }
         let Container::Mcap(file) = self.recording.only_file()? else {
@@ -178,7 +168,7 @@ impl Reader {
             return Ok(false);
         };
         self.messages = Box::new(pairs.messages(file, place)?);
-        self.source = Box::new(PairAssembler::default());
+        self.source.restart();
         self.ahead.clear();
         self.damage = None;
         loop {
@@ -235,8 +225,7 @@ impl Reader {
                     let makes_pairs =
                         self.topics.contains(topic) || topic == TopicKind::Sync.topic();
                     match taken.map_err(bad) {
-                        Ok(None) => {}
-                        Ok(Some(frame)) => return Ok(Some(frame)),
+                        Ok(()) => {}
                         Err(error) if makes_pairs => return Err(error),
                         Err(error) => {
                             let broken = self.broken.entry(topic.clone()).or_default();

@@ -176,7 +176,9 @@ impl Foreign {
         self.wait
             .iter_mut()
             .for_each(|wait| wait.count(change.is_some()));
+        // Pairs of a data set have a rig each.
         if let Some((topic, change)) = change
+            && self.own.is_none()
             && !std::mem::replace(&mut self.warned_of_change, true)
         {
             self.warn_of_change(&topic, stamps[0], &change);

@@ -1,4 +1,4 @@
-//! Recordings that svl did not write: bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
+//! The pairs of a recording: of svl's own, bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
 //! recordings.
 
 mod baseline;
@@ -25,12 +25,13 @@ mod topics;
 mod transforms;
 mod video;
 
+pub(super) use image::{decode as decode_image, stamp};
 pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;
 pub use pose_summary::{FramePoses, PoseSummary};
-pub(super) use sensor::head;
 pub use sensor::{RawCamera, SensorRole, SensorSelection, SensorTopic, TopicLatency, truth_topics};
+pub(super) use sensor::{floats, head};
 pub use stamp_pairing::UnpairedImages;
 pub use topic_pairs::{LiveTopic, TopicPairs};
 pub use topics::Selection;
@@ -39,7 +40,8 @@ pub use video::VideoSummary;
 pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
-use super::{CameraFacts, PairSource, Recording, StreamFacts};
+use super::own_topics::{OwnMessage, OwnTopics};
+use super::{CameraFacts, Recording, StreamFacts, TopicKind, geometry};
 use baseline::BaselineSearch;
 use calibration_wait::CalibrationWait;
 use camera::Calibration;
@@ -49,7 +51,6 @@ use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
 use stamp_order::ImagePairing;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
@@ -74,9 +75,11 @@ type ReadImage = std::result::Result<PairImage, String>;
 /// The images of a pair, left and right, with their stamps.
 type PairImages = [(u64, ReadImage); 2];
 
-/// Pairs the images of two topics by stamp.
+/// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
 pub(super) struct Foreign {
     images: [String; 2],
+    /// What svl's own recordings have of the pairs besides; `None` in others.
+    own: Option<OwnTopics>,
     calibrations: [Option<String>; 2],
     /// The calibrations of each camera so far, and those before the first pair.
     tracks: [CameraTrack; 2],
@@ -119,15 +122,20 @@ pub(super) struct Foreign {
 }
 
 impl Foreign {
-    /// Chooses the topics of a recording and looks for the first calibration of each camera.
+    /// Chooses the topics of a recording, those of svl if `is_own`, and looks for the first
+    /// calibration of each camera.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
-    pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
+    pub(super) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
         let name = recording.path().display().to_string();
         let channels = recording.channels()?;
-        let mut foreign = Self::new(name, &channels, selection)
-            .map_err(|reason| Error::format(recording.path(), reason))?;
+        let mut foreign = if is_own {
+            Self::by_records(name, &channels)
+        } else {
+            Self::new(name, &channels, selection)
+                .map_err(|reason| Error::format(recording.path(), reason))?
+        };
         let mut first = FirstMessages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
@@ -177,11 +185,36 @@ impl Foreign {
         selection: &Selection,
     ) -> std::result::Result<Self, String> {
         let images = choose(channels, selection)?;
+        Ok(Self::of_topics(
+            name,
+            channels,
+            images,
+            selection.max_skew_ns,
+        ))
+    }
+
+    /// The pairs of svl's own recording.
+    fn by_records(name: String, channels: &[&Channel]) -> Self {
+        let images = Side::BOTH.map(|side| TopicKind::Image(side).topic().to_owned());
+        Self {
+            own: Some(OwnTopics::default()),
+            partners: ImagePairing::by_records(),
+            ..Self::of_topics(name, channels, images, 0)
+        }
+    }
+
+    fn of_topics(
+        name: String,
+        channels: &[&Channel],
+        images: [String; 2],
+        max_skew_ns: u64,
+    ) -> Self {
         let calibrations = images
             .each_ref()
             .map(|topic| topics::calibration(channels, topic));
-        Ok(Self {
+        Self {
             images,
+            own: None,
             calibrations,
             tracks: Default::default(),
             cameras: [None, None],
@@ -189,11 +222,11 @@ impl Foreign {
             baseline: BaselineSearch::new(channels),
             poses: None,
             frames: [None, None],
-            partners: ImagePairing::for_file(selection.max_skew_ns),
+            partners: ImagePairing::for_file(max_skew_ns),
             wait: None,
             videos: [None, None],
             depth: BitDepth::FULL,
-            max_skew_ns: selection.max_skew_ns,
+            max_skew_ns,
             counts: [0, 0],
             without_stamp: [0, 0],
             sequence: 0,
@@ -206,7 +239,15 @@ impl Foreign {
             warned_of_order: false,
             last_ns: [None; 2],
             jumps: None,
-        })
+        }
+    }
+
+    /// Forgets all messages, as reading goes on elsewhere in svl's own recording.
+    pub(super) fn restart(&mut self) {
+        self.own = Some(OwnTopics::default());
+        self.partners = ImagePairing::by_records();
+        self.tracks = Default::default();
+        (self.counts, self.without_stamp, self.pairs) = ([0; 2], [0; 2], 0);
     }
 
     /// The next two images that are a pair, once their calibrations are there or are not waited for
@@ -304,6 +345,17 @@ impl Foreign {
     fn why_none(&self) -> String {
         let [left, right] = &self.images;
         let [lefts, rights] = self.counts;
+        if self.own.is_some() {
+            return match self.counts {
+                [0, 0] => "has no pairs: its recording ended before the first".to_owned(),
+                _ => format!(
+                    "has no stereo pairs: no {} says which of {} of {left} and {rights} of \
+                     {right} belong together",
+                    TopicKind::Sync.topic(),
+                    counted(lefts, "image")
+                ),
+            };
+        }
         let milliseconds = |ns: u64| ns as f64 / 1e6;
         let skew = milliseconds(self.max_skew_ns);
         let miss = match self.partners.pairing().nearest_miss_ns() {
@@ -340,15 +392,27 @@ impl Foreign {
         let left = self.frames[0].as_deref();
         left.filter(|frame| !frame.is_empty())
     }
-}
 
-impl PairSource for Foreign {
-    fn take_in(
+    /// Adds one message.
+    ///
+    /// # Errors
+    /// The reason why the message cannot be read.
+    pub(super) fn take_in(
         &mut self,
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> std::result::Result<Option<Frame>, String> {
+    ) -> std::result::Result<(), String> {
+        if let Some(own) = &mut self.own {
+            match own.take_in(channel, log_time, data)? {
+                OwnMessage::Other => {}
+                OwnMessage::Kept => return Ok(()),
+                OwnMessage::Joins(stamps) => {
+                    self.partners.pairing_mut().join(stamps);
+                    return Ok(());
+                }
+            }
+        }
         self.partners.advance(log_time);
         let is_of_use = self.images.contains(&channel.topic)
             || self
@@ -366,7 +430,7 @@ impl PairSource for Foreign {
             tracing::warn!("{}: {warning}", self.name);
         }
         if !is_of_use {
-            return Ok(None);
+            return Ok(());
         }
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
@@ -384,10 +448,14 @@ impl PairSource for Foreign {
                 self.partners.push(side, stamp_ns, log_time, image, bytes);
             }
         }
-        self.calibrate(channel, log_time, data).map(|()| None)
+        self.calibrate(channel, log_time, data)
     }
 
-    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+    /// The next pair that is ready without another message.
+    ///
+    /// # Errors
+    /// The reason why two images that belong together cannot be a pair.
+    pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.next_images()?;
         let sequence = self.sequence;
         self.sequence += 1;
@@ -409,7 +477,6 @@ impl PairSource for Foreign {
         };
         // The size is known from the first pair on; calibrations are checked against it.
         if let Ok((pair, _)) = &pair {
-            self.pairs += 1;
             self.size = pair.size();
         }
         self.calibrate_pair([left_ns, right_ns]);
@@ -425,15 +492,44 @@ impl PairSource for Foreign {
             exposure,
             ..Frame::new(pair, geometry)
         });
+        let frame = frame.and_then(|frame| self.completed(frame, [left_ns, right_ns]));
+        self.pairs += u64::from(frame.is_ok());
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
     }
 
-    fn end(&mut self) {
+    /// The frame with what svl's own recording has of it besides its images.
+    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> std::result::Result<Frame, String> {
+        let Some(own) = &mut self.own else {
+            return Ok(frame);
+        };
+        let mut tracks = self.tracks.iter().zip(stamps);
+        let have_own = tracks.all(|(track, stamp)| track.has(stamp));
+        let rig = match &self.cameras {
+            // The exact rig: that of another pair may differ.
+            [Some(left), Some(right)] if have_own => {
+                Some(geometry::rig(&left.projection()?, &right.projection()?)?)
+            }
+            _ => None,
+        };
+        own.complete(frame, stamps, rig)
+    }
+
+    /// Ends the recording: there are no more messages.
+    pub(super) fn end(&mut self) {
         self.partners.end();
         self.wait.iter_mut().for_each(CalibrationWait::end);
     }
 
-    fn stamps(&self) -> PairStamps {
+    /// True if svl wrote the recording.
+    pub(super) fn is_own(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// The rule by which the stamps of the messages form pairs.
+    pub(super) fn stamps(&self) -> PairStamps {
+        if self.is_own() {
+            return PairStamps::Synced;
+        }
         PairStamps::Nearest {
             topics: self.images.clone(),
             pairing: Box::new(ImagePairing::for_file(self.max_skew_ns)),
@@ -441,8 +537,26 @@ impl PairSource for Foreign {
         }
     }
 
-    fn facts(&self) -> StreamFacts {
-        let (pairing, are_raw) = (self.partners.pairing(), self.are_raw());
+    /// The facts so far.
+    pub(super) fn facts(&self) -> StreamFacts {
+        let pairing = self.partners.pairing();
+        let facts = StreamFacts {
+            topics: self.images.clone(),
+            pairs: self.pairs,
+            unpaired_ns: pairing.unpaired_ns().to_vec(),
+            // An image with a stamp has its partner, even if its pixels cannot be read. If images
+            // of both cameras are without, they may be partners of each other.
+            partners_of_unreadable: self.without_stamp.into_iter().max(),
+            outside: pairing.outside(),
+            late: pairing.late(),
+            why_none: self.why_none(),
+            ..StreamFacts::default()
+        };
+        // The rest is in svl's header.
+        if self.is_own() {
+            return facts;
+        }
+        let are_raw = self.are_raw();
         let raw = are_raw.then(|| self.stereo_calibration());
         let fault = match &raw {
             Some(calibration) => calibration.as_ref().err().cloned(),
@@ -453,19 +567,9 @@ impl PairSource for Foreign {
         let frame_id = self.frame_id().map(str::to_owned);
         let has_calibration = self.cameras.iter().any(Option::is_some);
         StreamFacts {
-            topics: self.images.clone(),
-            pairs: self.pairs,
-            unpaired_ns: pairing.unpaired_ns().to_vec(),
-            // An image with a stamp has its partner, even if its pixels cannot be read. If images
-            // of both cameras are without, they may be partners of each other.
-            partners_of_unreadable: self.without_stamp.into_iter().max(),
-            outside: pairing.outside(),
-            late: pairing.late(),
-            broken: BTreeMap::new(),
             bits: self.depth.bits(),
             note: self.depth.note(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
-            why_none: self.why_none(),
             calibration: raw.and_then(std::result::Result::ok),
             camera: CameraFacts {
                 focal_px: left.and_then(|left| left.focal_px(are_raw)),
@@ -475,6 +579,7 @@ impl PairSource for Foreign {
                 calibration_fault: fault.filter(|_| has_calibration),
             },
             frame_id,
+            ..facts
         }
     }
 }

@@ -7,7 +7,7 @@ use svl_core::stereo::Plane;
 use svl_files::{BitDepth, DecodedImage, every_byte};
 
 /// An image as in its message: a mosaic is not interpolated yet, as its bit depth comes first.
-pub(super) struct MessageImage {
+pub(crate) struct MessageImage {
     pub image: DecodedImage,
     pub mosaic: Option<Tile>,
 }

@@ -5,7 +5,7 @@ use super::stamp_order::ImagePairing;
 use super::transforms::Transforms;
 use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
 use crate::messages::Channel;
-use crate::{LEFT_FRAME, PairSource, StreamFacts};
+use crate::{LEFT_FRAME, StreamFacts};
 use svl_core::Result;
 use svl_core::stereo::Frame;
 
@@ -158,9 +158,7 @@ impl TopicPairs {
             );
         }
         let taken = self.foreign.take_in(channel, received_ns, data);
-        taken
-            .map(drop)
-            .map_err(|why| format!("{}: {why}", channel.topic))
+        taken.map_err(|why| format!("{}: {why}", channel.topic))
     }
 
     /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits

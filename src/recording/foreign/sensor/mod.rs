@@ -12,6 +12,7 @@ use super::poses::{PoseMotion, PoseReader};
 use super::{PairStamps, topics, transforms};
 use crate::messages::{Channel, EventReader, FileEvent};
 use crate::{Recording, TopicKind, truth};
+pub(crate) use depth_image::floats;
 use kind::Measured;
 pub(crate) use kind::head;
 use measurements::Measurements;
