@@ -87,6 +87,19 @@ pub(super) struct FileReader {
     at: u64,
 }
 
+impl FileReader {
+    /// Reads bytes, which must be in the file, in place of those in `to`.
+    pub(super) fn read_at(&mut self, at: u64, bytes: u64, to: &mut Vec<u8>) -> io::Result<()> {
+        // Zeroed by the system, and only if there is too little.
+        if to.len() < bytes as usize {
+            *to = vec![0; bytes as usize];
+        }
+        to.truncate(bytes as usize);
+        self.at = at;
+        self.read_exact(to)
+    }
+}
+
 impl Read for FileReader {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         // Positioned reads: the readers of one file share its handle, and so would share a cursor.

@@ -298,11 +298,15 @@ impl Records {
             self.part.sure = loaded.end;
         }
         (self.at, self.attached) = (loaded.end, loaded.bytes);
-        let before = self.part.crc.clone();
-        self.part
-            .crc
-            .iter_mut()
-            .for_each(|crc| crc.combine(&loaded.crc));
+        let (before, length) = (self.part.crc.clone(), loaded.end - self.start - HEAD);
+        if let Some(crc) = &mut self.part.crc {
+            crc.update(&[opcode]);
+            crc.update(&length.to_le_bytes());
+            match &loaded.streamed {
+                Some(body) => crc.combine(body),
+                None => crc.update(&self.file.body),
+            }
+        }
         match opcode {
             op::CHUNK => {
                 (self.in_chunk, self.part.has_chunks) = (Some(0..0), true);
@@ -408,6 +412,8 @@ impl Records {
         let (sure, begin) = (self.part.sure, self.start);
         let found = match self.file.find(sure + 1..begin)? {
             Some(found) => found,
+            // Nothing behind it is read.
+            None if self.strict && !fault.is_beside => end,
             None => self
                 .file
                 .find((sure + 1).max(begin + 1)..end)?
