@@ -58,6 +58,14 @@ impl Container {
         })
     }
 
+    /// Bytes in the file.
+    pub(super) fn len(&self) -> u64 {
+        match self {
+            Self::Mcap(file) | Self::Ros1(file) => file.len(),
+            Self::Sqlite(file) => file.len(),
+        }
+    }
+
     pub(super) fn path(&self) -> &Path {
         match self {
             Self::Mcap(file) | Self::Ros1(file) => file.path(),
