@@ -1,13 +1,13 @@
 //! Writes images as messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or
 //! foxglove.CompressedImage (png).
 
-use super::{Encoded, RosStamp, TopicKind};
+use super::{Encoded, RosStamp};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 use std::borrow::Cow;
 use svl_core::Error;
-use svl_core::stereo::{Plane, Side};
+use svl_core::stereo::Plane;
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
@@ -28,8 +28,8 @@ pub(super) trait Pixel: Copy {
     const ENCODING: &'static str;
     const BYTES: u32;
     const PNG: ExtendedColorType;
-    /// The topic of a camera's image in svl's own dialect.
-    const KIND: fn(Side) -> TopicKind;
+    /// The last part of its topic in svl's own dialect.
+    const NAME: &'static str;
     /// The suffix of its topic in ROS.
     const ROS_ENDING: &'static str;
     fn flat(pixels: &[Self]) -> &[u8];
@@ -39,7 +39,7 @@ impl Pixel for u8 {
     const ENCODING: &'static str = "mono8";
     const BYTES: u32 = 1;
     const PNG: ExtendedColorType = ExtendedColorType::L8;
-    const KIND: fn(Side) -> TopicKind = TopicKind::Image;
+    const NAME: &'static str = "image";
     const ROS_ENDING: &'static str = "";
     fn flat(pixels: &[Self]) -> &[u8] {
         pixels
@@ -50,7 +50,7 @@ impl Pixel for [u8; 3] {
     const ENCODING: &'static str = "rgb8";
     const BYTES: u32 = 3;
     const PNG: ExtendedColorType = ExtendedColorType::Rgb8;
-    const KIND: fn(Side) -> TopicKind = TopicKind::Color;
+    const NAME: &'static str = "color";
     const ROS_ENDING: &'static str = "_color";
     fn flat(pixels: &[Self]) -> &[u8] {
         pixels.as_flattened()

@@ -135,58 +135,21 @@ fn frame_id(side: Side) -> &'static str {
     }
 }
 
-/// The kind of data on a topic of svl's own recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum TopicKind {
-    Image(Side),
-    Color(Side),
-    Calibration(Side),
-    Baseline,
-    Pose,
-    Depth,
-    Disparity,
-    Visibility,
-    Surface,
-    Sync,
-}
+/// Topics of svl's own recordings; of a camera see [`topic::camera`].
+mod topic {
+    use svl_core::stereo::Side;
 
-impl TopicKind {
-    const ALL: [TopicKind; 13] = [
-        TopicKind::Image(Side::Left),
-        TopicKind::Image(Side::Right),
-        TopicKind::Color(Side::Left),
-        TopicKind::Color(Side::Right),
-        TopicKind::Calibration(Side::Left),
-        TopicKind::Calibration(Side::Right),
-        TopicKind::Baseline,
-        TopicKind::Pose,
-        TopicKind::Depth,
-        TopicKind::Disparity,
-        TopicKind::Visibility,
-        TopicKind::Surface,
-        TopicKind::Sync,
-    ];
+    pub(super) const BASELINE: &str = "/rig/baseline";
+    pub(super) const POSE: &str = "/rig/pose";
+    pub(super) const DEPTH: &str = super::TRUTH_DEPTH;
+    pub(super) const DISPARITY: &str = "/truth/disparity";
+    pub(super) const VISIBILITY: &str = "/truth/visibility";
+    pub(super) const SURFACE: &str = "/truth/surface";
+    pub(super) const SYNC: &str = "/stereo/sync";
 
-    fn topic(self) -> &'static str {
-        match self {
-            TopicKind::Image(Side::Left) => "/stereo/left/image",
-            TopicKind::Image(Side::Right) => "/stereo/right/image",
-            TopicKind::Color(Side::Left) => "/stereo/left/color",
-            TopicKind::Color(Side::Right) => "/stereo/right/color",
-            TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
-            TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
-            TopicKind::Baseline => "/rig/baseline",
-            TopicKind::Pose => "/rig/pose",
-            TopicKind::Depth => TRUTH_DEPTH,
-            TopicKind::Disparity => "/truth/disparity",
-            TopicKind::Visibility => "/truth/visibility",
-            TopicKind::Surface => "/truth/surface",
-            TopicKind::Sync => "/stereo/sync",
-        }
-    }
-
-    fn from_topic(topic: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.topic() == topic)
+    /// `image`, `color` or `calibration` of a camera.
+    pub(super) fn camera(side: Side, name: &str) -> String {
+        format!("/stereo/{}/{name}", side.name())
     }
 }
 

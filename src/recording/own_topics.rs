@@ -4,7 +4,7 @@
 use super::foreign::{decode_image, floats, head};
 use super::messages::Channel;
 use super::sync::{PairGeometry, StereoSync};
-use super::{TopicKind, geometry, truth};
+use super::{geometry, topic, truth};
 use std::collections::BTreeMap;
 use svl_core::stereo::{
     Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, Surface, Truth, Visibility,
@@ -13,6 +13,9 @@ use svl_files::DecodedImage;
 
 /// Limit on stamps that wait for the rest of their pair. svl's writer needs one of each camera.
 pub(super) const MAX_WAITING: usize = 16;
+
+/// The stamps of two images, left and right, that are a pair by a message; `None` for others.
+pub(super) type Joined = Option<[u64; 2]>;
 
 /// Messages that wait for the images of their pair, by stamp and side.
 #[derive(Default)]
@@ -30,17 +33,10 @@ struct PairMessages {
     surface: Option<Gray>,
 }
 
-/// What a message is to the pairs.
-pub(super) enum OwnMessage {
-    /// Not on a topic of these: an image or a calibration, or of another program.
-    Other,
-    /// It is kept for its pair.
-    Kept,
-    /// The stamps, left and right, of two images that are a pair.
-    Joins([u64; 2]),
-}
-
 impl OwnTopics {
+    /// Keeps a message for its pair. Returns the stamps, left and right, of two images that are a
+    /// pair by it; `None` for a message on a topic of others, images and calibrations among them.
+    ///
     /// # Errors
     /// The reason why the message cannot be read.
     pub(super) fn take_in(
@@ -48,10 +44,7 @@ impl OwnTopics {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> Result<OwnMessage, String> {
-        let Some(kind) = TopicKind::from_topic(&channel.topic) else {
-            return Ok(OwnMessage::Other);
-        };
+    ) -> Result<Option<Joined>, String> {
         let at = |stamp: Option<u64>| stamp.unwrap_or(log_time);
         let image = || {
             let (stamp, image) = decode_image(channel, data)?;
@@ -61,11 +54,41 @@ impl OwnTopics {
             (stamp, DecodedImage::Gray(codes)) => Ok((stamp, codes)),
             _ => Err("its pixels are no codes of 8 bits".to_owned()),
         };
-        match kind {
-            TopicKind::Image(_) | TopicKind::Calibration(_) => return Ok(OwnMessage::Other),
+        let values = || Ok::<_, String>((at(head(channel, data)?.0), floats(channel, data)?));
+        match channel.topic.as_str() {
             // The calibration contains it too; this message is for viewers.
-            TopicKind::Baseline => {}
-            TopicKind::Color(side) => {
+            topic::BASELINE => {}
+            topic::POSE => {
+                let (stamp, pose) = geometry::decode_pose(channel, data)?;
+                self.at(Side::Left, at(stamp)).pose = Some(pose);
+            }
+            topic::DEPTH => {
+                let (stamp, depth) = values()?;
+                self.at(Side::Left, stamp).depth = Some(depth);
+            }
+            topic::DISPARITY => {
+                let (stamp, disparity) = values()?;
+                self.at(Side::Left, stamp).disparity = Some(disparity);
+            }
+            topic::VISIBILITY => {
+                let (stamp, codes) = codes()?;
+                self.at(Side::Left, stamp).visibility = Some(codes);
+            }
+            topic::SURFACE => {
+                let (stamp, codes) = codes()?;
+                self.at(Side::Left, stamp).surface = Some(codes);
+            }
+            topic::SYNC => {
+                let sync = StereoSync::decode(&channel.schema, data)?;
+                let stamps = [sync.left_stamp_ns, sync.right_stamp_ns];
+                self.at(Side::Left, stamps[0]).sync = Some(sync);
+                return Ok(Some(Some(stamps)));
+            }
+            name => {
+                let is_color = |side: &Side| topic::camera(*side, "color") == name;
+                let Some(side) = Side::BOTH.into_iter().find(is_color) else {
+                    return Ok(None);
+                };
                 let (stamp, color) = match image()? {
                     (stamp, DecodedImage::Color(color)) => (stamp, color),
                     (stamp, DecodedImage::Gray(grey)) => (stamp, grey.map(|value| [value; 3])),
@@ -73,34 +96,8 @@ impl OwnTopics {
                 };
                 self.at(side, stamp).color = Some(color);
             }
-            TopicKind::Pose => {
-                let (stamp, pose) = geometry::decode_pose(channel, data)?;
-                self.at(Side::Left, at(stamp)).pose = Some(pose);
-            }
-            TopicKind::Depth => {
-                let (stamp, depth) = (head(channel, data)?.0, floats(channel, data)?);
-                self.at(Side::Left, at(stamp)).depth = Some(depth);
-            }
-            TopicKind::Disparity => {
-                let (stamp, disparity) = (head(channel, data)?.0, floats(channel, data)?);
-                self.at(Side::Left, at(stamp)).disparity = Some(disparity);
-            }
-            TopicKind::Visibility => {
-                let (stamp, codes) = codes()?;
-                self.at(Side::Left, stamp).visibility = Some(codes);
-            }
-            TopicKind::Surface => {
-                let (stamp, codes) = codes()?;
-                self.at(Side::Left, stamp).surface = Some(codes);
-            }
-            TopicKind::Sync => {
-                let sync = StereoSync::decode(&channel.schema, data)?;
-                let stamps = [sync.left_stamp_ns, sync.right_stamp_ns];
-                self.at(Side::Left, stamps[0]).sync = Some(sync);
-                return Ok(OwnMessage::Joins(stamps));
-            }
         }
-        Ok(OwnMessage::Kept)
+        Ok(Some(None))
     }
 
     /// The messages with a stamp. Memory is bounded: the earliest ones are dropped.

@@ -1,10 +1,10 @@
 //! Positions of the pairs in a recording by svl, from MCAP's index of chunks and messages.
 
-use super::TopicKind;
 use super::file::McapFile;
 use super::index::Summary;
 use super::messages::{Declared, Messages};
 use super::records::Records;
+use super::topic;
 use mcap::records::Record;
 use svl_core::Result;
 
@@ -31,8 +31,7 @@ impl PairIndex {
         let Some(contents) = Summary::read(file)? else {
             return Ok(None);
         };
-        let topic = TopicKind::Sync.topic();
-        let channels = contents.declared.ids(topic);
+        let channels = contents.declared.ids(topic::SYNC);
         let mut records = Records::open(file, true)?;
         let mut pairs = Vec::new();
         let mut before = None;
@@ -53,7 +52,7 @@ impl PairIndex {
                 }));
             }
         }
-        let is_whole = contents.declared.count(topic) == Some(pairs.len() as u64)
+        let is_whole = contents.declared.count(topic::SYNC) == Some(pairs.len() as u64)
             // A stamp shared by several pairs does not identify one.
             && pairs.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns);
         let declared = contents.declared;

@@ -4,7 +4,7 @@ use super::container::Container;
 use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
-use super::{Header, PROFILE, Recording, StreamFacts, TopicKind, sync};
+use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::Frame;
@@ -63,7 +63,7 @@ impl Reader {
             next_file: 1,
             // Without an intact summary the length is unknown.
             pairs: if is_own {
-                recording.count(TopicKind::Sync.topic())?
+                recording.count(topic::SYNC)?
             } else {
                 None
             },
@@ -217,18 +217,17 @@ impl Reader {
             match self.messages.next() {
                 Ok(Some(FileEvent::Message(channel, log_time, data))) => {
                     let taken = self.source.take_in(channel, log_time, &data);
-                    let topic = &channel.topic;
+                    let name = &channel.topic;
                     let bad = |reason| {
-                        let reason = format!("{topic} at {log_time} ns: {reason}");
+                        let reason = format!("{name} at {log_time} ns: {reason}");
                         Error::format(self.recording.path(), reason)
                     };
-                    let makes_pairs =
-                        self.topics.contains(topic) || topic == TopicKind::Sync.topic();
+                    let makes_pairs = self.topics.contains(name) || name == topic::SYNC;
                     match taken.map_err(bad) {
                         Ok(()) => {}
                         Err(error) if makes_pairs => return Err(error),
                         Err(error) => {
-                            let broken = self.broken.entry(topic.clone()).or_default();
+                            let broken = self.broken.entry(name.clone()).or_default();
                             if *broken == 0 {
                                 tracing::warn!("{error}; dropped, its pair is used without it");
                             }

@@ -11,9 +11,7 @@ use super::records::{DamagedPart, attachment};
 use super::ros1_bag::Ros1Messages;
 use super::skew::SkewSummary;
 use super::sync::StereoSync;
-use super::{
-    AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, StampOrigin, TopicKind,
-};
+use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, StampOrigin, topic};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
@@ -271,7 +269,7 @@ impl SummaryScan {
         if is_image(channel) {
             self.take_in_image(channel, stamp_ns, data);
         }
-        if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
+        if channel.topic == topic::SYNC
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
             self.take_in_sync(&sync);
@@ -347,9 +345,9 @@ impl SummaryScan {
     fn take_sides(&mut self) -> [TopicImages; 2] {
         Side::BOTH.map(|side| {
             let chosen = self.found.stereo.as_ref();
-            let own = || TopicKind::Image(side).topic();
-            let topic = chosen.map_or_else(own, |topics| &topics[side as usize]);
-            self.images.remove(topic).unwrap_or_default()
+            let own = || topic::camera(side, "image");
+            let topic = chosen.map_or_else(own, |topics| topics[side as usize].clone());
+            self.images.remove(&topic).unwrap_or_default()
         })
     }
 

@@ -5,7 +5,7 @@ use super::sync::StereoSync;
 use super::synced_file::SyncedFile;
 use super::{
     Dialect, Encoded, Header, LIBRARY, MANIFEST, PairResult, RecordingFormat, ResultOptions,
-    RosStamp, TopicKind, frame_id, ros, truth,
+    RosStamp, frame_id, ros, topic, truth,
 };
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use serde::Serialize;
@@ -151,7 +151,7 @@ impl Writer {
         }
         // Last message of the pair: a reader that has it has everything of the pair.
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
-        self.put((TopicKind::Sync.topic(), sync), left, sequence)
+        self.put((topic::SYNC, sync), left, sequence)
     }
 
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: RosStamp) -> Result<()> {
@@ -161,12 +161,12 @@ impl Writer {
             .and_then(|rig| truth::depths(&truth.disparity, rig))
         {
             Some(depth) => (
-                TopicKind::Depth.topic(),
+                topic::DEPTH,
                 ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
             ),
             // Without a frame id: viewers interpret a float image in a frame as depths in metres.
             None => (
-                TopicKind::Disparity.topic(),
+                topic::DISPARITY,
                 ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
             ),
         };
@@ -176,10 +176,7 @@ impl Writer {
             .as_ref()
             .map(|plane| plane.map(|v| v as u8));
         let surface = truth.surface.as_ref().map(|plane| plane.map(|s| s as u8));
-        for (kind, codes) in [
-            (TopicKind::Visibility, visibility),
-            (TopicKind::Surface, surface),
-        ] {
+        for (kind, codes) in [(topic::VISIBILITY, visibility), (topic::SURFACE, surface)] {
             if let Some(codes) = codes {
                 let message = self.format.dialect.codes(kind, &codes, stamp)?;
                 self.put(message, stamp, sequence)?;

@@ -40,8 +40,8 @@ pub use video::VideoSummary;
 pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
-use super::own_topics::{OwnMessage, OwnTopics};
-use super::{CameraFacts, Recording, StreamFacts, TopicKind, geometry};
+use super::own_topics::OwnTopics;
+use super::{CameraFacts, Recording, StreamFacts, geometry, topic};
 use baseline::BaselineSearch;
 use calibration_wait::CalibrationWait;
 use camera::Calibration;
@@ -195,7 +195,7 @@ impl Foreign {
 
     /// The pairs of svl's own recording.
     fn by_records(name: String, channels: &[&Channel]) -> Self {
-        let images = Side::BOTH.map(|side| TopicKind::Image(side).topic().to_owned());
+        let images = Side::BOTH.map(|side| topic::camera(side, "image"));
         Self {
             own: Some(OwnTopics::default()),
             partners: ImagePairing::by_records(),
@@ -351,7 +351,7 @@ impl Foreign {
                 _ => format!(
                     "has no stereo pairs: no {} says which of {} of {left} and {rights} of \
                      {right} belong together",
-                    TopicKind::Sync.topic(),
+                    topic::SYNC,
                     counted(lefts, "image")
                 ),
             };
@@ -403,15 +403,12 @@ impl Foreign {
         log_time: u64,
         data: &[u8],
     ) -> std::result::Result<(), String> {
-        if let Some(own) = &mut self.own {
-            match own.take_in(channel, log_time, data)? {
-                OwnMessage::Other => {}
-                OwnMessage::Kept => return Ok(()),
-                OwnMessage::Joins(stamps) => {
-                    self.partners.pairing_mut().join(stamps);
-                    return Ok(());
-                }
-            }
+        if let Some(own) = &mut self.own
+            && let Some(joined) = own.take_in(channel, log_time, data)?
+        {
+            let pairing = self.partners.pairing_mut();
+            joined.into_iter().for_each(|stamps| pairing.join(stamps));
+            return Ok(());
         }
         self.partners.advance(log_time);
         let is_of_use = self.images.contains(&channel.topic)
