@@ -54,7 +54,6 @@ mod layout;
 mod messages;
 mod opened;
 mod own_topics;
-mod pair_index;
 mod reader;
 mod records;
 mod recovery;

@@ -2,8 +2,8 @@
 
 use super::container::Container;
 use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
-use super::messages::{EventReader, FileEvent};
-use super::pair_index::PairIndex;
+use super::index::PairIndex;
+use super::messages::{EventReader, FileEvent, Messages};
 use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -161,24 +161,24 @@ impl Reader {
         if self.index.is_none() {
             self.index = Some(PairIndex::read(file)?);
         }
-        let Some(Some(pairs)) = &self.index else {
+        let Some(Some(PairIndex { declared, pairs })) = &self.index else {
             return Ok(false);
         };
-        let Some(place) = pairs.get(index) else {
+        let Some(&(stamp_ns, chunk)) = pairs.get(index as usize) else {
             return Ok(false);
         };
-        self.messages = Box::new(pairs.messages(file, place)?);
+        self.messages = Box::new(Messages::from(file, chunk, declared.clone())?);
         self.source.restart();
         self.ahead.clear();
         self.damage = None;
         loop {
             match self.read() {
-                Ok(Some(frame)) if frame.stamp_ns == place.stamp_ns => {
+                Ok(Some(frame)) if frame.stamp_ns == stamp_ns => {
                     self.ahead.push_back(Ok(frame));
                     return Ok(true);
                 }
                 // Earlier pairs, including those whose first messages were skipped.
-                Ok(Some(frame)) if frame.stamp_ns < place.stamp_ns => {}
+                Ok(Some(frame)) if frame.stamp_ns < stamp_ns => {}
                 Err(Error::Format { .. }) => {}
                 Ok(_) => {
                     let reason = format!("pair {index} is not where its index says");

@@ -130,12 +130,8 @@ impl Foreign {
     pub(super) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
         let name = recording.path().display().to_string();
         let channels = recording.channels()?;
-        let mut foreign = if is_own {
-            Self::by_records(name, &channels)
-        } else {
-            Self::new(name, &channels, selection)
-                .map_err(|reason| Error::format(recording.path(), reason))?
-        };
+        let mut foreign = Self::new(name, &channels, selection, is_own)
+            .map_err(|reason| Error::format(recording.path(), reason))?;
         let mut first = FirstMessages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
@@ -175,7 +171,8 @@ impl Foreign {
         Some(pose * rotation.unwrap_or_default().inverse())
     }
 
-    /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
+    /// Chooses the topics of a source called `name`, those of svl if `is_own`. Calibrations and bit
+    /// depth are still unknown.
     ///
     /// # Errors
     /// The reason why no two topics can be the cameras, or why more than two can.
@@ -183,38 +180,19 @@ impl Foreign {
         name: String,
         channels: &[&Channel],
         selection: &Selection,
+        is_own: bool,
     ) -> std::result::Result<Self, String> {
-        let images = choose(channels, selection)?;
-        Ok(Self::of_topics(
-            name,
-            channels,
-            images,
-            selection.max_skew_ns,
-        ))
-    }
-
-    /// The pairs of svl's own recording.
-    fn by_records(name: String, channels: &[&Channel]) -> Self {
-        let images = Side::BOTH.map(|side| topic::camera(side, "image"));
-        Self {
-            own: Some(OwnTopics::default()),
-            partners: ImagePairing::by_records(),
-            ..Self::of_topics(name, channels, images, 0)
-        }
-    }
-
-    fn of_topics(
-        name: String,
-        channels: &[&Channel],
-        images: [String; 2],
-        max_skew_ns: u64,
-    ) -> Self {
+        let images = if is_own {
+            Side::BOTH.map(|side| topic::camera(side, "image"))
+        } else {
+            choose(channels, selection)?
+        };
         let calibrations = images
             .each_ref()
             .map(|topic| topics::calibration(channels, topic));
-        Self {
+        Ok(Self {
             images,
-            own: None,
+            own: is_own.then(OwnTopics::default),
             calibrations,
             tracks: Default::default(),
             cameras: [None, None],
@@ -222,11 +200,15 @@ impl Foreign {
             baseline: BaselineSearch::new(channels),
             poses: None,
             frames: [None, None],
-            partners: ImagePairing::for_file(max_skew_ns),
+            partners: if is_own {
+                ImagePairing::by_records()
+            } else {
+                ImagePairing::for_file(selection.max_skew_ns)
+            },
             wait: None,
             videos: [None, None],
             depth: BitDepth::FULL,
-            max_skew_ns,
+            max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
             without_stamp: [0, 0],
             sequence: 0,
@@ -239,7 +221,7 @@ impl Foreign {
             warned_of_order: false,
             last_ns: [None; 2],
             jumps: None,
-        }
+        })
     }
 
     /// Forgets all messages, as reading goes on elsewhere in svl's own recording.

@@ -70,7 +70,7 @@ impl TopicPairs {
     ) -> std::result::Result<Self, String> {
         let channels: Vec<_> = topics.iter().map(LiveTopic::channel).collect();
         let all: Vec<_> = channels.iter().collect();
-        let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
+        let mut foreign = Foreign::new(source.to_owned(), &all, selection, false)?;
         let is_video = |channel: &&Channel| {
             foreign.images.contains(&channel.topic) && video::is_video(channel)
         };
