@@ -119,7 +119,8 @@ fn closed_format(path: &Path) -> Option<&'static str> {
     }
 }
 
-fn start(file: &McapFile) -> Result<Vec<u8>> {
+/// The first bytes of a file, by which its format is known.
+pub(super) fn start(file: &McapFile) -> Result<Vec<u8>> {
     let mut start = Vec::new();
     let reader = file.reader()?.take(sqlite::MAGIC.len() as u64);
     let read = { reader }.read_to_end(&mut start);

@@ -1,7 +1,7 @@
 //! One MCAP file of a recording, opened once and read at several positions.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result, inputs};
@@ -75,19 +75,22 @@ impl McapFile {
             Some(handle) => Arc::clone(handle),
             None => Arc::new(inputs::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
         };
-        let (len, at) = (self.len, 0);
-        Ok(FileReader { file, len, at })
+        Ok(FileReader { file, at: 0 })
     }
 }
 
 /// Reads a file at its own position.
 pub(super) struct FileReader {
     file: Arc<File>,
-    len: u64,
     at: u64,
 }
 
 impl FileReader {
+    /// Goes on reading at `at`.
+    pub(super) fn seek(&mut self, at: u64) {
+        self.at = at;
+    }
+
     /// Reads bytes, which must be in the file, in place of those in `to`.
     pub(super) fn read_at(&mut self, at: u64, bytes: u64, to: &mut Vec<u8>) -> io::Result<()> {
         // Zeroed by the system, and only if there is too little.
@@ -109,17 +112,5 @@ impl Read for FileReader {
         let read = std::os::windows::fs::FileExt::seek_read(&*self.file, bytes, self.at)?;
         self.at += read as u64;
         Ok(read)
-    }
-}
-
-impl Seek for FileReader {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let at = match to {
-            SeekFrom::Start(at) => Some(at),
-            SeekFrom::Current(by) => self.at.checked_add_signed(by),
-            SeekFrom::End(by) => self.len.checked_add_signed(by),
-        };
-        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
-        Ok(self.at)
     }
 }

@@ -12,12 +12,12 @@
 
 use super::bag::not_mcap;
 use super::chunk::split;
+use super::container::start;
 use super::file::McapFile;
 use super::layout::{HEAD, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::io::Read as _;
 use std::io::Result as IoResult;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -120,7 +120,13 @@ impl Records {
             ..Self::unread(file)?
         };
         let begins = records.begin().map_err(|e| records.io(e))?;
-        begins.then_some(records).ok_or_else(|| no_mcap(file))
+        if begins {
+            return Ok(records);
+        }
+        Err(Error::format(
+            file.path(),
+            not_mcap(file.path(), &start(file)?),
+        ))
     }
 
     /// A reader that is still to be moved to a record.
@@ -513,16 +519,4 @@ pub(super) fn attachment(file: &McapFile, start: u64) -> Result<Option<Vec<u8>>>
         Ok(())
     })?;
     Ok(is_read.then_some(data))
-}
-
-fn no_mcap(file: &McapFile) -> Error {
-    let mut start = Vec::new();
-    let io = |e| Error::io(file.path(), e);
-    let read = file
-        .reader()
-        .and_then(|reader| reader.take(8).read_to_end(&mut start).map_err(io));
-    match read {
-        Ok(_) => Error::format(file.path(), not_mcap(file.path(), &start)),
-        Err(error) => error,
-    }
 }
