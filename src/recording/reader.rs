@@ -1,7 +1,7 @@
 //! Reads the pairs of a recording.
 
 use super::container::Container;
-use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
+use super::foreign::{PairReader, Selection, SensorSelection, SensorTopic};
 use super::index::PairIndex;
 use super::messages::{EventReader, FileEvent, Messages};
 use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
@@ -19,7 +19,7 @@ pub struct Reader {
     messages: Box<dyn EventReader>,
     /// Index of the next file to read.
     next_file: usize,
-    source: Foreign,
+    source: PairReader,
     /// Topics of the left and the right images.
     topics: [String; 2],
     header: Option<Header>,
@@ -57,7 +57,7 @@ impl Reader {
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let messages = first.messages()?;
         let is_own = !selection.names_topics() && is_own(&recording)?;
-        let source = Foreign::open(&recording, selection, is_own)?;
+        let source = PairReader::open(&recording, selection, is_own)?;
         let mut reader = Self {
             messages,
             next_file: 1,

@@ -434,3 +434,34 @@ fn fields_fault(opcode: u8, known: Option<u64>) -> Option<String> {
     let is_wrong = has_fields(opcode) && known.is_none();
     is_wrong.then(|| "the lengths of a record do not agree".to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_record_and_no_file_is_passed_over(
+            mut bytes in prop::collection::vec(
+                prop::sample::select(&[0, 0, 0, 4, op::CHUNK, op::METADATA, op::DATA_END, b'P', 255][..]),
+                0..200,
+            ),
+            places in prop::collection::vec(0_usize..200, 0..4),
+        ) {
+            for place in places.into_iter().filter(|place| *place <= bytes.len()) {
+                bytes.splice(place..place, mcap::MAGIC.iter().copied());
+            }
+            let all = 0..bytes.len();
+            let mut found = Vec::new();
+            while let Some(place) = candidate(&bytes, found.last().map_or(0, |at| at + 1)..all.end) {
+                found.push(place);
+            }
+            let left = |place| (bytes.len() - place) as u64;
+            let missed = all.clone().find(|place| {
+                may_be_proven(&bytes[*place..], left(*place)) && !found.contains(place)
+            });
+            prop_assert_eq!(missed, None);
+        }
+    }
+}

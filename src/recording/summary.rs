@@ -180,6 +180,8 @@ struct SummaryScan {
     manifest: Option<u64>,
     topics: BTreeMap<String, Topic>,
     images: BTreeMap<String, TopicImages>,
+    /// The left images of svl's own recordings, by their `/stereo/sync`.
+    synced: Vec<StampedImage>,
     /// Images so far.
     places: u64,
     videos: BTreeMap<String, VideoScan>,
@@ -272,7 +274,7 @@ impl SummaryScan {
         if channel.topic == topic::SYNC
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
-            self.take_in_sync(&sync);
+            self.take_in_sync(&sync, stamp_ns);
         }
         if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
             && let Some(row_offset_px) = result.row_offset_px
@@ -332,8 +334,14 @@ impl SummaryScan {
         }
     }
 
-    fn take_in_sync(&mut self, sync: &StereoSync) {
+    fn take_in_sync(&mut self, sync: &StereoSync, log_ns: u64) {
         self.found.pairs += 1;
+        self.synced.push(StampedImage {
+            place: self.found.pairs,
+            stamp_ns: sync.left_stamp_ns,
+            log_ns,
+            bytes: 0,
+        });
         self.skews.extend(sync.exposure.skew_ns);
         self.sequences.insert(sync.sequence);
         // The recorder's counter never falls; after damage the last value read is used.
@@ -395,7 +403,8 @@ impl SummaryScan {
             self.found.poses = poses.ok().flatten();
         }
         let repeated_images = [left.repeated, right.repeated];
-        let images = &left.images;
+        let is_own = channels.is_none() && !self.synced.is_empty();
+        let images = if is_own { &self.synced } else { &left.images };
         let clock_jumps = clock_jumps(images);
         let steps = steps(images);
         let period_ns = median_ns(&steps).filter(|_| !self.has_nominal_stamps());

@@ -76,7 +76,7 @@ type ReadImage = std::result::Result<PairImage, String>;
 type PairImages = [(u64, ReadImage); 2];
 
 /// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
-pub(super) struct Foreign {
+pub(super) struct PairReader {
     images: [String; 2],
     /// What svl's own recordings have of the pairs besides; `None` in others.
     own: Option<OwnTopics>,
@@ -121,7 +121,7 @@ pub(super) struct Foreign {
     jumps: Option<u64>,
 }
 
-impl Foreign {
+impl PairReader {
     /// Chooses the topics of a recording, those of svl if `is_own`, and looks for the first
     /// calibration of each camera.
     ///
@@ -130,17 +130,17 @@ impl Foreign {
     pub(super) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
         let name = recording.path().display().to_string();
         let channels = recording.channels()?;
-        let mut foreign = Self::new(name, &channels, selection, is_own)
+        let mut pairs = Self::new(name, &channels, selection, is_own)
             .map_err(|reason| Error::format(recording.path(), reason))?;
         let mut first = FirstMessages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
             // rig. The bit depth is also decided before the first pair.
-            while !first.are_enough(&foreign) {
+            while !first.are_enough(&pairs) {
                 match messages.next() {
                     Ok(Some(FileEvent::Message(channel, log_time, data))) => {
-                        first.take_in(&mut foreign, channel, log_time, &data)
+                        first.take_in(&mut pairs, channel, log_time, &data)
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
@@ -148,16 +148,16 @@ impl Foreign {
             }
         }
         let are_videos = first.are_videos();
-        first.end(&mut foreign, selection)?;
-        foreign.warn_of_sign();
-        foreign.poses = PoseReader::open(recording, &channels)?;
-        let topics = foreign.images.iter().zip(are_videos);
-        for ((topic, is_video), video) in topics.zip(&mut foreign.videos) {
+        first.end(&mut pairs, selection)?;
+        pairs.warn_of_sign();
+        pairs.poses = PoseReader::open(recording, &channels)?;
+        let topics = pairs.images.iter().zip(are_videos);
+        for ((topic, is_video), video) in topics.zip(&mut pairs.videos) {
             if is_video {
                 *video = Some(VideoTopic::open(recording, topic)?);
             }
         }
-        Ok(foreign)
+        Ok(pairs)
     }
 
     /// The pose of the left camera at that time: of images that were rectified before they were
@@ -573,8 +573,8 @@ pub(super) struct StampedImage {
     pub bytes: usize,
 }
 
-/// Pairs images by stamp alone, in file order like [`Foreign`]: the skew of each pair, right minus
-/// left, and the images without a partner.
+/// Pairs images by stamp alone, in file order like [`PairReader`]: the skew of each pair, right
+/// minus left, and the images without a partner.
 pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
     let sides = Side::BOTH.into_iter().zip(images);
     let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));

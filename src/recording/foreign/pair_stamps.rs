@@ -11,7 +11,7 @@ use svl_core::stereo::Side;
 pub(crate) enum PairStamps {
     /// By `/stereo/sync`, in svl's own recordings.
     Synced,
-    /// By the stamps of two topics, as in [`super::Foreign`].
+    /// By the stamps of two topics, as in [`super::PairReader`].
     Nearest {
         topics: [String; 2],
         pairing: Box<ImagePairing<()>>,

@@ -391,6 +391,45 @@ mod tests {
     }
 
     #[test]
+    fn records_join_images_whatever_their_stamps() {
+        let mut partners = StampPairing::by_records();
+        let mut found = Vec::new();
+        // The records come before, between and after the images; the pair of 500 has none.
+        partners.join([100, 90]);
+        for (side, stamp) in [
+            (Left, 100),
+            (Left, 500),
+            (Right, 90),
+            (Right, 700),
+            (Left, 200),
+        ] {
+            partners.push(side, stamp, stamp, 1);
+            found.extend(std::iter::from_fn(|| partners.pop()));
+        }
+        assert_eq!(found, [[(100, 100), (90, 90)]]);
+        partners.join([200, 700]);
+        assert_eq!(partners.pop(), Some([(200, 200), (700, 700)]));
+        partners.end();
+        assert_eq!((partners.pop(), partners.unpaired_ns()), (None, &[500][..]));
+        assert_eq!((partners.outside(), partners.bytes), (0, 0));
+    }
+
+    #[test]
+    fn few_images_wait_for_a_record() {
+        let mut partners = StampPairing::by_records();
+        for stamp in 0..100 {
+            partners.push(Left, stamp, (), 1);
+            assert_eq!(partners.pop(), None);
+            assert!(partners.waiting[0].len() <= MAX_WAITING);
+        }
+        partners.push(Right, 5, (), 1);
+        // That image waits no more.
+        partners.join([5, 5]);
+        assert_eq!(partners.pop(), None);
+        assert_eq!(partners.unpaired_ns().len(), 100 - MAX_WAITING);
+    }
+
+    #[test]
     fn an_image_is_left_to_a_nearer_one() {
         let images = [
             (Left, 100),
