@@ -525,7 +525,7 @@ impl PairReader {
             unpaired_ns: pairing.unpaired_ns().to_vec(),
             // An image with a stamp has its partner, even if its pixels cannot be read. If images
             // of both cameras are without, they may be partners of each other.
-            partners_of_unreadable: self.without_stamp.into_iter().max(),
+            partners_of_unreadable: self.without_stamp[0].max(self.without_stamp[1]),
             outside: pairing.outside(),
             late: pairing.late(),
             why_none: self.why_none(),
