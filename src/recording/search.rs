@@ -449,7 +449,8 @@ mod tests {
             ),
             places in prop::collection::vec(0_usize..200, 0..4),
         ) {
-            for place in places.into_iter().filter(|place| *place <= bytes.len()) {
+            for place in places {
+                let place = place.min(bytes.len());
                 bytes.splice(place..place, mcap::MAGIC.iter().copied());
             }
             let all = 0..bytes.len();
