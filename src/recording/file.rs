@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result, inputs};
 
+/// Length of the longest magic, SQLite's.
+const START: u64 = 16;
+
 /// An open file. Clones share its handle.
 #[derive(Clone)]
 pub(super) struct McapFile {
@@ -64,6 +67,16 @@ impl McapFile {
 
     pub(super) fn len(&self) -> u64 {
         self.len
+    }
+
+    /// The first bytes, by which the format is known.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn start(&self) -> Result<Vec<u8>> {
+        let mut start = Vec::new();
+        let read = self.reader()?.take(START).read_to_end(&mut start);
+        read.map(|_| start).map_err(|e| Error::io(&self.path, e))
     }
 
     /// A reader with a position of its own, at the start of the file.

@@ -26,10 +26,10 @@
 //!
 //! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
 //!
-//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read by
-//! the same reader: image topics are found by their types, and images are paired by their stamps;
-//! see [`Selection`]. In svl's own, `/stereo/sync` names the two images of a pair instead. A bag may
-//! be the folder of its files.
+//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read
+//! alike: image topics are found by their types, and images are paired by their stamps; see
+//! [`Selection`]. In svl's own, `/stereo/sync` names the two images of a pair instead. A bag may be
+//! the folder of its files.
 //!
 //! [`Visibility`]: svl_core::stereo::Visibility
 //! [`Surface`]: svl_core::stereo::Surface

@@ -12,7 +12,6 @@
 
 use super::bag::not_mcap;
 use super::chunk::split;
-use super::container::start;
 use super::file::McapFile;
 use super::layout::{HEAD, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
@@ -125,7 +124,7 @@ impl Records {
         }
         Err(Error::format(
             file.path(),
-            not_mcap(file.path(), &start(file)?),
+            not_mcap(file.path(), &file.start()?),
         ))
     }
 

@@ -195,7 +195,7 @@ struct SummaryScan {
 /// The images of a topic.
 #[derive(Default)]
 struct TopicImages {
-    /// Those that can be read, in file order, with their number.
+    /// Images that can be read, in file order, with their number.
     images: Vec<StampedImage>,
     /// The frame of the first of them.
     frame: Option<String>,
