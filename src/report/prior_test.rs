@@ -47,7 +47,7 @@ impl Results {
     pub(super) fn prior_words(&self) -> Option<String> {
         let metric = Metric::find("right")?;
         let right = self.prior.as_ref()?.value(metric)?;
-        let words = self.words(metric);
+        let words = metric.words;
         (self.basis.prior_test == PriorTest::Still).then(|| {
             format!(
                 "the scene hardly changes: who looks at nothing (prior) has {} {words}",

@@ -325,6 +325,18 @@ impl AlgorithmSummary {
         }
     }
 
+    /// The mean times of [`super::speed::STAGES`].
+    pub(super) fn stages_ms(&self) -> [Option<f64>; 6] {
+        [
+            self.smoothing_ms,
+            self.texture_ms,
+            self.matching_ms,
+            self.checks_ms,
+            self.filters_ms,
+            self.other_ms,
+        ]
+    }
+
     /// Numbers of pairs and of cells that were scored against a truth; `None` if no pair has one.
     pub fn scored(&self) -> Option<(u64, u64)> {
         let count = |name| self.totals.get(name).map(|count| count as u64);

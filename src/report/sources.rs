@@ -1,6 +1,6 @@
 //! What a report was made of: its units and its tables.
 
-use super::prior::PRIOR;
+use super::descriptions::TABLES;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -38,7 +38,9 @@ impl Sources {
     /// [`svl_core::Error::Io`].
     pub(super) fn for_folder(folder: &Path, units: String) -> Result<Self> {
         let mut tables = BTreeMap::new();
-        for name in TABLES {
+        // A summary is not made of itself.
+        let is_made_of = |name: &&str| !["summary", "verdicts"].contains(name);
+        for name in TABLES.iter().map(|table| table.name).filter(is_made_of) {
             let file = format!("{name}.csv");
             let path = folder.join(&file);
             if path.is_file() {
@@ -59,16 +61,3 @@ impl Sources {
         tables.find(is_other).map(|(file, _)| file.as_str())
     }
 }
-
-/// The tables with all rows of a report.
-const TABLES: [&str; 9] = [
-    "rows",
-    "cells",
-    "failures",
-    "checkpoints",
-    "accuracy",
-    "reliability",
-    PRIOR,
-    "drives",
-    "tracks",
-];

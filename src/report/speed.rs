@@ -11,6 +11,16 @@ pub(super) const MIN_OUTLIER_SCORE: f64 = 14.26;
 /// Smallest number of pairs that have a spread.
 const MIN_SPREAD_PAIRS: usize = 20;
 
+/// The stages of matching; the last is what belongs to none.
+pub(super) const STAGES: [&str; 6] = [
+    "smoothing",
+    "texture",
+    "matching",
+    "checks",
+    "filters",
+    "other",
+];
+
 /// Times of the pairs of one algorithm.
 pub(super) struct Speed {
     /// µs, ascending.
@@ -19,8 +29,7 @@ pub(super) struct Speed {
     per_pixel: Vec<f64>,
     /// µs per pixel and disparity, ascending, of the pairs whose disparities are known.
     per_disparity: Vec<f64>,
-    /// Mean smoothing, texture, matching, checks and what belongs to no stage, of the middle half
-    /// of the pairs by time.
+    /// Means of [`STAGES`], of the middle half of the pairs by time.
     pub(super) stages_ms: [f64; 6],
 }
 

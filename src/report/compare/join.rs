@@ -4,12 +4,13 @@ use super::scored_run::ScoredRun;
 use crate::drives::DriveRow;
 use crate::rows::Row;
 use crate::samples::{RunKey, is_scene, run_key};
-use crate::words::shell_word;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use svl_core::{Error, Result};
 use svl_score::losses::Incomplete;
 use svl_score::manifest::Manifest;
+
+/// The cure for algorithms that only one report has.
+pub(super) const MAP: &str = "--map BASE=OTHER compares algorithms of other names";
 
 /// Two reports, the pairs of the second in the order of the first.
 pub struct Join<'a> {
@@ -30,7 +31,8 @@ pub(super) struct JoinedAlgorithm<'a> {
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
-    /// Pairs before which the two have different pairs.
+    /// Pairs of runs that only one of the two has completely, of an algorithm whose results depend
+    /// on the pairs before.
     pub other_past: usize,
     /// Runs whose pairs both have completely, by the names of each: checkpoints are counted over
     /// whole runs.
@@ -75,9 +77,10 @@ impl<'a> Join<'a> {
         let has_any = |own: &JoinedAlgorithm<'_>| own.compared() > 0 || own.newly_failed > 0;
         if join.algorithms.is_empty() {
             let [ours, theirs] = runs.map(|run| run.labels().join(", "));
-            let words = format!("{}: no algorithm in common ({ours}; {theirs})", shown());
-            let parts: Vec<_> = [words].into_iter().chain(join.map_options()).collect();
-            return Err(Error::other(Incomplete(parts.join("; "))));
+            return Err(Error::other(Incomplete(format!(
+                "{}: no algorithm in common ({ours}; {theirs}); {MAP}",
+                shown()
+            ))));
         }
         if !join.algorithms.iter().any(has_any) {
             let things = if is_driven { "course" } else { "pair" };
@@ -109,26 +112,6 @@ impl<'a> Join<'a> {
         let is_joined = |label| self.is_joined(0, label) && self.is_joined(1, label);
         ours.retain(|label| theirs.contains(label) && !is_joined(label));
         ours
-    }
-
-    /// The options that compare algorithms of one report alone with those of the other with other
-    /// parameters, where each has just one of a name.
-    pub(super) fn map_options(&self) -> Option<String> {
-        let record = |side: usize, label: &String| self.runs[side].record(label);
-        let only = [0, 1].map(|side| self.only_in(side));
-        let one = |side: usize, name: &str| {
-            let mut own = only[side]
-                .iter()
-                .filter(|own| record(side, own).is_some_and(|r| r.name == name));
-            own.next().filter(|_| own.next().is_none())
-        };
-        let maps = only[0].iter().filter_map(|label| {
-            let name = &record(0, label)?.name;
-            let map = format!("{}={}", one(0, name)?, one(1, name)?);
-            Some(format!("--map {}", shell_word(&map)))
-        });
-        let options = maps.collect::<Vec<_>>().join(" ");
-        (!options.is_empty()).then(|| format!("add `{options}` to compare other parameters"))
     }
 }
 
@@ -253,47 +236,43 @@ impl<'a> JoinedAlgorithm<'a> {
         labels: [&'a str; 2],
         alignment: &AlignedRuns<'a>,
     ) -> Self {
-        let rows =
-            |run: &'a ScoredRun, label, place: &dyn Fn(RunKey<'a>, u64) -> (RunKey<'a>, u64)| {
-                let own = run.rows.iter().filter(|row| row.algorithm == label);
-                let own = own.map(|row| {
-                    let (run, number) = place(run_key(row), row.sequence);
-                    ((run, number, row.name.as_str()), row)
-                });
-                own.collect::<PairRows<'a>>()
-            };
-        let ours = rows(base, labels[0], &|run, number| (run, number));
-        let theirs = rows(other, labels[1], &|run, number| {
-            alignment.place(run, number)
-        });
+        let mut sides = [PairRows::new(), PairRows::new()];
+        for row in base.rows.iter().filter(|row| row.algorithm == labels[0]) {
+            sides[0].insert((run_key(row), row.sequence, row.name.as_str()), row);
+        }
+        for row in other.rows.iter().filter(|row| row.algorithm == labels[1]) {
+            let (run, number) = alignment.place(run_key(row), row.sequence);
+            sides[1].insert((run, number, row.name.as_str()), row);
+        }
+        let [ours, theirs] = sides;
         let both = ours.iter().filter_map(|(key, a)| {
             let b = theirs.get(key).filter(|b| a.pair_hash == b.pair_hash);
             b.map(|b| [*a, *b])
         });
         let pairs: Vec<_> = both.collect();
         let has_results: BTreeSet<_> = ours.keys().map(|key| (key.0, key.1)).collect();
-        let failures = other
-            .failures
-            .iter()
-            .filter(|row| row.algorithm == labels[1]);
-        let failures = failures.filter(|row| {
-            let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
-            has_results.contains(&place)
-        });
-        let has_run_memory = [base, other].iter().zip(labels).any(|(run, label)| {
-            run.record(label)
-                .is_some_and(|record| record.has_run_memory)
-        });
+        let failures = other.failures.iter();
+        let failures = failures
+            .filter(|row| row.algorithm == labels[1])
+            .filter(|row| {
+                let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
+                has_results.contains(&place)
+            });
+        let whole_runs = whole_runs(&pairs, [&ours, &theirs]);
+        let records = [base, other].into_iter().zip(labels);
+        let mut records = records.filter_map(|(run, label)| run.record(label));
+        let other_past = if records.any(|record| record.has_run_memory) {
+            let is_whole = |row: &Row| is_scene(row) || whole_runs[0].contains(&run_key(row));
+            pairs.iter().filter(|[a, _]| !is_whole(a)).count()
+        } else {
+            0
+        };
         Self {
             labels,
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             newly_failed: failures.count(),
-            other_past: if has_run_memory {
-                other_past(&ours, &theirs)
-            } else {
-                0
-            },
-            whole_runs: whole_runs(&pairs, [&ours, &theirs]),
+            other_past,
+            whole_runs,
             pairs,
             ..Self::default()
         }
@@ -329,40 +308,13 @@ fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKe
     let names = |pair: &[&'a Row; 2]| pair.map(run_key);
     let runs = pairs.chunk_by(|a, b| names(a) == names(b));
     let is_whole = |run: &&[[&'a Row; 2]]| {
-        (0..2).all(|side| {
+        let is_whole = |(side, all): (usize, &PairRows<'_>)| {
             let name = run_key(run[0][side]);
-            all[side]
-                .values()
-                .filter(|row| run_key(row) == name)
-                .count()
-                == run.len()
-        })
+            let own = all.values().filter(|row| run_key(row) == name);
+            own.count() == run.len()
+        };
+        all.into_iter().enumerate().all(is_whole)
     };
     let whole: Vec<_> = runs.filter(is_whole).map(|run| names(&run[0])).collect();
     [0, 1].map(|side| whole.iter().map(|names| names[side]).collect())
-}
-
-/// The number of common pairs before which the two reports have different pairs.
-fn other_past(ours: &PairRows<'_>, theirs: &PairRows<'_>) -> usize {
-    let (ours, theirs) = (pasts(ours), pasts(theirs));
-    let differs = |(key, (pair, past)): &(&PairKey<'_>, &(&str, u64))| {
-        let other = theirs.get(*key);
-        other.is_some_and(|(other, other_past)| other == pair && other_past != past)
-    };
-    ours.iter().filter(differs).count()
-}
-
-/// Per pair its hash, and that of all earlier pairs of its run.
-fn pasts<'a>(rows: &PairRows<'a>) -> BTreeMap<PairKey<'a>, (&'a str, u64)> {
-    let (mut run, mut past) = (None, DefaultHasher::new());
-    let pasts = rows.iter().map(|(key, row)| {
-        // Scenes of a data set are independent of each other.
-        if run.replace(key.0) != Some(key.0) || is_scene(row) {
-            past = DefaultHasher::new();
-        }
-        let before = past.finish();
-        row.pair_hash.hash(&mut past);
-        (*key, (row.pair_hash.as_str(), before))
-    });
-    pasts.collect()
 }

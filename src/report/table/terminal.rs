@@ -41,24 +41,21 @@ impl Table {
     /// groups undivided.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let mut table = self.clone();
-        let has_bar = |row: &[TableCell], i: usize| matches!(row[i], TableCell::Bar { .. });
+        let texts = table.text_columns();
         let columns = 0..table.columns.len();
-        let is_bar: Vec<_> = columns
-            .map(|i| table.rows.iter().any(|row| has_bar(row, i)))
-            .collect();
+        let is_text: Vec<_> = columns.map(|i| texts.contains(&i)).collect();
         let names = table.rows.iter().map(|row| row[0].text());
         let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
         let name = longest.max(table.columns[0].head.chars().count());
         let mut bar = if style.is_rich { MAX_BAR } else { 0 };
-        let without_bars: Vec<_> = is_bar.iter().map(|is_bar| !is_bar).collect();
         let excess = |table: &Self, bar: usize| {
             let width = name + table.width(1..table.columns.len(), bar);
             width.saturating_sub(style.width)
         };
-        if is_bar.contains(&true) {
+        if is_text.contains(&false) {
             bar = bar.saturating_sub(excess(&table, bar));
             if bar < MIN_BAR {
-                table.keep(&without_bars);
+                table.keep(&is_text);
             }
         }
         while excess(&table, bar) > 0
