@@ -12,8 +12,8 @@ use crate::csv_rows::read_rows;
 use crate::prior::{PRIOR, PriorTally};
 use crate::reliability::ReliabilityTallies;
 use crate::results::ReportTables;
-use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use crate::table_writer::TableWriter;
+use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
+use crate::table_writer::{TableWriter, write_table};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
@@ -192,10 +192,4 @@ pub fn collect_tables(
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.prior = prior.into_rows(rule.cells);
     Ok(tables)
-}
-
-fn write_table<R: Record + Clone>(folder: &Path, name: &str, rows: &[R]) -> Result<()> {
-    let mut table = TableWriter::create_both(folder, name)?;
-    table.push(rows.iter().cloned())?;
-    table.finish()
 }
