@@ -10,7 +10,7 @@ use serde::ser::SerializeMap as _;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::LazyLock;
-use svl_core::stereo::{CellRule, CellState};
+use svl_core::stereo::{CellDepth, CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
     AreaChoice, CellArea, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
@@ -296,6 +296,18 @@ record! {
         /// Number of points of a sparse truth; with `no-truth` they do not determine the median.
         /// Absent if the truth is dense or missing.
         true_points: Option<u64>,
+    }
+}
+
+impl CellRow {
+    /// The reported disparities.
+    pub(super) fn depth(&self) -> Option<CellDepth> {
+        Some(CellDepth {
+            median_px: self.median_px? as f32,
+            p20_px: self.p20_px? as f32,
+            p80_px: self.p80_px? as f32,
+            distance_m: None,
+        })
     }
 }
 

@@ -43,12 +43,14 @@ pub(super) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
             }
         },
-        MetricOrigin::Time => Some(Sample::Median(
-            rows.iter()
-                .map(|row| row.total_us.map(|us| us as f64 / 1000.0))
-                .map(|ms| ms.into_iter().collect())
-                .collect(),
-        )),
+        MetricOrigin::Time => {
+            let ms = rows
+                .iter()
+                .map(|row| row.total_us.map(|us| us as f64 / 1000.0));
+            Some(Sample::Median(
+                ms.map(|ms| ms.into_iter().collect()).collect(),
+            ))
+        }
         MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
     }
 }

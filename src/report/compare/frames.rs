@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use svl_core::Result;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
-use svl_score::judge::{Metric, MetricValues};
+use svl_score::judge::{Metric, MetricValues, depth_at};
 use svl_score::manifest::Manifest;
 
 /// Limit of the frames of either direction.
@@ -175,23 +175,15 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
         findings: Vec::new(),
         left: left.map_or_else(blank, |file| Ok(file.to_vec()))?,
         size,
-        estimate: marks(|cell| depth([cell.median_px, cell.p20_px, cell.p80_px])),
+        estimate: marks(CellRow::depth),
         // The table of cells has no percentiles of the truth.
-        truth: Some(marks(|cell| depth([cell.true_median_px; 3]))),
+        truth: Some(marks(|cell| {
+            Some(depth_at(cell.true_median_px? as f32, None))
+        })),
         preview: None,
         true_preview: None,
         errors: None,
         cells,
-    })
-}
-
-fn depth(disparities_px: [Option<f64>; 3]) -> Option<CellDepth> {
-    let [median_px, p20_px, p80_px] = disparities_px.map(|px| px.map(|px| px as f32));
-    Some(CellDepth {
-        median_px: median_px?,
-        p20_px: p20_px?,
-        p80_px: p80_px?,
-        distance_m: None,
     })
 }
 

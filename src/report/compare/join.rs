@@ -31,8 +31,7 @@ pub(super) struct JoinedAlgorithm<'a> {
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
-    /// Pairs of runs that only one of the two has completely, of an algorithm whose results depend
-    /// on the pairs before.
+    /// Pairs before which the two have different pairs.
     pub other_past: usize,
     /// Runs whose pairs both have completely, by the names of each: checkpoints are counted over
     /// whole runs.
@@ -262,8 +261,7 @@ impl<'a> JoinedAlgorithm<'a> {
         let records = [base, other].into_iter().zip(labels);
         let mut records = records.filter_map(|(run, label)| run.record(label));
         let other_past = if records.any(|record| record.has_run_memory) {
-            let is_whole = |row: &Row| is_scene(row) || whole_runs[0].contains(&run_key(row));
-            pairs.iter().filter(|[a, _]| !is_whole(a)).count()
+            pairs.len() - equal_pasts(&ours, &theirs)
         } else {
             0
         };
@@ -317,4 +315,22 @@ fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKe
     };
     let whole: Vec<_> = runs.filter(is_whole).map(|run| names(&run[0])).collect();
     [0, 1].map(|side| whole.iter().map(|names| names[side]).collect())
+}
+
+/// The number of common pairs before which the two reports have equal pairs.
+fn equal_pasts<'a>(ours: &PairRows<'a>, theirs: &PairRows<'a>) -> usize {
+    let of = |rows: &PairRows<'a>, run: RunKey<'a>| -> Vec<_> {
+        let own = rows.iter().filter(|(key, _)| key.0 == run);
+        own.map(|(key, row)| (*key, *row)).collect()
+    };
+    let equal = |run: RunKey<'a>| {
+        let both = of(ours, run).into_iter().zip(of(theirs, run));
+        // Scenes of a data set are independent of each other.
+        let equal = both.take_while(|((_, a), (_, b))| is_scene(a) || a.pair_hash == b.pair_hash);
+        equal
+            .filter(|((key, a), (other, b))| key == other && a.pair_hash == b.pair_hash)
+            .count()
+    };
+    let runs: BTreeSet<_> = ours.keys().map(|key| key.0).collect();
+    runs.into_iter().map(equal).sum()
 }

@@ -94,8 +94,8 @@ pub struct AlgorithmChange {
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
-    /// Pairs of runs that only one report has completely, of an algorithm whose results depend on
-    /// the pairs before.
+    /// Pairs before which the two have different pairs, of an algorithm whose results depend on
+    /// them.
     pub other_past: usize,
     /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
     pub blocks: usize,

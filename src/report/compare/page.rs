@@ -75,8 +75,8 @@ fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> 
             "A report has no table of cells, so its cells are not shown."
         }
         None if lacks_image => {
-            "The cells stand alone where the images are neither in the folders, nor rendered by \
-             svl, nor in its own recordings."
+            "The cells of some frames stand alone: their images are neither in the folders, nor \
+             rendered by svl, nor in its own recordings."
         }
         None => return None,
     };

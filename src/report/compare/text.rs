@@ -179,9 +179,9 @@ impl Comparison {
         text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
-    /// The changes of all algorithms that are told from chance.
+    /// The headline changes of all algorithms that are told from chance.
     pub(super) fn overview(&self) -> Table {
-        let mut changes = self.named(|own| own.rows(&ColumnChoice::Headline));
+        let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
         changes.retain(|(_, own)| own.judgement.is_told());
         change_table(&changes)
     }
