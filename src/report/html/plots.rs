@@ -39,10 +39,9 @@ struct TradeOff {
     y: PlotAxis,
     /// The area of a disc, of 100.
     area: Option<PlotNumber>,
-    /// The kind of run whose page begins with this plot.
-    leads: Option<TruthLevel>,
 }
 
+#[derive(Clone, Copy)]
 struct PlotAxis {
     label: &'static str,
     is_log: bool,
@@ -61,9 +60,8 @@ const BAD: PlotAxis = PlotAxis::cost("off by > 2 px, of the estimates, %", |_, a
 });
 const KNOWN: PlotAxis = PlotAxis::gain("known, of the cells, %", |_, a| known(a));
 const COVERED: PlotAxis = PlotAxis::gain("estimated, of the visible pixels, %", |_, a| {
-    a.totals
-        .get("invalid")
-        .map(|invalid| percent(1.0 - invalid))
+    let invalid = a.totals.get("invalid");
+    invalid.map(|invalid| percent(1.0 - invalid))
 });
 const FINISHED: PlotAxis = PlotAxis::gain("courses finished, %", |summary, a| {
     let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
@@ -76,69 +74,76 @@ const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a
     a.totals.get("unrivalled").map(percent)
 });
 
+/// Those that the pages of runs with distances, disparities, courses and no truth begin with, in
+/// that order, then others.
 const TRADE_OFFS: [TradeOff; 6] = [
-    TradeOff {
-        title: "Wrong against time",
-        about: "Down and left is better. The area of a disc is the fraction of cells that are \
-                known.",
-        x: TIME,
-        y: WRONG,
-        area: Some(|_, a| known(a)),
-        leads: Some(TruthLevel::Distances),
-    },
-    TradeOff {
-        title: "Wrong pixels against time",
-        about: "Down and left is better. The area of a disc is the fraction of visible pixels \
-                with a disparity.",
-        x: TIME,
-        y: BAD,
-        area: Some(COVERED.number),
-        leads: Some(TruthLevel::Disparities),
-    },
-    TradeOff {
-        title: "Collisions against courses finished",
-        about: "Down and right is better.",
-        x: FINISHED,
-        y: COLLISIONS,
-        area: None,
-        leads: Some(TruthLevel::Courses),
-    },
-    TradeOff {
-        title: "Unrivalled cells against time",
-        about: "Up and left is better.",
-        x: TIME,
-        y: UNRIVALLED,
-        area: None,
-        leads: Some(TruthLevel::NoTruth),
-    },
-    TradeOff {
-        title: "Wrong cells against known ones",
-        about: "Down and right is better.",
-        x: KNOWN,
-        y: WRONG,
-        area: None,
-        leads: None,
-    },
-    TradeOff {
-        title: "Wrong pixels against coverage",
-        about: "Down and right is better.",
-        x: COVERED,
-        y: BAD,
-        area: None,
-        leads: None,
-    },
+    trade_off(
+        "Wrong against time",
+        "Down and left is better. The area of a disc is the fraction of cells that are known.",
+        [TIME, WRONG],
+        Some(|_, a| known(a)),
+    ),
+    trade_off(
+        "Wrong pixels against time",
+        "Down and left is better. The area of a disc is the fraction of visible pixels with a \
+         disparity.",
+        [TIME, BAD],
+        Some(COVERED.number),
+    ),
+    trade_off(
+        "Collisions against courses finished",
+        "Down and right is better.",
+        [FINISHED, COLLISIONS],
+        None,
+    ),
+    trade_off(
+        "Unrivalled cells against time",
+        "Up and left is better.",
+        [TIME, UNRIVALLED],
+        None,
+    ),
+    trade_off(
+        "Wrong cells against known ones",
+        "Down and right is better.",
+        [KNOWN, WRONG],
+        None,
+    ),
+    trade_off(
+        "Wrong pixels against coverage",
+        "Down and right is better.",
+        [COVERED, BAD],
+        None,
+    ),
 ];
+
+const fn trade_off(
+    title: &'static str,
+    about: &'static str,
+    [x, y]: [PlotAxis; 2],
+    area: Option<PlotNumber>,
+) -> TradeOff {
+    TradeOff {
+        title,
+        about,
+        x,
+        y,
+        area,
+    }
+}
 
 /// The trade-offs that the run measures, that of its kind first.
 pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
-    let kind = page.summary.kind();
+    let lead = match page.summary.kind() {
+        TruthLevel::Distances => 0,
+        TruthLevel::Disparities => 1,
+        TruthLevel::Courses => 2,
+        TruthLevel::NoTruth => 3,
+    };
     let mut shown: Vec<_> = TRADE_OFFS.iter().collect();
-    // Stable.
-    shown.sort_by_key(|trade_off| trade_off.leads != Some(kind));
+    shown[..=lead].rotate_right(1);
     let shown = shown.into_iter();
-    shown
-        .filter_map(|trade_off| scatter(page, trade_off, colors))
-        .collect()
+    let plots = shown.filter_map(|trade_off| scatter(page, trade_off, colors));
+    plots.collect()
 }
 
 /// Plots of a perturbation: its name, its meaning, and per metric its value over the levels.
