@@ -95,10 +95,8 @@ impl Results {
             let has_value = self.value(&a.algorithm, metric, None).is_some();
             has_value && (self.has_failed(a) || !self.is_believable(a, metric))
         };
-        let excluded = ranked
-            .iter()
-            .filter(|a| !self.is_reference(a))
-            .filter(is_excluded);
+        let excluded = ranked.iter().filter(|a| !self.is_reference(a));
+        let excluded = excluded.filter(is_excluded);
         let excluded = excluded.map(|a| (a.algorithm.as_str(), Certainty::NotComparable));
         let others = labels[1..].iter().copied().zip(certainties).chain(excluded);
         let other = |(label, certainty): (&str, Certainty)| Other {
@@ -193,9 +191,8 @@ impl Results {
             });
             names[place].1.push(metric.name);
         }
-        let names = names
-            .iter()
-            .map(|(name, by)| format!("{name} by {}", joined(by)));
+        let names = names.iter();
+        let names = names.map(|(name, by)| format!("{name} by {}", joined(by)));
         let names = names.collect::<Vec<_>>().join("; ");
         let shown = self.shown.columns.metrics(self.kind());
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
@@ -249,9 +246,8 @@ fn certainty(best: &Draws, other: &Draws) -> Certainty {
 fn pair_draws(metric: &Metric, labels: &[&str], rows: &RowsByAlgorithm<'_>) -> Vec<Draws> {
     let all: Vec<_> = labels.iter().filter_map(|label| rows.get(label)).collect();
     let keys = all.first().into_iter().flat_map(|own| own.keys());
-    let common: Vec<_> = keys
-        .filter(|key| all.iter().all(|own| own.contains_key(key)))
-        .collect();
+    let common = keys.filter(|key| all.iter().all(|own| own.contains_key(key)));
+    let common: Vec<_> = common.collect();
     let of = |label: &&str| -> Option<Vec<&Row>> {
         let own = rows.get(label)?;
         Some(common.iter().map(|key| own[key]).collect())
@@ -264,17 +260,14 @@ fn pair_draws(metric: &Metric, labels: &[&str], rows: &RowsByAlgorithm<'_>) -> V
 
 /// A number of drives in resamples of the courses.
 fn course_draws(metric: &Metric, labels: &[&str], rows: &[DriveRow]) -> Vec<Draws> {
-    let samples = labels
-        .iter()
-        .map(|label| drives::sample(metric, label, rows));
+    let samples = labels.iter();
+    let samples = samples.map(|label| drives::sample(metric, label, rows));
     let samples: Vec<_> = samples.collect();
-    let courses = samples
-        .first()
-        .map(|own| own.as_ref().map_or(0, Sample::items));
+    let courses = samples.first();
+    let courses = courses.map(|own| own.as_ref().map_or(0, Sample::items));
     let courses = courses.unwrap_or_default();
     let resamples = Resamples::draw(&[courses], true);
-    let samples = samples
-        .iter()
-        .map(|own| own.as_ref().filter(|own| own.items() == courses));
+    let samples = samples.iter();
+    let samples = samples.map(|own| own.as_ref().filter(|own| own.items() == courses));
     samples.map(|own| own?.draws(&resamples)).collect()
 }

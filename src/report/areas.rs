@@ -52,9 +52,8 @@ impl Results {
     /// The most cells of an area that an algorithm was scored on; `None` if there is none.
     fn most_cells(&self, area: AreaChoice) -> Option<u64> {
         let algorithms = self.algorithms.iter();
-        algorithms
-            .filter_map(|a: &AlgorithmSummary| a.cells_in(area))
-            .max()
+        let algorithms = algorithms.filter_map(|a: &AlgorithmSummary| a.cells_in(area));
+        algorithms.max()
     }
 
     /// The number of cells that the numbers are of, if these are not all.

@@ -176,9 +176,8 @@ impl Report<'_> {
             limit.line = *line;
         }
         let limits = limits.iter().filter(|_| options.gate);
-        let gate: Vec<_> = limits
-            .flat_map(|limit| limit_results(limit, &summary, &manifest))
-            .collect();
+        let gate = limits.flat_map(|limit| limit_results(limit, &summary, &manifest));
+        let gate: Vec<_> = gate.collect();
         let last_session = manifest.sessions.last().map(|last| last.began.clone());
         let candidates = summary.candidate_labels();
         let (figures, scenes) = self.pictures(&candidates)?;
@@ -484,9 +483,8 @@ fn nothing_scored(manifest: &Manifest, summary: &Results) -> Option<String> {
 
 /// Digest of the pairs of a recording, each once, in their order.
 fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
-    let own = rows
-        .iter()
-        .filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
+    let own = rows.iter();
+    let own = own.filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
     let pairs = own.map(|row| (row.sequence, row.pair_hash.as_str()));
     let pairs: BTreeMap<_, _> = pairs.collect();
     let hashes: Vec<_> = pairs.into_values().collect();

@@ -23,9 +23,8 @@ impl Results {
 
     /// True if it has no result of some pairs.
     pub(super) fn has_failed(&self, algorithm: &AlgorithmSummary) -> bool {
-        self.failed
-            .iter()
-            .any(|f| f.algorithm == algorithm.algorithm)
+        let mut failed = self.failed.iter();
+        failed.any(|f| f.algorithm == algorithm.algorithm)
     }
 
     /// True for the truth and for `blind`.

@@ -56,10 +56,8 @@ pub struct GateResult {
 pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> Vec<GateResult> {
     // A bare name matches the algorithm with any parameters.
     let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
-    let unit = limit
-        .relative_to
-        .as_deref()
-        .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let unit = limit.relative_to.as_deref();
+    let unit = unit.map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
     let area = limit.area.unwrap_or_default();
     let result = |algorithm: &AlgorithmRecord| {
         let label = &algorithm.label;

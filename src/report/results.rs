@@ -608,9 +608,8 @@ impl Results {
 
 /// Caveat beside numbers that come of these origins of truths.
 pub(super) fn caution(truths: &[String]) -> Option<String> {
-    let origins = truths
-        .iter()
-        .map(|truth| TruthOrigin::try_from(truth.clone()));
+    let origins = truths.iter();
+    let origins = origins.map(|truth| TruthOrigin::try_from(truth.clone()));
     let cautions: Vec<_> = origins
         .filter_map(|origin| origin.ok()?.caution())
         .collect();

@@ -153,12 +153,8 @@ impl ChosenPictures {
     /// Adds the pictures of a unit of a run, with the place of the run.
     fn add(&mut self, (run, own): (usize, &RunUnits), unit: &StoredUnit, pictures: BlockPictures) {
         let first = unit.block * BLOCK;
-        let pairs = own
-            .facts
-            .pairs
-            .iter()
-            .skip(first as usize)
-            .take(BLOCK as usize);
+        let pairs = own.facts.pairs.iter().skip(first as usize);
+        let pairs = pairs.take(BLOCK as usize);
         let place = |sequence: u64| {
             let place = pairs.clone().position(|pair| pair.sequence == sequence)?;
             Some(first + place as u64)

@@ -84,10 +84,8 @@ impl Speed {
         let mut deviations: Vec<_> = self.per_pixel.iter().map(|t| (t - median).abs()).collect();
         deviations.sort_by(f64::total_cmp);
         let scale = 1.4826 * nearest_rank(&deviations, 0.5).unwrap_or_default();
-        let slow = self
-            .per_pixel
-            .iter()
-            .filter(|t| **t - median > MIN_OUTLIER_SCORE * scale);
+        let slow = self.per_pixel.iter();
+        let slow = slow.filter(|t| **t - median > MIN_OUTLIER_SCORE * scale);
         // Times in whole microseconds may all be equal, and a few do not show their spread: then
         // there is no scale for outliers.
         if self.per_pixel.len() >= MIN_SPREAD_PAIRS && scale > 0.0 {

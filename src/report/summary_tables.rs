@@ -193,9 +193,8 @@ impl Results {
             return self.algorithms.iter().collect();
         }
         let keyed = self.algorithms.iter();
-        let mut keyed: Vec<_> = keyed
-            .map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a))
-            .collect();
+        let keyed = keyed.map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a));
+        let mut keyed: Vec<_> = keyed.collect();
         // Stable, and those without a value are last.
         keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         keyed.into_iter().map(|(_, a)| a).collect()
@@ -227,10 +226,8 @@ impl Results {
     /// The order in words; none if the user chose it.
     pub(super) fn order_words(&self) -> Option<String> {
         let words = self.merit_words()?;
-        self.shown
-            .sort
-            .is_none()
-            .then(|| format!("sorted by {words}"))
+        let sort = self.shown.sort.is_none();
+        sort.then(|| format!("sorted by {words}"))
     }
 
     /// The first column that has a better direction.
@@ -390,9 +387,8 @@ impl Results {
 
     fn checkpoints_of<'a>(&'a self, label: &str) -> impl Iterator<Item = &'a CheckpointSummary> {
         let label = label.to_owned();
-        self.checkpoints
-            .iter()
-            .filter(move |c| c.algorithm == label)
+        let checkpoints = self.checkpoints.iter();
+        checkpoints.filter(move |c| c.algorithm == label)
     }
 
     /// Per checkpoint the fraction of its frames in which an algorithm passes it.
@@ -415,9 +411,8 @@ impl Results {
 
     fn mark_words(&self) -> String {
         let names = self.checkpoint_names();
-        let names = names
-            .iter()
-            .map(|(number, name)| format!("{number} {name}"));
+        let names = names.iter();
+        let names = names.map(|(number, name)| format!("{number} {name}"));
         let names: Vec<_> = names.collect();
         format!(
             "frames that pass: ● all, ◕ ◑ ◔ a part, ○ none, · not seen; {}",
@@ -437,9 +432,8 @@ impl Results {
     pub fn checkpoint_table(&self) -> Option<Table> {
         let names = self.checkpoint_names();
         let mut table = Table::new("Checkpoints", "algorithm");
-        let heads = names
-            .iter()
-            .map(|(number, name)| format!("{number} {name}"));
+        let heads = names.iter();
+        let heads = heads.map(|(number, name)| format!("{number} {name}"));
         table = table.with_columns(heads.chain(["all".to_owned()]));
         for a in self.measured() {
             let own: Vec<_> = self.checkpoints_of(&a.algorithm).collect();

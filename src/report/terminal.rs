@@ -31,10 +31,8 @@ impl Results {
             let count = table.rows.len();
             let has_few = count <= MAX_ALGORITHMS || is_all;
             let best = self.best.iter().map(|best| best.algorithm.clone());
-            let kept: Vec<_> = best
-                .chain([PRIOR.to_owned()])
-                .map(TableCell::Text)
-                .collect();
+            let kept = best.chain([PRIOR.to_owned()]).map(TableCell::Text);
+            let kept: Vec<_> = kept.collect();
             let mut places = 0..;
             let is_first = |place: Option<usize>| place < Some(FIRST_ALGORITHMS);
             table
@@ -62,9 +60,8 @@ impl Results {
         }
         let detailed = [self.drive_table(), self.accuracy_table()];
         let detailed = detailed.into_iter().flatten().filter(|_| is_all);
-        let more = detailed
-            .chain(self.latency_table())
-            .chain(self.stress_tables());
+        let more = detailed.chain(self.latency_table());
+        let more = more.chain(self.stress_tables());
         let tables: Vec<_> = [table].into_iter().chain(more).collect();
         for table in &tables[1..] {
             text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));

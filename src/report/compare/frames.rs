@@ -189,9 +189,8 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
 
 /// The scale of the squares: a true distance gives the disparity of [`NEAR_M`].
 fn nearness(cells: &[CellRow], width: usize) -> Nearness {
-    let mut px_m = cells
-        .iter()
-        .filter_map(|own| Some(own.true_median_px? * own.true_distance_m?));
+    let px_m = cells.iter();
+    let mut px_m = px_m.filter_map(|own| Some(own.true_median_px? * own.true_distance_m?));
     let truths = cells.iter().filter_map(|cell| cell.true_median_px);
     let near_px = match px_m.next() {
         Some(px_m) => (px_m / NEAR_M).min(width as f64 / 4.0),
@@ -209,11 +208,8 @@ pub(super) fn changed_counts(shots: &[FrameShot; 2]) -> String {
         (before != after).then(|| format!("{words} {before} → {after}"))
     };
     let names = ["missed", "false", "right", "wrong", "unknown"];
-    names
-        .iter()
-        .filter_map(words)
-        .collect::<Vec<_>>()
-        .join(", ")
+    let names = names.iter().filter_map(words).collect::<Vec<_>>();
+    names.join(", ")
 }
 
 /// The cells with another verdict before and after, or another obstacle, these first.

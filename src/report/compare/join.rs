@@ -124,9 +124,8 @@ fn matched_labels<'a>(
     let mut both = Vec::new();
     for text in map {
         // Either label may hold `=`.
-        let splits = text
-            .match_indices('=')
-            .map(|(i, _)| (&text[..i], &text[i + 1..]));
+        let splits = text.match_indices('=');
+        let splits = splits.map(|(i, _)| (&text[..i], &text[i + 1..]));
         let find = |labels: &[&'a str], label| labels.iter().find(|own| **own == label).copied();
         let mut known = splits.filter_map(|(a, b)| Some([find(&ours, a)?, find(&theirs, b)?]));
         both.push(known.next().ok_or_else(|| {
@@ -144,10 +143,8 @@ fn matched_labels<'a>(
         // parameters are equal.
         _ => {
             let is_free = |label: &&&str| both.iter().all(|pair| !pair.contains(label));
-            let equal = ours
-                .iter()
-                .filter(|label| theirs.contains(label))
-                .filter(is_free);
+            let equal = ours.iter().filter(|label| theirs.contains(label));
+            let equal = equal.filter(is_free);
             let equal: Vec<_> = equal.map(|label| [*label; 2]).collect();
             both.extend(equal);
         }
@@ -193,9 +190,8 @@ fn aligned_runs<'a>(base: &'a ScoredRun, other: &'a ScoredRun) -> BTreeMap<RunKe
         }
     }
     let names = common.iter().map(|(own, runs)| {
-        let best = runs
-            .iter()
-            .max_by_key(|(run, pairs)| (**pairs, *run == own));
+        let best = runs.iter();
+        let best = best.max_by_key(|(run, pairs)| (**pairs, *run == own));
         (*own, *best.map_or(own, |(run, _)| run))
     });
     let names: BTreeMap<_, _> = names.collect();
@@ -212,9 +208,8 @@ fn aligned_scenes(base: &ScoredRun, other: &ScoredRun) -> HashMap<u64, u64> {
     let behind = scenes.values().max().map_or(0, |last| last + 1);
     let number = |row: &Row| scenes.get(&(&row.name, &row.pair_hash)).copied();
     let others = other.rows.iter().filter(|row| is_scene(row));
-    others
-        .map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)))
-        .collect()
+    let others = others.map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)));
+    others.collect()
 }
 
 impl<'a> JoinedAlgorithm<'a> {
@@ -279,16 +274,13 @@ impl<'a> JoinedAlgorithm<'a> {
     /// The courses of equal seed and obstacles.
     fn from_courses([base, other]: [&'a ScoredRun; 2], labels: [&'a str; 2]) -> Self {
         let drives = |run: &'a ScoredRun, label| {
-            let own = run
-                .drives
-                .iter()
-                .filter(|row| row.algorithm == label && row.stress.is_none());
+            let own = run.drives.iter();
+            let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
             own.map(|row| (row.seed, row)).collect::<BTreeMap<_, _>>()
         };
         let (ours, theirs) = (drives(base, labels[0]), drives(other, labels[1]));
-        let both = ours
-            .iter()
-            .filter(|(seed, _)| base.has_course_of(other, **seed));
+        let both = ours.iter();
+        let both = both.filter(|(seed, _)| base.has_course_of(other, **seed));
         let courses: Vec<_> = both
             .filter_map(|(seed, row)| Some([*row, *theirs.get(seed)?]))
             .collect();

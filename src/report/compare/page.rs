@@ -88,10 +88,8 @@ fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageIm
     let changed = changed_cells(&frame.shots);
     let place = |[cell, _]: &[&CellRow; 2]| (cell.column, cell.row);
     let places: Vec<_> = changed.iter().map(place).collect();
-    let shots = frame
-        .shots
-        .iter()
-        .map(|shot| shot_view(shot, &places, images));
+    let shots = frame.shots.iter();
+    let shots = shots.map(|shot| shot_view(shot, &places, images));
     let cell = |own: &CellRow| cell_words(own) + obstacle_words(own);
     let words = changed.iter().take(MAX_LISTED).map(|[before, after]| {
         let (column, row, truth) = (before.column, before.row, truth_words(before));

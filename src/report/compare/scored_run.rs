@@ -163,9 +163,8 @@ impl ScoredRun {
             return Ok(());
         };
         let places = pairs.iter().enumerate();
-        let places: HashMap<(RunKey<'_>, u64), usize> = places
-            .map(|(i, row)| ((run_key(row), row.sequence), i))
-            .collect();
+        let places = places.map(|(i, row)| ((run_key(row), row.sequence), i));
+        let places: HashMap<(RunKey<'_>, u64), usize> = places.collect();
         let mut cells: Vec<CellRow> = Vec::new();
         let mut hand_on = |cells: &[CellRow]| {
             let key = |cell: &CellRow| places.get(&(cell_run(cell), cell.sequence)).copied();

@@ -64,11 +64,8 @@ impl Comparison {
                 let failed = self.algorithms.iter();
                 let failed =
                     failed.filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
-                failed
-                    .chain(lists)
-                    .chain(real)
-                    .collect::<Vec<_>>()
-                    .join("; ")
+                let failed = failed.chain(lists).chain(real).collect::<Vec<_>>();
+                failed.join("; ")
             }
         };
         let besides = self.named(AlgorithmChange::besides);
@@ -88,15 +85,11 @@ impl Comparison {
             .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
         let left_out = Some(join.left_out().join(", ")).filter(|labels| !labels.is_empty());
         let left_out = left_out.map(|labels| format!("{labels}, whose namesake --map names"));
-        let cells = join
-            .runs
-            .iter()
-            .filter(|run| !join.is_driven && !run.has_cells());
+        let cells = join.runs.iter();
+        let cells = cells.filter(|run| !join.is_driven && !run.has_cells());
         let cells = cells.map(|run| format!("errors of distances: {}", run.without_cells()));
-        let is_partial = self
-            .algorithms
-            .iter()
-            .any(|own| own.has_partial_checkpoints);
+        let mut algorithms = self.algorithms.iter();
+        let is_partial = algorithms.any(|own| own.has_partial_checkpoints);
         let checkpoints = is_partial.then(|| {
             "checkpoints, which are counted over whole runs: score the same pairs".to_owned()
         });
@@ -106,14 +99,10 @@ impl Comparison {
             format!("{pairs} of {} in one report alone", own.labels())
         });
         let are_both = !self.only_in_base.is_empty() && !self.only_in_other.is_empty();
-        let parts = alone
-            .chain(are_both.then(|| MAP.to_owned()))
-            .chain(left_out);
-        let mut parts: Vec<_> = parts
-            .chain(cells)
-            .chain(checkpoints)
-            .chain(unmatched)
-            .collect();
+        let parts = alone.chain(are_both.then(|| MAP.to_owned()));
+        let parts = parts.chain(left_out);
+        let parts = parts.chain(cells).chain(checkpoints).chain(unmatched);
+        let mut parts: Vec<_> = parts.collect();
         parts.dedup();
         parts
     }
@@ -210,10 +199,8 @@ impl Comparison {
     pub fn markdown(&self) -> String {
         let word = self.conclusion.word();
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
-        let courses = self
-            .algorithms
-            .iter()
-            .filter_map(AlgorithmChange::course_words);
+        let courses = self.algorithms.iter();
+        let courses = courses.filter_map(AlgorithmChange::course_words);
         let courses = courses.collect::<Vec<_>>().join("; ");
         let [not_compared, caution] = self.remarks();
         let notes = [not_compared.unwrap_or_default(), courses].map(|note| escape_prose(&note));
@@ -294,9 +281,8 @@ pub(super) fn is_ranked(metric: &Metric) -> bool {
 /// The changes of that judgement, the first of them with their values: the surest change, but more
 /// missed obstacles and collisions before all others.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
-    let own = changes
-        .iter()
-        .filter(|(_, change)| change.judgement == judgement);
+    let own = changes.iter();
+    let own = own.filter(|(_, change)| change.judgement == judgement);
     let mut own: Vec<_> = own.collect();
     let is_other = |change: &Change| {
         judgement != Judgement::Worse || !["missed", "collisions"].contains(&change.metric.name)
@@ -334,20 +320,17 @@ impl AlgorithmChange {
     pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let metrics = self.metrics(columns);
         let changes = self.changes();
-        changes
-            .filter(|change| metrics.contains(&change.metric))
-            .collect()
+        let changes = changes.filter(|change| metrics.contains(&change.metric));
+        changes.collect()
     }
 
     /// The changes for the worse that are not in the headline.
     fn besides(&self) -> Vec<&Change> {
         let headline = self.metrics(&ColumnChoice::Headline);
-        let worse = self
-            .changes()
-            .filter(|change| change.judgement == Judgement::Worse);
-        worse
-            .filter(|change| !headline.contains(&change.metric))
-            .collect()
+        let worse = self.changes();
+        let worse = worse.filter(|change| change.judgement == Judgement::Worse);
+        let worse = worse.filter(|change| !headline.contains(&change.metric));
+        worse.collect()
     }
 
     /// The changes that a table of these columns has: below those of the headline are others for

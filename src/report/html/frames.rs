@@ -17,11 +17,8 @@ pub(super) fn figure_view<'a>(
 ) -> Value {
     // Successive frames of one drive.
     let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
-    let last = figure
-        .shots
-        .last()
-        .filter(|_| is_film)
-        .map(|(_, last)| last.row.stamp_ns);
+    let last = figure.shots.last().filter(|_| is_film);
+    let last = last.map(|(_, last)| last.row.stamp_ns);
     let moment = |row: &Row| match last?.saturating_sub(row.stamp_ns) {
         0 => Some("collision".to_owned()),
         before_ns => Some(format!("{:.1} s before", before_ns as f64 / 1e9)),
@@ -50,16 +47,13 @@ pub(crate) fn shot_view<'a>(
     images: &mut PageImages<'a>,
 ) -> Value {
     let marks = |marks: &[Mark], words: fn(&CellRow) -> String, is_judged| {
-        let marks = marks
-            .iter()
-            .map(|mark| mark_view(shot, mark, words, is_judged, changed));
+        let marks = marks.iter();
+        let marks = marks.map(|mark| mark_view(shot, mark, words, is_judged, changed));
         marks.collect::<Vec<_>>()
     };
     let estimate = marks(&shot.estimate, cell_words, true);
-    let truth = shot
-        .truth
-        .as_ref()
-        .map(|truth| marks(truth, truth_words, false));
+    let truth = shot.truth.as_ref();
+    let truth = truth.map(|truth| marks(truth, truth_words, false));
     let pictures = [
         ("estimate", Some(&shot.left), estimate),
         (

@@ -19,10 +19,8 @@ pub(super) fn heat_map(page: &ReportPage) -> Option<(HeatGrid, String)> {
     let records = swept_records(page, name);
     let summary = &page.summary;
     let merits = records.iter().filter_map(|record| {
-        let own = summary
-            .algorithms
-            .iter()
-            .find(|a| a.algorithm == record.label)?;
+        let mut algorithms = summary.algorithms.iter();
+        let own = algorithms.find(|a| a.algorithm == record.label)?;
         let place = [down, across].map(|parameter| parameter_value(record, parameter));
         Some((own, place, summary.merit(own)?))
     });

@@ -181,9 +181,8 @@ pub(super) fn maps(
 ) -> Vec<PlotView> {
     let shown = page.maps.iter();
     let shown = shown.filter(|map| failed.is_none_or(|failed| map.is_failed == failed));
-    shown
-        .map(|map| PlotView::new(&map.title, "", map.svg(colors)))
-        .collect()
+    let shown = shown.map(|map| PlotView::new(&map.title, "", map.svg(colors)));
+    shown.collect()
 }
 
 /// The algorithms but the references as discs, those of a sweep joined, and the front of those that
@@ -194,10 +193,8 @@ fn scatter(
     colors: &AlgorithmColors<'_>,
 ) -> Option<PlotView> {
     let summary = &page.summary;
-    let algorithms = summary
-        .algorithms
-        .iter()
-        .filter(|a| !summary.is_reference(a));
+    let algorithms = summary.algorithms.iter();
+    let algorithms = algorithms.filter(|a| !summary.is_reference(a));
     let place = |a: &&AlgorithmSummary| {
         let [x, y] = [&trade_off.x, &trade_off.y].map(|axis| (axis.number)(summary, a));
         x.zip(y)
@@ -212,9 +209,8 @@ fn scatter(
     };
     // The front says which is faster.
     let has_front = trade_off.x.label != TIME.label || summary.has_comparable_times();
-    let candidates = placed
-        .iter()
-        .filter(|(a, _)| has_front && summary.is_candidate(a));
+    let candidates = placed.iter();
+    let candidates = candidates.filter(|(a, _)| has_front && summary.is_candidate(a));
     let points = front(trade_off, candidates.map(|(_, point)| *point).collect());
     let mut series = vec![Series::new("", SeriesStyle::Front, points)];
     let (swept, alone): (Vec<_>, Vec<_>) = placed
@@ -338,10 +334,8 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
     let summary = &page.summary;
     let algorithms = summary.algorithms.iter();
     let series = algorithms.filter(|a| !summary.is_reference(a)).map(|a| {
-        let own = summary
-            .accuracy
-            .iter()
-            .filter(|row| row.algorithm == a.algorithm);
+        let own = summary.accuracy.iter();
+        let own = own.filter(|row| row.algorithm == a.algorithm);
         let own = own.filter(|row| row.area == summary.basis.area && !row.is_of_all());
         let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
         let points = points.filter(|(_, error_m)| *error_m > 0.0).collect();

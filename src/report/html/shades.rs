@@ -26,9 +26,8 @@ pub(super) fn parameter_value(record: &AlgorithmRecord, parameter: &str) -> Opti
 
 /// The values of a parameter among algorithms, ascending, each once.
 pub(super) fn parameter_values(records: &[&AlgorithmRecord], parameter: &str) -> Vec<f64> {
-    let values = records
-        .iter()
-        .filter_map(|record| parameter_value(record, parameter));
+    let values = records.iter();
+    let values = values.filter_map(|record| parameter_value(record, parameter));
     let mut values: Vec<_> = values.collect();
     values.sort_by(f64::total_cmp);
     values.dedup();
@@ -39,9 +38,8 @@ pub(super) fn parameter_values(records: &[&AlgorithmRecord], parameter: &str) ->
 pub(super) fn swept(page: &ReportPage) -> Vec<&str> {
     let mut seen = BTreeSet::new();
     let parameters = page.sweeps.iter().map(|sweep| sweep.parameter.as_str());
-    parameters
-        .filter(|parameter| seen.insert(*parameter))
-        .collect()
+    let parameters = parameters.filter(|parameter| seen.insert(*parameter));
+    parameters.collect()
 }
 
 /// The swept algorithms of that name.
@@ -54,10 +52,8 @@ pub(super) fn swept_records<'a>(page: &'a ReportPage, name: &str) -> Vec<&'a Alg
 /// A shade for each kind of algorithms that is swept.
 pub(super) fn parameter_shades(page: &ReportPage) -> Vec<ParameterShade<'_>> {
     let mut seen = BTreeSet::new();
-    let first = page
-        .sweeps
-        .iter()
-        .filter(|sweep| seen.insert(&sweep.algorithm));
+    let first = page.sweeps.iter();
+    let first = first.filter(|sweep| seen.insert(&sweep.algorithm));
     let shade = |sweep: &'_ super::ParameterSweep| {
         let records = swept_records(page, &sweep.algorithm);
         let values = parameter_values(&records, &sweep.parameter);

@@ -26,9 +26,8 @@ pub(super) fn view(page: &ReportPage) -> Value {
     let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
     let place = |label: &str| place(label).unwrap_or(ranked.len());
     let figures = page.figures.iter();
-    let figures: Vec<_> = figures
-        .map(|figure| figure_view(figure, &mut images, place))
-        .collect();
+    let figures = figures.map(|figure| figure_view(figure, &mut images, place));
+    let figures: Vec<_> = figures.collect();
     let scenes = scenes(page);
     let mut identity = manifest.entries();
     let note = summary.ending.note();
@@ -39,10 +38,8 @@ pub(super) fn view(page: &ReportPage) -> Value {
     let (by, front) = summary.front();
     let headline = headline(page);
     let heat = heat_map(page).map(|(grid, about)| context! { grid, about });
-    let gate = page
-        .gate
-        .iter()
-        .map(|(state, text)| (state, state.words(), text));
+    let gate = page.gate.iter();
+    let gate = gate.map(|(state, text)| (state, state.words(), text));
     // An empty line ends a paragraph, as in Markdown.
     let paragraphs = page.description.split("\n\n").map(str::trim);
     context! {
@@ -122,22 +119,15 @@ fn has_choice(figure: &CheckpointFigure) -> bool {
 /// The id of the checkpoint that the first algorithm with pictures fails most.
 fn first_figure(page: &ReportPage) -> Option<String> {
     let ranked = page.summary.ranked_algorithms();
-    let label = ranked
-        .iter()
-        .map(|a| &a.algorithm)
-        .find(|label| is_pictured(page, label))?;
+    let mut labels = ranked.iter().map(|a| &a.algorithm);
+    let label = labels.find(|label| is_pictured(page, label))?;
     let fails = |figure: &&CheckpointFigure| {
-        let mut own = figure
-            .shots
-            .iter()
-            .filter(|(_, shot)| shot.row.algorithm == *label);
+        let own = figure.shots.iter();
+        let mut own = own.filter(|(_, shot)| shot.row.algorithm == *label);
         own.any(|(rank, shot)| *rank == Rank::Worst && shot.passed == Some(false))
     };
-    let failed = page
-        .figures
-        .iter()
-        .filter(fails)
-        .filter_map(|figure| figure.checkpoint);
+    let failed = page.figures.iter().filter(fails);
+    let failed = failed.filter_map(|figure| figure.checkpoint);
     let share = |number: &u32| {
         let (passed, frames) = page.summary.passes(label, Some(*number));
         passed as f64 / frames as f64
@@ -163,19 +153,13 @@ fn overview(page: &ReportPage, table: &Table, front: &[&str]) -> Value {
     let ranked = summary.ranked_algorithms();
     let labels = ranked.iter().map(|a| a.algorithm.as_str());
     let times = || {
-        ranked
-            .iter()
-            .filter_map(|a| a.p50_ms)
-            .filter(|ms| *ms > 0.0)
+        let ranked = ranked.iter().filter_map(|a| a.p50_ms);
+        ranked.filter(|ms| *ms > 0.0)
     };
-    let all = page
-        .manifest
-        .labels()
-        .chain(summary.prior.as_ref().map(|_| PRIOR));
-    let cited = ranked
-        .iter()
-        .find(|a| summary.is_candidate(a))
-        .or(ranked.first());
+    let all = page.manifest.labels();
+    let all = all.chain(summary.prior.as_ref().map(|_| PRIOR));
+    let cited = ranked.iter().find(|a| summary.is_candidate(a));
+    let cited = cited.or(ranked.first());
     context! {
         algorithms => all.enumerate().map(view).collect::<BTreeMap<_, _>>(),
         checkpoints => summary.checkpoint_names(), about => about(page, labels.clone()),
@@ -203,9 +187,8 @@ fn headline(page: &ReportPage) -> Table {
     };
     for parameter in swept(page).into_iter().rev() {
         let sweeps = || {
-            page.sweeps
-                .iter()
-                .filter(|sweep| sweep.parameter == parameter)
+            let sweeps = page.sweeps.iter();
+            sweeps.filter(|sweep| sweep.parameter == parameter)
         };
         table
             .columns
@@ -244,9 +227,8 @@ fn about<'a>(
     let mut about: Vec<(&str, &str)> = Vec::new();
     for label in labels {
         let mut records = page.manifest.algorithms.iter();
-        let spec = records
-            .find(|a| a.label == label)
-            .and_then(|a| matcher::find(&a.name).ok());
+        let spec = records.find(|a| a.label == label);
+        let spec = spec.and_then(|a| matcher::find(&a.name).ok());
         about.extend(
             spec.map(|spec| (spec.name, spec.summary))
                 .filter(|own| !about.contains(own)),
@@ -259,9 +241,8 @@ fn about<'a>(
 fn is_pictured(page: &ReportPage, label: &str) -> bool {
     let figures = page.figures.iter().flat_map(|f| &f.shots);
     let scenes = page.scenes.iter().flat_map(|scene| &scene.shots);
-    let mut rows = figures
-        .map(|(_, shot)| &shot.row)
-        .chain(scenes.map(|shot| &shot.row));
+    let rows = figures.map(|(_, shot)| &shot.row);
+    let mut rows = rows.chain(scenes.map(|shot| &shot.row));
     rows.any(|row| row.algorithm == label)
 }
 

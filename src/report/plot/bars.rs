@@ -63,10 +63,8 @@ impl Bars {
 
     /// Room for the names.
     fn names(&self) -> i32 {
-        let names = self
-            .bars
-            .iter()
-            .map(|(name, _)| text_width(name, SIZE) + 16);
+        let names = self.bars.iter();
+        let names = names.map(|(name, _)| text_width(name, SIZE) + 16);
         names.max().unwrap_or(0).min(NAMES)
     }
 

@@ -260,9 +260,8 @@ impl TickedAxis {
 
     /// Numbers and their places.
     fn ticks(&self) -> impl Iterator<Item = (String, i32)> {
-        self.ticks
-            .iter()
-            .map(|tick| (number(*tick), self.place(*tick)))
+        let ticks = self.ticks.iter();
+        ticks.map(|tick| (number(*tick), self.place(*tick)))
     }
 }
 

@@ -10,11 +10,8 @@ pub fn distance_chart(
     measured: Vec<(String, Vec<(f64, f64)>)>,
 ) -> Chart {
     let largest = |coordinate: fn(&(f64, f64)) -> f64| {
-        measured
-            .iter()
-            .flat_map(|(_, pairs)| pairs)
-            .map(coordinate)
-            .fold(0.0, f64::max)
+        let measured = measured.iter().flat_map(|(_, pairs)| pairs);
+        measured.map(coordinate).fold(0.0, f64::max)
     };
     let (most_cm, most_px) = (
         round_up(1.15 * largest(|p| p.0)),

@@ -42,10 +42,8 @@ impl HeatGrid {
         let names = names.unwrap_or(0).min(MAX_NAMES) + 24;
         let width = (WIDTH as i32 - names - GAP) / self.columns.len().max(1) as i32;
         // Many columns have small texts.
-        let cells = self
-            .rows
-            .iter()
-            .flat_map(|(_, cells)| cells.iter().flatten());
+        let cells = self.rows.iter();
+        let cells = cells.flat_map(|(_, cells)| cells.iter().flatten());
         let texts = cells.map(|cell| &cell.text).chain(&self.columns);
         let widest = texts.map(|text| text_width(text, SIZE)).max().unwrap_or(0) + 8;
         let size = (SIZE as i32 * width.min(widest) / widest) as u32;

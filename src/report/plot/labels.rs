@@ -39,10 +39,9 @@ pub(super) fn write(
         SeriesStyle::Label => Some((2, 1)),
         _ => None,
     };
-    let mut turns: Vec<_> = series
-        .iter()
-        .filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)))
-        .collect();
+    let turns = series.iter();
+    let turns = turns.filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)));
+    let mut turns: Vec<_> = turns.collect();
     turns.sort_by_key(|(turn, ..)| *turn);
     for (_, away, series) in turns {
         for point in series.points.iter().filter_map(&place) {

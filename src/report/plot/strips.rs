@@ -48,10 +48,8 @@ impl Strips {
             canvas.text(name, (x + 14, head - KEY + 12), SIZE, LEFT);
             x += 52 + text_width(name, SIZE);
         }
-        let names = self
-            .strips
-            .iter()
-            .map(|(name, _)| text_width(name, SIZE) + 16);
+        let names = self.strips.iter();
+        let names = names.map(|(name, _)| text_width(name, SIZE) + 16);
         let names = names.max().unwrap_or(0).min(NAMES);
         let values = || self.strips.iter().flat_map(|(_, values)| values);
         let positive = || values().copied().filter(|v| *v > 0.0);

@@ -99,9 +99,8 @@ impl Table {
         columns: &[TextColumn<T>],
         items: impl IntoIterator<Item = &'a T>,
     ) -> Self {
-        let heads = columns
-            .iter()
-            .map(|(group, head, _)| TableColumn::new(*group, *head));
+        let heads = columns.iter();
+        let heads = heads.map(|(group, head, _)| TableColumn::new(*group, *head));
         let row = |item: &T| {
             let cells = columns.iter().map(|(.., cell)| cell(item));
             cells.map(TableCell::Text).collect()
@@ -151,9 +150,8 @@ impl Table {
     /// Removes the optional columns if bars show the essential numbers.
     pub fn remove_optional_columns(&mut self) {
         let cells = self.rows.iter().flatten();
-        let has_bars = cells
-            .into_iter()
-            .any(|c| matches!(c, TableCell::Bar { .. }));
+        let mut cells = cells.into_iter();
+        let has_bars = cells.any(|c| matches!(c, TableCell::Bar { .. }));
         let columns = self.columns.iter();
         let shown: Vec<_> = columns.map(|c| !(has_bars && c.is_optional)).collect();
         self.keep(&shown);

@@ -170,16 +170,13 @@ impl Table {
         let own = cells.chain([head]).max().unwrap_or(0);
         // A group's words need room: its last column gives it.
         let group = &self.columns[i].group;
-        let is_last = self
-            .columns
-            .get(i + 1)
-            .is_none_or(|next| next.group != *group);
+        let is_last = self.columns.get(i + 1);
+        let is_last = is_last.is_none_or(|next| next.group != *group);
         if group.is_empty() || !is_last {
             return own;
         }
-        let first = self.columns[..i]
-            .iter()
-            .rposition(|column| column.group != *group);
+        let mut before = self.columns[..i].iter();
+        let first = before.rposition(|column| column.group != *group);
         let first = first.map_or(0, |before| before + 1);
         let others = (first..i)
             .map(|i| self.column_width(i, bar) + 1)
@@ -189,9 +186,8 @@ impl Table {
 
     /// Characters of columns with the gaps before them.
     fn width(&self, columns: std::ops::Range<usize>, bar: usize) -> usize {
-        columns
-            .map(|i| self.gap(i) + self.column_width(i, bar))
-            .sum()
+        let columns = columns.map(|i| self.gap(i) + self.column_width(i, bar));
+        columns.sum()
     }
 }
 

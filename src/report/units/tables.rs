@@ -155,10 +155,8 @@ pub fn collect_tables(
             _ => true,
         };
         for block in 0..run.blocks(plan) {
-            let units = plan
-                .labels()
-                .into_iter()
-                .filter_map(|label| run.unit(label, block));
+            let units = plan.labels().into_iter();
+            let units = units.filter_map(|label| run.unit(label, block));
             let readers = units
                 .enumerate()
                 .map(|(n, unit)| UnitReader::open(unit, scenario, |table| is_read(n == 0, table)));

@@ -323,9 +323,8 @@ impl StoredUnit {
     /// [`Error::Io`], [`Error::Format`].
     pub fn pictures(&self) -> Result<Option<BlockPictures>> {
         let pictures = self.parts(|part| part == PICTURES)?.remove(PICTURES);
-        let parsed = pictures
-            .map(|text| serde_json::from_slice(&text))
-            .transpose();
+        let parsed = pictures.map(|text| serde_json::from_slice(&text));
+        let parsed = parsed.transpose();
         parsed.map_err(|e| Error::format(&self.path, e.to_string()))
     }
 
