@@ -248,13 +248,13 @@ fn pair_draws(metric: &Metric, labels: &[&str], rows: &RowsByAlgorithm<'_>) -> V
     let keys = all.first().into_iter().flat_map(|own| own.keys());
     let common = keys.filter(|key| all.iter().all(|own| own.contains_key(key)));
     let common: Vec<_> = common.collect();
-    let of = |label: &&str| -> Option<Vec<&Row>> {
+    let rows_of = |label: &&str| -> Option<Vec<&Row>> {
         let own = rows.get(label)?;
         Some(common.iter().map(|key| own[key]).collect())
     };
-    let first = labels.first().and_then(of).unwrap_or_default();
+    let first = labels.first().and_then(rows_of).unwrap_or_default();
     let resamples = resamples(&first);
-    let draws = |label: &&str| sample(metric, &of(label)?)?.draws(&resamples);
+    let draws = |label: &&str| sample(metric, &rows_of(label)?)?.draws(&resamples);
     labels.par_iter().map(draws).collect()
 }
 

@@ -92,7 +92,8 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     } else {
         write_tables(folder, &plan, &runs)?
     };
-    let sources = Sources::for_folder(folder, made_of)?;
+    let names: Vec<_> = TABLES.iter().map(|table| table.name).collect();
+    let sources = Sources::for_folder(folder, made_of, &names)?;
     Report {
         folder,
         options,

@@ -177,7 +177,7 @@ pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Cha
     let diagonal = vec![(range.0, range.0), (range.1, range.1)];
     series.push(Series::new("as predicted", SeriesStyle::Front, diagonal));
     let (x, y) = (axis("predicted right, %"), axis("observed right, %"));
-    Some(Chart::of(x, y, series))
+    Some(Chart::untitled(x, y, series))
 }
 
 #[cfg(test)]

@@ -558,7 +558,8 @@ macro_rules! metric_fields {
             }
 
             fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
-                let metrics: Vec<&MetricValues> = fields.iter().copied().map(|$field| $metrics).collect();
+                let metrics = fields.iter().copied().map(|$field| $metrics);
+                let metrics: Vec<&MetricValues> = metrics.collect();
                 stored_metrics(&$columns, &metrics)
             }
         }

@@ -1,6 +1,5 @@
 //! What a report was made of: its units and its tables.
 
-use super::descriptions::TABLES;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,15 +31,16 @@ impl Sources {
         Some(summary.made_of)
     }
 
-    /// The files of a folder whose tables are written, of the units with that digest.
+    /// The files of a folder whose tables are written, of the units with that digest. `names`:
+    /// those of all tables.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
-    pub(super) fn for_folder(folder: &Path, units: String) -> Result<Self> {
+    pub(super) fn for_folder(folder: &Path, units: String, names: &[&str]) -> Result<Self> {
         let mut tables = BTreeMap::new();
         // A summary is not made of itself.
-        let is_made_of = |name: &&str| !["summary", "verdicts"].contains(name);
-        for name in TABLES.iter().map(|table| table.name).filter(is_made_of) {
+        let is_made_of = |name: &&&str| !["summary", "verdicts"].contains(name);
+        for name in names.iter().filter(is_made_of) {
             let file = format!("{name}.csv");
             let path = folder.join(&file);
             if path.is_file() {

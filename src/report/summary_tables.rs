@@ -147,7 +147,7 @@ impl Results {
             let rows = self.accuracy.iter();
             rows.filter(|row| row.algorithm == a.algorithm && row.area == self.basis.area)
         });
-        let mut table = Table::of("Error against distance", &ACCURACY, own);
+        let mut table = Table::from_items("Error against distance", &ACCURACY, own);
         table.columns[1].is_text = true;
         let table = table.with_notes(&[
             "noise, flicker: of the resting cells, whose true distance changes by at most 1 % \
@@ -161,7 +161,7 @@ impl Results {
         let rows = || self.reliability.iter();
         let ranked = self.ranked_algorithms().into_iter();
         let own = ranked.flat_map(|a| rows().filter(|row| row.algorithm == a.algorithm));
-        let mut table = Table::of("Reliability of probabilities", &RELIABILITY, own);
+        let mut table = Table::from_items("Reliability of probabilities", &RELIABILITY, own);
         table.columns[1].is_text = true;
         let table = table.with_notes(&["cells: known and scored, with a probability"]);
         table.if_any()
@@ -422,7 +422,7 @@ impl Results {
 
     /// Times, throughput and stages; none without pairs.
     pub fn speed_table(&self) -> Option<Table> {
-        let mut table = Table::of("Speed", &SPEED, self.measured());
+        let mut table = Table::from_items("Speed", &SPEED, self.measured());
         table.remove_empty_columns();
         with_time_notes(table).if_any()
     }
@@ -453,7 +453,7 @@ impl Results {
 
     /// The drives with intervals over the courses; none without drives.
     pub fn drive_table(&self) -> Option<Table> {
-        let table = Table::of("Drives", &DRIVES, &self.drives);
+        let table = Table::from_items("Drives", &DRIVES, &self.drives);
         let table = table.with_notes(&[
             "finished: courses whose goal was reached without a collision and without help; in \
              brackets the 95 % interval over the courses, if there are eight or more",

@@ -311,12 +311,12 @@ fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKe
 
 /// The number of common pairs before which the two reports have equal pairs.
 fn equal_pasts<'a>(ours: &PairRows<'a>, theirs: &PairRows<'a>) -> usize {
-    let of = |rows: &PairRows<'a>, run: RunKey<'a>| -> Vec<_> {
+    let in_run = |rows: &PairRows<'a>, run: RunKey<'a>| -> Vec<_> {
         let own = rows.iter().filter(|(key, _)| key.0 == run);
         own.map(|(key, row)| (*key, *row)).collect()
     };
     let equal = |run: RunKey<'a>| {
-        let both = of(ours, run).into_iter().zip(of(theirs, run));
+        let both = in_run(ours, run).into_iter().zip(in_run(theirs, run));
         // Scenes of a data set are independent of each other.
         let equal = both.take_while(|((_, a), (_, b))| is_scene(a) || a.pair_hash == b.pair_hash);
         equal

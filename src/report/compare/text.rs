@@ -7,6 +7,9 @@ use crate::table::{NONE, Table, TableCell, TerminalStyle, escape, escape_prose, 
 use svl_core::{counted, joined};
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
+/// Limit of the changes of several algorithms on a screen: all columns have the others.
+const MAX_ROWS: usize = 12;
+
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
@@ -168,10 +171,15 @@ impl Comparison {
         text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
-    /// The headline changes of all algorithms that are told from chance.
+    /// The headline changes of all algorithms that are told from chance, or, without any, the first
+    /// of the others.
     pub(super) fn overview(&self) -> Table {
         let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
-        changes.retain(|(_, own)| own.judgement.is_told());
+        changes.retain(|(_, own)| own.judgement != Judgement::Equal);
+        if changes.iter().any(|(_, own)| own.judgement.is_told()) {
+            changes.retain(|(_, own)| own.judgement.is_told());
+        }
+        changes.truncate(MAX_ROWS);
         change_table(&changes)
     }
 

@@ -74,7 +74,7 @@ const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a
     a.totals.get("unrivalled").map(percent)
 });
 
-/// Those that the pages of runs with distances, disparities, courses and no truth begin with, in
+/// The plots that pages of runs with distances, disparities, courses and no truth begin with, in
 /// that order, then others.
 const TRADE_OFFS: [TradeOff; 6] = [
     trade_off(
@@ -165,7 +165,7 @@ pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<Str
                 Series::new(algorithm, SeriesStyle::Both, points)
             });
             let x = Axis::new(format!("{}, {}", kind.name, kind.unit));
-            let chart = Chart::of(x, Axis::new(*axis), series);
+            let chart = Chart::untitled(x, Axis::new(*axis), series);
             (!chart.series.is_empty()).then(|| PlotView::new(title, "", chart.svg_in(colors)))
         });
         (kind.name, kind.summary, plots.collect())
@@ -342,7 +342,7 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
         Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
-    let chart = Some(Chart::of(x, y, series)).filter(|chart| !chart.series.is_empty());
+    let chart = Some(Chart::untitled(x, y, series)).filter(|chart| !chart.series.is_empty());
     let about = "Median absolute error of the cells in each range of true distances.";
     let plot = |chart: Chart| PlotView::new("Error against distance", about, chart.svg_in(colors));
     chart.map(plot).into_iter().collect()

@@ -92,7 +92,7 @@ impl Axis {
 
 impl Chart {
     /// A chart without a title, of the series that have points.
-    pub fn of(x: Axis, y: Axis, series: impl IntoIterator<Item = Series>) -> Self {
+    pub fn untitled(x: Axis, y: Axis, series: impl IntoIterator<Item = Series>) -> Self {
         let series = series.into_iter();
         Self {
             x,
@@ -170,7 +170,7 @@ impl Chart {
         canvas.upward_text(&self.y.label, (12, (top + bottom + 1) / 2), TEXT);
         canvas.text(
             &self.x.label,
-            ((left + right + 1) / 2, bottom + 76),
+            ((left + right + 1) / 2, bottom + 62),
             TEXT,
             BELOW,
         );

@@ -94,7 +94,7 @@ impl Table {
     }
 
     /// A table with a row per item; the first column has their names.
-    pub fn of<'a, T: 'a>(
+    pub fn from_items<'a, T: 'a>(
         title: &str,
         columns: &[TextColumn<T>],
         items: impl IntoIterator<Item = &'a T>,

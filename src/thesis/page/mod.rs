@@ -135,12 +135,8 @@ impl FindingsPage<'_> {
             sections: sections.collect(),
             images: images.into_views(),
         };
-        fill(
-            include_str!("page.html"),
-            include_str!("page.css"),
-            &[],
-            view,
-        )
+        let (page, style) = (include_str!("page.html"), include_str!("page.css"));
+        fill(page, style, &[], view)
     }
 }
 
