@@ -78,10 +78,10 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 317),
     ("recording", 11649),
-    ("report", 12500),
+    ("report", 11575),
     ("score", 7632),
     ("sim", 3497),
-    ("thesis", 3692),
+    ("thesis", 3693),
     ("train", 3308),
     ("viewer", 1748),
 ];
