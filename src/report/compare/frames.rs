@@ -191,12 +191,7 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
 
 fn depth(disparities_px: [Option<f64>; 3]) -> Option<CellDepth> {
     let [median_px, p20_px, p80_px] = disparities_px.map(|px| px.map(|px| px as f32));
-    Some(CellDepth {
-        median_px: median_px?,
-        p20_px: p20_px?,
-        p80_px: p80_px?,
-        distance_m: None,
-    })
+    Some(CellDepth::new([p20_px?, median_px?, p80_px?], None))
 }
 
 /// The scale of the squares: a true distance gives the disparity of [`NEAR_M`].
