@@ -69,7 +69,7 @@ impl From<&RangedCell> for CCell {
             probability: cell.probability.map_or(f32::NAN, |p| p as f32),
             valid_fraction: cell.valid_share as f32,
             state: match cell.state {
-                // Its distance is infinite.
+                // The distance tells it.
                 CellState::Far => CellState::Known.code(),
                 state => state.code(),
             },

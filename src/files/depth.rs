@@ -11,8 +11,8 @@ const POINT: usize = 16;
 /// The unit of integers, metres.
 const MILLIMETRE: f32 = 0.001;
 
-/// Depths in metres, `+∞` at infinity and NaN for none, from an image of 16 bits, or from NumPy's `.npy` or `.npz`, or
-/// `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
+/// Depths in metres, `+∞` at infinity and NaN for none, from an image of 16 bits, or from NumPy's
+/// `.npy` or `.npz`, or `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for other files.

@@ -307,7 +307,7 @@ impl<'a> MatchReport<'a> {
         let (map, times) = (&output.disparity, output.clock.times());
         let (width, height) = map.disparity().size();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
-        let pixels = Reason::OF_PIXELS.iter();
+        let pixels = Reason::PIXELS.iter();
         let stages = Stage::ALL.iter();
         Self {
             algorithm: algorithm.label(),

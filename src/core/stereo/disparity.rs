@@ -217,19 +217,19 @@ impl DisparityMap {
     }
 
     /// Pixels per reason, indexed by its code.
-    pub fn tally(&self) -> [usize; Reason::OF_PIXELS.len()] {
-        let mut tally = [0; Reason::OF_PIXELS.len()];
+    pub fn tally(&self) -> [usize; Reason::PIXELS.len()] {
+        let mut tally = [0; Reason::PIXELS.len()];
         self.why.pixels().for_each(|w| tally[w as usize] += 1);
         tally
     }
 
-    /// The reason why a cell is unknown: the most frequent one of its invalid pixels, the lower code
-    /// if equal. [`Reason::Disagreement`] if at least the fraction `min_valid`, 0..=1, is valid.
+    /// The reason why a cell is unknown: the most frequent one of its invalid pixels, the lower
+    /// code if equal. [`Reason::Disagreement`] if at least the fraction `min_valid`, 0..=1, is valid.
     pub fn cell_reason(&self, shape: GridShape, place: (usize, usize), min_valid: f64) -> Reason {
         let (columns, rows) = shape.pixels(place, self.size());
         let pixels = columns.len() * rows.len();
         // Two histograms, as neighbours mostly have one reason, and an addition waits for the last.
-        let mut counts = [[0u32; Reason::OF_PIXELS.len()]; 2];
+        let mut counts = [[0u32; Reason::PIXELS.len()]; 2];
         for y in rows {
             for (x, &why) in self.why.row(y)[columns.clone()].iter().enumerate() {
                 counts[x % 2][why as usize] += 1;
@@ -242,7 +242,7 @@ impl DisparityMap {
             return Reason::Disagreement;
         }
         let most = invalid.iter().max();
-        let reasons = Reason::OF_PIXELS[1..].iter().zip(&invalid);
+        let reasons = Reason::PIXELS[1..].iter().zip(&invalid);
         let mut most_frequent = reasons.filter(|(_, count)| Some(*count) == most);
         most_frequent
             .next()

@@ -1,6 +1,7 @@
 //! Reasons for invalid pixels and unknown cells.
 
-/// Reason why a pixel has no disparity, or a cell is unknown. The discriminant is its code in files (`WHY.png`).
+/// Reason why a pixel has no disparity, or a cell is unknown. The discriminant is its code in files
+/// (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 #[non_exhaustive]
@@ -41,7 +42,7 @@ impl Reason {
     ];
 
     /// The reasons of pixels, in order of their codes.
-    pub const OF_PIXELS: [Reason; 8] = {
+    pub const PIXELS: [Reason; 8] = {
         let [pixels @ .., Reason::Disagreement] = Self::ALL else {
             panic!("the last is of cells");
         };

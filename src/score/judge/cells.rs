@@ -324,7 +324,7 @@ mod tests {
                 let is_right = match rule {
                     _ if true_px <= 0.0 => px <= most_px,
                     _ if px <= 0.0 => true_px <= most_px,
-                    // Of 10 m·px, a fifth is more than 0.1 m.
+                    // A fifth is more than 0.1 m here.
                     CellRule::Distance { .. } => (true_px / px - 1.0).abs() <= 0.2,
                     CellRule::Disparity { tolerance_px } => (px - true_px).abs() <= tolerance_px,
                 };

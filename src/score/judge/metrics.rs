@@ -303,8 +303,11 @@ pub const METRICS: &[Metric] = &[
         }),
         note: Some(|rule| {
             let right = rule.right_words();
-            let words =
-                format!("fractions of the cells with truth; right: {right}; unknown is not wrong");
+            let far_px = rule.far_px();
+            let words = format!(
+                "fractions of the cells with truth; right: {right}, far up to {far_px} px; unknown \
+                 is not wrong"
+            );
             ("cells", words)
         }),
         level: MetricLevel::Headline(&[TruthLevel::Distances]),
@@ -351,8 +354,8 @@ pub const METRICS: &[Metric] = &[
         }),
         plot: Some("known_cells"),
         note: Some(|_| {
-            let words = "cells with a distance or a disparity, right or not, of all cells; the \
-                         mean over the pairs";
+            let words = "cells with a distance or a disparity, and far ones, right or not, of all \
+                         cells; the mean over the pairs";
             ("known", words.into())
         }),
         level: MetricLevel::Headline(&[TruthLevel::NoTruth]),

@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_at_infinity_is_far() {
+    fn infinity_is_far() {
         for px in [0.0, -3.0] {
             assert_eq!(cells(|_, _| px), [Some(0.0); 2]);
         }

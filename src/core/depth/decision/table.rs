@@ -6,6 +6,9 @@ use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Least support of a far cell, ‰.
+const MIN_FAR: i64 = 500;
+
 /// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
@@ -200,7 +203,8 @@ impl VerdictTable {
         }
     }
 
-    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth.
+    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth. It
+    /// is far only if at least half of the cell was seen to be: gaps are filled by what is farther.
     pub fn cell(
         &self,
         pixels: &CellPixels,
@@ -210,9 +214,11 @@ impl VerdictTable {
     ) -> Cell {
         let [p20, p80] = [20, 80].map(|percent| pixels.percentile(percent));
         let depth = reported_depth([p20, evidence.report, p80], rig);
+        let is_seen = evidence.features[Feature::Support as usize] >= MIN_FAR;
+        let is_known = |depth: &CellDepth| score >= least_score && (is_seen || !depth.is_far());
         Cell {
             valid_share: pixels.valid_share(),
-            depth: depth.filter(|_| score >= least_score),
+            depth: depth.filter(is_known),
             probability: Some(probability(score)),
             evidence: Some(*evidence),
             ..Cell::UNKNOWN
