@@ -54,7 +54,7 @@ impl ColumnDescription {
             MetricOrigin::Drives(_) => "; of drives",
         };
         let areas = if metric.by_area { "; of an area" } else { "" };
-        let note = metric.note.map(|note| note(CellRule::default()).1);
+        let note = metric.note.map(|note| note.text(CellRule::default()).1);
         let note = note.map_or_else(String::new, |note| format!(": {note}"));
         Self {
             name: metric.name,

@@ -641,7 +641,7 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
         Some((_, MetricTotal::Mean)) => "Totals are means over pairs.",
         Some((_, MetricTotal::Sum | MetricTotal::ShareOf(_))) => "Totals are sums over pairs.",
     };
-    let note = metric.note.map(|note| note(CellRule::default()));
+    let note = metric.note.map(|note| note.text(CellRule::default()));
     let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
     let parts = [
         Some(format!("{}.", capitalized(metric.words))),

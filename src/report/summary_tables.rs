@@ -351,7 +351,7 @@ impl Results {
         };
         let shown: Vec<_> = metrics.iter().filter(is_shown).collect();
         for note in shown.iter().filter_map(|metric| metric.note) {
-            let (term, meaning) = note(rule);
+            let (term, meaning) = note.text(rule);
             table.note(term, meaning);
         }
         if shown.iter().any(|metric| metric.by_area)

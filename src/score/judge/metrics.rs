@@ -5,6 +5,9 @@
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
 use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
+use Better::{Less, More, Neither, Zero};
+use MetricUnit::{Count, M, Ms, Per100M, Px, Share};
+use TruthLevel::{Courses, Disparities, Distances, NoTruth};
 use serde::{Serialize, Serializer};
 use svl_core::did_you_mean;
 use svl_core::stereo::{CellRule, Estimate, Frame};
@@ -75,8 +78,22 @@ impl FrameFacts<'_> {
     }
 }
 
-/// The note below a table, depending on the cell rule: term and text.
-pub type MetricNote = fn(CellRule) -> (&'static str, String);
+/// The note below a table: term and text.
+#[derive(Clone, Copy)]
+pub enum MetricNote {
+    Words(&'static str, &'static str),
+    OfRule(fn(CellRule) -> (&'static str, String)),
+}
+
+impl MetricNote {
+    /// Term and text, for cells scored by that rule.
+    pub fn text(self, rule: CellRule) -> (&'static str, String) {
+        match self {
+            Self::Words(term, words) => (term, words.to_owned()),
+            Self::OfRule(note) => note(rule),
+        }
+    }
+}
 
 /// A metric of an algorithm.
 #[derive(Clone, Copy)]
@@ -253,6 +270,11 @@ const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
     }
 }
 
+/// A number of the errors of all cells.
+const fn of_cells(column: &'static str, number: CellNumber) -> MetricOrigin {
+    MetricOrigin::Cells { column, number }
+}
+
 /// A metric of frames whose sum is a part of the sums of others.
 const fn part(
     whole: &'static [&'static str],
@@ -267,170 +289,193 @@ const fn part(
     }
 }
 
-/// A metric against truth that only the table of all metrics shows.
-const DETAIL: Metric = Metric {
-    name: "",
-    words: "",
-    group: "",
-    head: "",
-    unit: MetricUnit::Share,
-    better: Better::Neither,
-    against_truth: true,
-    by_area: false,
-    origin: MetricOrigin::Time,
-    plot: None,
-    note: None,
-    level: MetricLevel::Detail,
-};
+/// An entry of [`METRICS`], begun: its name, its words, and the headings of its group and its
+/// column. It is against truth, of all cells, and only in the table of all metrics.
+const fn metric(
+    name: &'static str,
+    words: &'static str,
+    group: &'static str,
+    head: &'static str,
+) -> Metric {
+    Metric {
+        name,
+        words,
+        group,
+        head,
+        unit: Share,
+        better: Neither,
+        against_truth: true,
+        by_area: false,
+        origin: MetricOrigin::Time,
+        plot: None,
+        note: None,
+        level: MetricLevel::Detail,
+    }
+}
 
-/// A detail of the scored cells of each area.
-const AREA_DETAIL: Metric = Metric {
-    by_area: true,
-    ..DETAIL
-};
+impl Metric {
+    const fn is(self, unit: MetricUnit, better: Better) -> Self {
+        Self {
+            unit,
+            better,
+            ..self
+        }
+    }
+
+    const fn of(self, origin: MetricOrigin) -> Self {
+        Self { origin, ..self }
+    }
+
+    const fn by_area(self) -> Self {
+        Self {
+            by_area: true,
+            ..self
+        }
+    }
+
+    const fn without_truth(self) -> Self {
+        Self {
+            against_truth: false,
+            ..self
+        }
+    }
+
+    const fn plotted_at(self, path: &'static str) -> Self {
+        Self {
+            plot: Some(path),
+            ..self
+        }
+    }
+
+    const fn note(self, term: &'static str, words: &'static str) -> Self {
+        Self {
+            note: Some(MetricNote::Words(term, words)),
+            ..self
+        }
+    }
+
+    const fn note_by_rule(self, note: fn(CellRule) -> (&'static str, String)) -> Self {
+        Self {
+            note: Some(MetricNote::OfRule(note)),
+            ..self
+        }
+    }
+
+    const fn headline(self, levels: &'static [TruthLevel]) -> Self {
+        Self {
+            level: MetricLevel::Headline(levels),
+            ..self
+        }
+    }
+}
+
+/// All runs without drives.
+const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 
 /// All metrics, in the order of tables and comparisons.
 pub const METRICS: &[Metric] = &[
-    Metric {
-        name: "right",
-        words: "right cells",
-        group: "cells, %",
-        head: "right",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        origin: part(SCORED_CELLS, "cells_right", |facts| {
+    metric("right", "right cells", "cells, %", "right")
+        .is(Share, More)
+        .of(part(SCORED_CELLS, "cells_right", |facts| {
             facts.cells(|cells| cells.right)
-        }),
-        note: Some(|rule| {
-            let right = rule.right_words();
-            let far_px = rule.far_px();
+        }))
+        .by_area()
+        .note_by_rule(|rule| {
+            let (right, far_px) = (rule.right_words(), rule.far_px());
             let words = format!(
                 "fractions of the cells with truth; right: {right}, far up to {far_px} px; unknown \
                  is not wrong"
             );
             ("cells", words)
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "wrong",
-        words: "wrong cells",
-        group: "cells, %",
-        head: "wrong",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: part(SCORED_CELLS, "cells_wrong", |facts| {
+        })
+        .headline(&[Distances]),
+    metric("wrong", "wrong cells", "cells, %", "wrong")
+        .is(Share, Less)
+        .of(part(SCORED_CELLS, "cells_wrong", |facts| {
             facts.cells(|cells| cells.wrong)
-        }),
-        plot: Some("wrong_cells"),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "unknown",
-        words: "unknown cells",
-        group: "cells, %",
-        head: "unknown",
-        unit: MetricUnit::Share,
-        better: Better::Neither,
-        origin: part(SCORED_CELLS, "cells_unknown", |facts| {
+        }))
+        .by_area()
+        .plotted_at("wrong_cells")
+        .headline(&[Distances]),
+    metric("unknown", "unknown cells", "cells, %", "unknown")
+        .is(Share, Neither)
+        .of(part(SCORED_CELLS, "cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "known",
-        words: "known cells",
-        group: "cells, %",
-        head: "known",
-        unit: MetricUnit::Share,
-        better: Better::Neither,
-        against_truth: false,
-        by_area: false,
-        origin: mean("known_share", |facts| {
+        }))
+        .by_area()
+        .headline(&[Distances]),
+    metric("known", "known cells", "cells, %", "known")
+        .is(Share, Neither)
+        .of(mean("known_share", |facts| {
             Some(facts.estimate.grid.known_share())
-        }),
-        plot: Some("known_cells"),
-        note: Some(|_| {
-            let words = "cells with a distance or a disparity, and far ones, right or not, of all \
-                         cells; the mean over the pairs";
-            ("known", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
-    },
-    Metric {
-        name: "right_surface",
-        words: "right cells, by surface",
-        group: "by surface, %",
-        head: "right",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        origin: part(SCORED_CELLS, "cells_right_surface", |facts| {
-            facts.cells(|cells| cells.right_surface)
-        }),
-        note: Some(|_| {
-            let words = "a cell is right, too, if its report is that of a nearer surface that \
-                         fills at least a quarter of the cell";
-            ("by surface", words.into())
-        }),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "wrong_surface",
-        words: "wrong cells, by surface",
-        group: "by surface, %",
-        head: "wrong",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: part(SCORED_CELLS, "cells_wrong_surface", |facts| {
-            facts.cells(|cells| cells.wrong_surface)
-        }),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "missed",
-        words: "missed near obstacles",
-        group: "near obstacles",
-        head: "missed",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("missed", |facts| facts.near_obstacles(|cells| cells.missed)),
-        note: Some(|rule| {
-            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
-                 beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
-                 which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
-            );
-            ("near obstacles", words)
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..DETAIL
-    },
-    Metric {
-        name: "false",
-        words: "false near obstacles",
-        group: "near obstacles",
-        head: "false",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("false", |facts| facts.near_obstacles(|cells| cells.falsely)),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..DETAIL
-    },
-    Metric {
-        name: "found",
-        words: "found near obstacles",
-        group: "near obstacles",
-        head: "found %",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        origin: part(&["near"], "found", |facts| {
+        }))
+        .without_truth()
+        .plotted_at("known_cells")
+        .note(
+            "known",
+            "cells with a distance or a disparity, right or not, of all cells; the \
+             mean over the pairs",
+        )
+        .headline(&[NoTruth]),
+    metric(
+        "right_surface",
+        "right cells, by surface",
+        "by surface, %",
+        "right",
+    )
+    .is(Share, More)
+    .of(part(SCORED_CELLS, "cells_right_surface", |facts| {
+        facts.cells(|cells| cells.right_surface)
+    }))
+    .by_area()
+    .note(
+        "by surface",
+        "a cell is right, too, if its report is that of a nearer surface that \
+         fills at least a quarter of the cell",
+    ),
+    metric(
+        "wrong_surface",
+        "wrong cells, by surface",
+        "by surface, %",
+        "wrong",
+    )
+    .is(Share, Less)
+    .of(part(SCORED_CELLS, "cells_wrong_surface", |facts| {
+        facts.cells(|cells| cells.wrong_surface)
+    }))
+    .by_area(),
+    metric(
+        "missed",
+        "missed near obstacles",
+        "near obstacles",
+        "missed",
+    )
+    .is(Count, Less)
+    .of(sum("missed", |facts| {
+        facts.near_obstacles(|cells| cells.missed)
+    }))
+    .note_by_rule(|rule| {
+        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+        let words = format!(
+            "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
+             beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
+             which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
+        );
+        ("near obstacles", words)
+    })
+    .headline(&[Distances]),
+    metric("false", "false near obstacles", "near obstacles", "false")
+        .is(Count, Less)
+        .of(sum("false", |facts| {
+            facts.near_obstacles(|cells| cells.falsely)
+        }))
+        .headline(&[Distances]),
+    metric("found", "found near obstacles", "near obstacles", "found %")
+        .is(Share, More)
+        .of(part(&["near"], "found", |facts| {
             facts.near_obstacles(|cells| cells.found)
-        }),
-        note: Some(|rule| {
+        }))
+        .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
                 "cells reported at most at {clear_m} m, as near or as too close, of all of which a \
@@ -438,22 +483,15 @@ pub const METRICS: &[Metric] = &[
                  found nor missed"
             );
             ("found", words)
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..DETAIL
-    },
-    Metric {
-        name: "floor",
-        words: "floor obstacles",
-        group: "near obstacles",
-        head: "floor",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("floor_obstacles", |facts| {
+        })
+        .headline(&[Distances]),
+    metric("floor", "floor obstacles", "near obstacles", "floor")
+        .is(Count, Less)
+        .of(sum("floor_obstacles", |facts| {
             let floor = facts.near_obstacles(|cells| cells.floor);
             floor.filter(|_| facts.knows_floor())
-        }),
-        note: Some(|rule| {
+        }))
+        .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
                 "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
@@ -461,18 +499,14 @@ pub const METRICS: &[Metric] = &[
                  stops for them"
             );
             ("floor", words)
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Distances]),
-        ..DETAIL
-    },
-    Metric {
-        name: "near",
-        words: "near obstacles",
-        group: "near obstacles",
-        head: "all",
-        unit: MetricUnit::Count,
-        origin: sum("near", |facts| facts.near_obstacles(|cells| cells.near)),
-        note: Some(|rule| {
+        })
+        .headline(&[Distances]),
+    metric("near", "near obstacles", "near obstacles", "all")
+        .is(Count, Neither)
+        .of(sum("near", |facts| {
+            facts.near_obstacles(|cells| cells.near)
+        }))
+        .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
                 "near obstacles: cells of which a quarter is nearer than {obstacle_m} m and not \
@@ -480,171 +514,117 @@ pub const METRICS: &[Metric] = &[
             );
             ("all, unknown", words)
         }),
-        ..DETAIL
-    },
-    Metric {
-        name: "near_unknown",
-        words: "unknown near obstacles",
-        group: "near obstacles",
-        head: "unknown, %",
-        origin: part(&["near"], "near_unknown", |facts| {
-            facts.near_obstacles(|cells| cells.near_unknown)
-        }),
-        better: Better::Less,
-        ..DETAIL
-    },
-    Metric {
-        name: "coverage",
-        words: "coverage",
-        group: "pixels, %",
-        head: "cover",
-        unit: MetricUnit::Share,
-        better: Better::Neither,
-        against_truth: false,
-        by_area: false,
-        origin: mean("coverage", |facts| {
+    metric(
+        "near_unknown",
+        "unknown near obstacles",
+        "near obstacles",
+        "unknown, %",
+    )
+    .is(Share, Less)
+    .of(part(&["near"], "near_unknown", |facts| {
+        facts.near_obstacles(|cells| cells.near_unknown)
+    })),
+    metric("coverage", "coverage", "pixels, %", "cover")
+        .is(Share, Neither)
+        .of(mean("coverage", |facts| {
             Some(facts.estimate.disparity.coverage())
-        }),
-        plot: Some("coverage"),
-        note: Some(|_| {
-            let words = "pixels with a disparity; fractions of pixels are means over the pairs";
-            ("cover", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
-    },
-    Metric {
-        name: "invalid",
-        words: "invalid pixels",
-        group: "pixels, %",
-        head: "invalid",
-        unit: MetricUnit::Share,
-        better: Better::Neither,
-        origin: mean("invalid", |facts| facts.pixels?.invalid()),
-        note: Some(|_| {
-            let words = "pixels without a disparity, of those with truth that both cameras see";
-            ("invalid", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "total_bad2",
-        words: "pixels off > 2 px or invalid",
-        group: "pixels, %",
-        head: ">2 or none",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: mean("total_bad2", |facts| facts.pixels?.total_bad2()),
-        note: Some(|_| {
-            let words = "pixels off by more than 2 px or without a disparity, of those with truth \
-                         that both cameras see: a pixel that is left out is no better than a wrong \
-                         one";
-            (">2 or none", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
-        ..DETAIL
-    },
-    Metric {
-        name: "bad1",
-        words: "pixels off > 1 px",
-        group: "pixels, %",
-        head: ">1 px",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: mean("bad1", |facts| facts.pixels?.bad1()),
-        note: Some(|_| {
-            let words = "pixels with a larger error, of those with a disparity and with truth that \
-                         both cameras see";
-            (">1 px, >2 px", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "bad2",
-        words: "pixels off > 2 px",
-        group: "pixels, %",
-        head: ">2 px",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: mean("bad2", |facts| facts.pixels?.bad2()),
-        level: MetricLevel::Headline(&[TruthLevel::Disparities]),
-        ..DETAIL
-    },
-    Metric {
-        name: "row_offset",
-        words: "vertical misalignment",
-        group: "misalignment, px",
-        head: "vertical",
-        unit: MetricUnit::Px,
-        better: Better::Neither,
-        against_truth: false,
-        origin: mean("row_offset", |facts| {
-            facts.estimate.disparity.median_row_offset().map(f64::from)
-        }),
-        plot: Some("row_offset"),
-        note: Some(|_| {
-            let words = "number of rows by which the right image is lower: the median over a \
-                         pair's pixels, the mean over the pairs; in whole rows, and only within \
-                         row_tolerance: `svl calibrate check` measures larger ones";
-            ("vertical", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "unrivalled",
-        words: "unrivalled cells",
-        group: "no truth, %",
-        head: "unrivalled",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: false,
-        origin: mean("unrivalled", |facts| facts.support.unrivalled),
-        note: Some(|_| {
-            let words = "known cells for which no other disparity matches better, of all cells; \
-                         needs no truth: docs/method.md";
-            ("unrivalled", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
-        ..DETAIL
-    },
-    Metric {
-        name: "agreed",
-        words: "agreed cells",
-        group: "no truth, %",
-        head: "agreed",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: false,
-        by_area: false,
-        origin: mean("agreed", |facts| facts.support.agreed),
-        plot: Some("agreed_cells"),
-        note: Some(|_| {
-            let words = "known cells that the median of the run's other algorithms confirms, of \
-                         all cells; needs no truth; compare only runs with the same algorithms";
-            ("agreed", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::NoTruth]),
-    },
-    Metric {
-        name: "kept",
-        words: "obstacles kept behind filters",
-        group: "filters",
-        head: "kept",
-        unit: MetricUnit::Count,
-        better: Better::More,
-        origin: sum("kept_obstacles", |facts| facts.filtered(|cells| cells.kept)),
-        ..DETAIL
-    },
-    Metric {
-        name: "lost",
-        words: "obstacles lost to filters",
-        group: "filters",
-        head: "lost %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: part(&["kept", "lost"], "lost_obstacles", |facts| {
+        }))
+        .without_truth()
+        .plotted_at("coverage")
+        .note(
+            "cover",
+            "pixels with a disparity; fractions of pixels are means over the pairs",
+        )
+        .headline(&[Disparities]),
+    metric("invalid", "invalid pixels", "pixels, %", "invalid")
+        .is(Share, Neither)
+        .of(mean("invalid", |facts| facts.pixels?.invalid()))
+        .note(
+            "invalid",
+            "pixels without a disparity, of those with truth that both cameras see",
+        ),
+    metric(
+        "total_bad2",
+        "pixels off > 2 px or invalid",
+        "pixels, %",
+        ">2 or none",
+    )
+    .is(Share, Less)
+    .of(mean("total_bad2", |facts| facts.pixels?.total_bad2()))
+    .note(
+        ">2 or none",
+        "pixels off by more than 2 px or without a disparity, of those with truth \
+         that both cameras see: a pixel that is left out is no better than a wrong \
+         one",
+    )
+    .headline(&[Disparities]),
+    metric("bad1", "pixels off > 1 px", "pixels, %", ">1 px")
+        .is(Share, Less)
+        .of(mean("bad1", |facts| facts.pixels?.bad1()))
+        .note(
+            ">1 px, >2 px",
+            "pixels with a larger error, of those with a disparity and with truth that \
+             both cameras see",
+        ),
+    metric("bad2", "pixels off > 2 px", "pixels, %", ">2 px")
+        .is(Share, Less)
+        .of(mean("bad2", |facts| facts.pixels?.bad2()))
+        .headline(&[Disparities]),
+    metric(
+        "row_offset",
+        "vertical misalignment",
+        "misalignment, px",
+        "vertical",
+    )
+    .is(Px, Neither)
+    .of(mean("row_offset", |facts| {
+        facts.estimate.disparity.median_row_offset().map(f64::from)
+    }))
+    .without_truth()
+    .plotted_at("row_offset")
+    .note(
+        "vertical",
+        "number of rows by which the right image is lower: the median over a \
+         pair's pixels, the mean over the pairs; in whole rows, and only within \
+         row_tolerance: `svl calibrate check` measures larger ones",
+    ),
+    metric(
+        "unrivalled",
+        "unrivalled cells",
+        "no truth, %",
+        "unrivalled",
+    )
+    .is(Share, More)
+    .of(mean("unrivalled", |facts| facts.support.unrivalled))
+    .without_truth()
+    .note(
+        "unrivalled",
+        "known cells for which no other disparity matches better, of all cells; \
+         needs no truth: docs/method.md",
+    )
+    .headline(&[NoTruth]),
+    metric("agreed", "agreed cells", "no truth, %", "agreed")
+        .is(Share, More)
+        .of(mean("agreed", |facts| facts.support.agreed))
+        .without_truth()
+        .plotted_at("agreed_cells")
+        .note(
+            "agreed",
+            "known cells that the median of the run's other algorithms confirms, of \
+             all cells; needs no truth; compare only runs with the same algorithms",
+        )
+        .headline(&[NoTruth]),
+    metric("kept", "obstacles kept behind filters", "filters", "kept")
+        .is(Count, More)
+        .of(sum("kept_obstacles", |facts| {
+            facts.filtered(|cells| cells.kept)
+        })),
+    metric("lost", "obstacles lost to filters", "filters", "lost %")
+        .is(Share, Less)
+        .of(part(&["kept", "lost"], "lost_obstacles", |facts| {
             facts.filtered(|cells| cells.lost)
-        }),
-        note: Some(|rule| {
+        }))
+        .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
                 "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
@@ -652,291 +632,178 @@ pub const METRICS: &[Metric] = &[
             );
             ("kept, lost", words)
         }),
-        ..DETAIL
-    },
-    Metric {
-        name: "close",
-        words: "cells known to be nearer than the range",
-        group: "filters",
-        head: "close %",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        origin: part(&["close", "blind"], "close_cells", |facts| {
-            facts.filtered(|cells| cells.close)
-        }),
-        note: Some(|_| {
-            let words = "cells truly nearer than the range of disparities: reported as too close, \
-                         or right (close), or not (blind)";
-            ("close, blind", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "blind",
-        words: "cells nearer than the range that are not known to be",
-        group: "filters",
-        head: "blind",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: sum("blind_cells", |facts| facts.filtered(|cells| cells.blind)),
-        ..DETAIL
-    },
-    Metric {
-        name: "alarms",
-        words: "frames with a false alarm of too close",
-        group: "filters",
-        head: "alarms %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: mean("false_alarms", |facts| {
-            facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
-        }),
-        note: Some(|rule| {
-            let (obstacle_m, _) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "pairs with cells that are too close, none of which has an obstacle nearer than \
-                 {obstacle_m} m"
-            );
-            ("alarms", words)
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "bias",
-        words: "bias of distances",
-        group: "distance error",
-        head: "bias m",
-        unit: MetricUnit::M,
-        better: Better::Zero,
-        origin: MetricOrigin::Cells {
-            column: "bias_m",
-            number: CellNumber::Bias,
-        },
-        note: Some(|_| {
-            let words = "of the cells with a reported and a true distance: the mean of reported \
-                         minus true (bias), the root of the mean square (RMSE), the median of the \
-                         absolute error, and the mean of absolute error over true distance \
-                         (AbsRel); accuracy.csv has them by range";
-            ("distance error", words.into())
-        }),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "rmse",
-        words: "RMSE of distances",
-        group: "distance error",
-        head: "RMSE m",
-        unit: MetricUnit::M,
-        better: Better::Less,
-        origin: MetricOrigin::Cells {
-            column: "rmse_m",
-            number: CellNumber::Rmse,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "median_error",
-        words: "median error of distances",
-        group: "distance error",
-        head: "median m",
-        unit: MetricUnit::M,
-        better: Better::Less,
-        origin: MetricOrigin::Cells {
-            column: "median_error_m",
-            number: CellNumber::MedianError,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "abs_rel",
-        words: "mean relative error of distances",
-        group: "distance error",
-        head: "AbsRel %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: MetricOrigin::Cells {
-            column: "abs_rel",
-            number: CellNumber::AbsRel,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "error_cells",
-        words: "cells with an error of distance",
-        group: "distance error",
-        head: "cells",
-        unit: MetricUnit::Count,
-        origin: MetricOrigin::Cells {
-            column: "error_cells",
-            number: CellNumber::ErrorCells,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "noise",
-        words: "noise of distances over time",
-        group: "over time",
-        head: "noise m",
-        unit: MetricUnit::M,
-        better: Better::Less,
-        origin: MetricOrigin::Cells {
-            column: "noise_m",
-            number: CellNumber::Noise,
-        },
-        note: Some(|_| {
-            let words = "of cells whose true distance changes by at most 1 % from an answer to the \
-                         next: the standard deviation of the error (noise), and the fraction that \
-                         changes between known and unknown or by more than the tolerance (flicker)";
-            ("over time", words.into())
-        }),
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "flicker",
-        words: "flickering cells",
-        group: "over time",
-        head: "flicker %",
-        unit: MetricUnit::Share,
-        better: Better::Less,
-        origin: MetricOrigin::Cells {
-            column: "flicker",
-            number: CellNumber::Flicker,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "resting_cells",
-        words: "cells at rest",
-        group: "over time",
-        head: "resting",
-        unit: MetricUnit::Count,
-        origin: MetricOrigin::Cells {
-            column: "resting_cells",
-            number: CellNumber::RestingCells,
-        },
-        ..AREA_DETAIL
-    },
-    Metric {
-        name: "scored_pairs",
-        words: "scored pairs",
-        group: "scored",
-        head: "scored pairs",
-        unit: MetricUnit::Count,
-        origin: sum("scored_pairs", |facts| {
+    metric(
+        "close",
+        "cells known to be nearer than the range",
+        "filters",
+        "close %",
+    )
+    .is(Share, More)
+    .of(part(&["close", "blind"], "close_cells", |facts| {
+        facts.filtered(|cells| cells.close)
+    }))
+    .note(
+        "close, blind",
+        "cells truly nearer than the range of disparities: reported as too close, \
+         or right (close), or not (blind)",
+    ),
+    metric(
+        "blind",
+        "cells nearer than the range that are not known to be",
+        "filters",
+        "blind",
+    )
+    .is(Count, Less)
+    .of(sum("blind_cells", |facts| {
+        facts.filtered(|cells| cells.blind)
+    })),
+    metric(
+        "alarms",
+        "frames with a false alarm of too close",
+        "filters",
+        "alarms %",
+    )
+    .is(Share, Less)
+    .of(mean("false_alarms", |facts| {
+        facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
+    }))
+    .note_by_rule(|rule| {
+        let (obstacle_m, _) = rule.obstacle_and_clear_m();
+        let words = format!(
+            "pairs with cells that are too close, none of which has an obstacle nearer than \
+             {obstacle_m} m"
+        );
+        ("alarms", words)
+    }),
+    metric("bias", "bias of distances", "distance error", "bias m")
+        .is(M, Zero)
+        .of(of_cells("bias_m", CellNumber::Bias))
+        .by_area()
+        .note(
+            "distance error",
+            "of the cells with a reported and a true distance: the mean of reported \
+             minus true (bias), the root of the mean square (RMSE), the median of the \
+             absolute error, and the mean of absolute error over true distance \
+             (AbsRel); accuracy.csv has them by range",
+        ),
+    metric("rmse", "RMSE of distances", "distance error", "RMSE m")
+        .is(M, Less)
+        .of(of_cells("rmse_m", CellNumber::Rmse))
+        .by_area(),
+    metric(
+        "median_error",
+        "median error of distances",
+        "distance error",
+        "median m",
+    )
+    .is(M, Less)
+    .of(of_cells("median_error_m", CellNumber::MedianError))
+    .by_area(),
+    metric(
+        "abs_rel",
+        "mean relative error of distances",
+        "distance error",
+        "AbsRel %",
+    )
+    .is(Share, Less)
+    .of(of_cells("abs_rel", CellNumber::AbsRel))
+    .by_area(),
+    metric(
+        "error_cells",
+        "cells with an error of distance",
+        "distance error",
+        "cells",
+    )
+    .is(Count, Neither)
+    .of(of_cells("error_cells", CellNumber::ErrorCells))
+    .by_area(),
+    metric(
+        "noise",
+        "noise of distances over time",
+        "over time",
+        "noise m",
+    )
+    .is(M, Less)
+    .of(of_cells("noise_m", CellNumber::Noise))
+    .by_area()
+    .note(
+        "over time",
+        "of cells whose true distance changes by at most 1 % from an answer to the \
+         next: the standard deviation of the error (noise), and the fraction that \
+         changes between known and unknown or by more than the tolerance (flicker)",
+    ),
+    metric("flicker", "flickering cells", "over time", "flicker %")
+        .is(Share, Less)
+        .of(of_cells("flicker", CellNumber::Flicker))
+        .by_area(),
+    metric("resting_cells", "cells at rest", "over time", "resting")
+        .is(Count, Neither)
+        .of(of_cells("resting_cells", CellNumber::RestingCells))
+        .by_area(),
+    metric("scored_pairs", "scored pairs", "scored", "scored pairs")
+        .is(Count, Neither)
+        .of(sum("scored_pairs", |facts| {
             Some(f64::from(u8::from(
                 facts.scored()? > 0 || facts.has_scored_pixels(),
             )))
-        }),
-        note: Some(|_| {
-            let words = "pairs and cells with enough of a truth: all other numbers against truth \
-                         are of these";
-            ("scored", words.into())
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "scored_cells",
-        words: "scored cells",
-        group: "scored",
-        head: "scored cells",
-        unit: MetricUnit::Count,
-        origin: sum("scored_cells", |facts| {
+        }))
+        .note(
+            "scored",
+            "pairs and cells with enough of a truth: all other numbers against truth \
+             are of these",
+        ),
+    metric("scored_cells", "scored cells", "scored", "scored cells")
+        .is(Count, Neither)
+        .of(sum("scored_cells", |facts| {
             facts.scored().map(|cells| cells as f64)
-        }),
-        ..DETAIL
-    },
-    Metric {
-        name: "passed",
-        words: "frames passed",
-        head: "passed",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: false,
-        origin: MetricOrigin::Checkpoints,
-        level: MetricLevel::Headline(&[
-            TruthLevel::Distances,
-            TruthLevel::Disparities,
-            TruthLevel::NoTruth,
-        ]),
-        ..DETAIL
-    },
-    Metric {
-        name: "time",
-        words: "median time",
-        group: "ms per pair",
-        head: "p50",
-        unit: MetricUnit::Ms,
-        better: Better::Less,
-        against_truth: false,
-        origin: MetricOrigin::Time,
-        level: MetricLevel::Headline(&[
-            TruthLevel::Distances,
-            TruthLevel::Disparities,
-            TruthLevel::NoTruth,
-        ]),
-        ..DETAIL
-    },
-    Metric {
-        name: "finished",
-        words: "courses finished",
-        head: "finished",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: false,
-        origin: MetricOrigin::Drives(DriveNumber::Finished),
-        note: Some(|_| {
-            let words = "courses whose goal was reached without a collision and without help";
-            ("finished", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Courses]),
-        ..DETAIL
-    },
-    Metric {
-        name: "collisions",
-        words: "collisions",
-        head: "hits/100 m",
-        unit: MetricUnit::Per100M,
-        better: Better::Less,
-        against_truth: false,
-        origin: MetricOrigin::Drives(DriveNumber::Collisions),
-        note: Some(|_| {
-            let words = "collisions per 100 m driven; after one the robot is set back on the route";
-            ("hits/100 m", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Courses]),
-        ..DETAIL
-    },
-    Metric {
-        name: "near_misses",
-        words: "near misses",
-        head: "near/100 m",
-        unit: MetricUnit::Per100M,
-        better: Better::Less,
-        against_truth: false,
-        origin: MetricOrigin::Drives(DriveNumber::NearMisses),
-        note: Some(|_| {
-            let words =
-                "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
-            ("near/100 m", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Courses]),
-        ..DETAIL
-    },
-    Metric {
-        name: "driven",
-        words: "metres driven",
-        head: "driven m",
-        unit: MetricUnit::M,
-        against_truth: false,
-        origin: MetricOrigin::Drives(DriveNumber::Driven),
-        note: Some(|_| {
-            let words = "metres of the route that the robot drove itself, per course; what it \
-                         drove twice counts once, and where it was carried not at all";
-            ("driven m", words.into())
-        }),
-        level: MetricLevel::Headline(&[TruthLevel::Courses]),
-        ..DETAIL
-    },
+        })),
+    metric("passed", "frames passed", "", "passed")
+        .is(Share, More)
+        .of(MetricOrigin::Checkpoints)
+        .without_truth()
+        .headline(SCORED),
+    metric("time", "median time", "ms per pair", "p50")
+        .is(Ms, Less)
+        .of(MetricOrigin::Time)
+        .without_truth()
+        .headline(SCORED),
+    metric("finished", "courses finished", "", "finished")
+        .is(Share, More)
+        .of(MetricOrigin::Drives(DriveNumber::Finished))
+        .without_truth()
+        .note(
+            "finished",
+            "courses whose goal was reached without a collision and without help",
+        )
+        .headline(&[Courses]),
+    metric("collisions", "collisions", "", "hits/100 m")
+        .is(Per100M, Less)
+        .of(MetricOrigin::Drives(DriveNumber::Collisions))
+        .without_truth()
+        .note(
+            "hits/100 m",
+            "collisions per 100 m driven; after one the robot is set back on the route",
+        )
+        .headline(&[Courses]),
+    metric("near_misses", "near misses", "", "near/100 m")
+        .is(Per100M, Less)
+        .of(MetricOrigin::Drives(DriveNumber::NearMisses))
+        .without_truth()
+        .note(
+            "near/100 m",
+            "clearances below the scenario's near_miss_m without a collision, per 100 m driven",
+        )
+        .headline(&[Courses]),
+    metric("driven", "metres driven", "", "driven m")
+        .is(M, Neither)
+        .of(MetricOrigin::Drives(DriveNumber::Driven))
+        .without_truth()
+        .note(
+            "driven m",
+            "metres of the route that the robot drove itself, per course; what it \
+             drove twice counts once, and where it was carried not at all",
+        )
+        .headline(&[Courses]),
 ];
 
 impl Metric {
@@ -1007,7 +874,7 @@ impl Metric {
 
     /// True if it may be negative.
     pub fn is_signed(&self) -> bool {
-        self.better == Better::Zero
+        self.better == Zero
     }
 
     /// True if it has a value for an area; one of no area has it with the headline's.
@@ -1023,13 +890,13 @@ impl Metric {
     /// True if its column contains whole numbers.
     pub fn counts(&self) -> bool {
         let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
-        self.unit == MetricUnit::Count || self.column().is_some_and(share)
+        self.unit == Count || self.column().is_some_and(share)
     }
 
     /// The value of a frame as plotted in Rerun: fractions in per cent.
     pub fn plotted(&self, value: f64) -> f64 {
         match self.unit {
-            MetricUnit::Share if !self.counts() => 100.0 * value,
+            Share if !self.counts() => 100.0 * value,
             _ => value,
         }
     }
@@ -1037,19 +904,19 @@ impl Metric {
     /// A value with its unit.
     pub fn show(&self, value: f64) -> String {
         match self.unit {
-            MetricUnit::Share => format!("{:.1} %", 100.0 * value),
-            MetricUnit::Count => format!("{value:.0}"),
-            MetricUnit::Px => format!("{value:.2} px"),
-            MetricUnit::M => format!("{value:.3} m"),
-            MetricUnit::Ms => format!("{value:.2} ms"),
-            MetricUnit::Per100M => format!("{value:.1} per 100 m"),
+            Share => format!("{:.1} %", 100.0 * value),
+            Count => format!("{value:.0}"),
+            Px => format!("{value:.2} px"),
+            M => format!("{value:.3} m"),
+            Ms => format!("{value:.2} ms"),
+            Per100M => format!("{value:.1} per 100 m"),
         }
     }
 
     /// Same as [`Metric::show`], for a time as a multiple of another.
     pub fn show_relative(&self, value: f64) -> String {
         match self.unit {
-            MetricUnit::Ms => format!("{value:.2}x"),
+            Ms => format!("{value:.2}x"),
             _ => self.show(value),
         }
     }

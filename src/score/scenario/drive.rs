@@ -4,6 +4,7 @@
 use super::DriveLatency;
 use serde::{Deserialize, Serialize};
 use svl_core::matcher::Algorithm;
+use svl_core::ranges::{NumberRange, check_range, check_ranges, number_ranges};
 use svl_core::stereo::{CellState, GridShape};
 use svl_core::{Error, Result};
 
@@ -134,6 +135,23 @@ impl SteeringRule {
     }
 }
 
+const RANGES: &[NumberRange<DriveConfig>] = number_ranges! {DriveConfig:
+    radius_m in 0.01, 0.5;
+    height_m in 0.01, 1.0;
+    max_speed_m_per_s in 0.01, 5.0;
+    max_turn_deg_per_s in 1.0, 720.0;
+    gap_m in 0.05, 0.6;
+    near_miss_m in 0.0, 0.5;
+    stuck_s in 0.5, 60.0;
+    steering.assumed_m in 0.01, 5.0;
+    steering.near_m in 0.01, 5.0;
+    steering.lookahead_m in 0.1, 5.0;
+    steering.margin_m in 0.0, 0.5;
+    steering.detour_m in 0.0, 5.0;
+    steering.memory_s in 0.0, 60.0;
+    steering.goal_weight in 0.0, 10.0;
+};
+
 impl DriveConfig {
     /// Most pairs of a drive.
     pub const MAX_FRAMES: u64 = 400;
@@ -152,44 +170,23 @@ impl DriveConfig {
     ) -> Result<()> {
         let SteeringRule {
             rows,
-            assumed_m,
-            near_m,
-            lookahead_m,
-            margin_m,
             stop_m,
             resume_m,
-            detour_m,
-            memory_s,
-            goal_weight,
+            lookahead_m,
+            margin_m,
             ..
         } = &self.steering;
-        let within = |key: &str, value: f64, from: f64, to: f64| {
-            if (from..=to).contains(&value) {
-                Ok(())
-            } else {
-                Err(Error::Invalid(format!(
-                    "drive.{key} = {value} is outside {from} ..= {to}"
-                )))
-            }
-        };
-        within("radius_m", self.radius_m, 0.01, 0.5)?;
-        within("height_m", self.height_m, 0.01, 1.0)?;
-        within("max_speed_m_per_s", self.max_speed_m_per_s, 0.01, 5.0)?;
-        within("max_turn_deg_per_s", self.max_turn_deg_per_s, 1.0, 720.0)?;
-        within("gap_m", self.gap_m, 0.05, 0.6)?;
-        within("near_miss_m", self.near_miss_m, 0.0, 0.5)?;
-        within("stuck_s", self.stuck_s, 0.5, 60.0)?;
+        check_ranges("drive.", self, RANGES)?;
         let latency = self.latency_ms.as_ref();
         latency.map_or(Ok(()), |latency| latency.validate(algorithms))?;
-        within("steering.assumed_m", *assumed_m, 0.01, 5.0)?;
-        within("steering.near_m", *near_m, 0.01, 5.0)?;
-        within("steering.lookahead_m", *lookahead_m, 0.1, 5.0)?;
-        within("steering.margin_m", *margin_m, 0.0, 0.5)?;
-        within("steering.stop_m", *stop_m, 0.0, *lookahead_m)?;
-        within("steering.resume_m", *resume_m, *stop_m, *lookahead_m)?;
-        within("steering.detour_m", *detour_m, 0.0, 5.0)?;
-        within("steering.memory_s", *memory_s, 0.0, 60.0)?;
-        within("steering.goal_weight", *goal_weight, 0.0, 10.0)?;
+        check_range("drive.", "steering.stop_m", *stop_m, 0.0, *lookahead_m)?;
+        check_range(
+            "drive.",
+            "steering.resume_m",
+            *resume_m,
+            *stop_m,
+            *lookahead_m,
+        )?;
         if rows.is_empty() || rows.iter().any(|row| *row >= grid.rows) {
             return Err(Error::Invalid(format!(
                 "drive.steering.rows = {rows:?}: needs rows of the grid, 0 to {}",
