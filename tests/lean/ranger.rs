@@ -7,8 +7,8 @@ use svl_core::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput};
 use svl_core::ranger::{ImageFormat, ImageRef, Optics, Ranger, RangerOptions};
 use svl_core::rectify::Rectifier;
 use svl_core::stereo::{
-    CellRule, CellState, Gray, GridShape, Intrinsics, LengthUnit, Plane, Reason, RectifiedPair,
-    Rig, StereoCalibration, StereoPair,
+    CellRule, CellState, Gray, GridShape, Intrinsics, LengthUnit, Reason, RectifiedPair, Rig,
+    StereoCalibration, StereoPair,
 };
 use svl_core::{Error, Result};
 
@@ -95,11 +95,13 @@ fn cells_are_those_of_the_bench() {
 /// A textured scene at that many quarters of a pixel, with noise of its own in each image.
 fn distant(quarters: usize) -> StereoPair {
     let ((width, height), mut random) = (SIZE, fastrand::Rng::with_seed(7));
-    let samples = Plane::from_fn(4 * width + 16, height, |_, _| random.f32()).unwrap();
+    let mut drawn = |count| -> Vec<f32> { (0..count).map(|_| random.f32()).collect() };
+    let samples = drawn((4 * width + 16) * height);
     let [left, right] = [0, quarters].map(|from| {
+        let noise = drawn(width * height);
         let grey = |x: usize, y: usize| {
-            let seen = &samples.row(y)[4 * x + from..][..8];
-            40.0 + 20.0 * seen.iter().sum::<f32>() + 6.0 * random.f32()
+            let seen = &samples[(4 * width + 16) * y + 4 * x + from..][..8];
+            40.0 + 20.0 * seen.iter().sum::<f32>() + 6.0 * noise[y * width + x]
         };
         Gray::from_fn(width, height, |x, y| grey(x, y) as u8).unwrap()
     });
@@ -133,6 +135,20 @@ fn far_cells_are_known_at_an_infinite_distance_and_unknown_ones_have_a_reason() 
         }
     }
     assert!(disagreements > 0);
+}
+
+#[test]
+fn plain_images_are_not_far() {
+    for algorithm in ["v5", "v5:revision=2", "v3", "bm"] {
+        for grey in [0, 90, 255] {
+            // A lens cap, or too long an exposure.
+            let image = Gray::filled(SIZE.0, SIZE.1, grey).unwrap();
+            let mut ranger = open(algorithm, rig()).unwrap();
+            let cells = ranger.cells(&image, &image).unwrap();
+            let are_unknown = cells.iter().all(|cell| cell.state == CellState::Unknown);
+            assert!(are_unknown, "{algorithm}, {grey}");
+        }
+    }
 }
 
 #[test]

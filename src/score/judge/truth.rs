@@ -659,6 +659,24 @@ mod tests {
     }
 
     #[test]
+    fn far_is_scored_and_is_never_near() {
+        const SKY: (f64, Surface) = (f64::INFINITY, Surface::Room);
+        for density in DENSITIES {
+            let sky = |reported_m| judged(cell(10, SKY, FAR), density, Some(2.0), reported_m);
+            // 0.83 px and 2 px.
+            let verdicts = [f64::INFINITY, 12.0, 5.0].map(|m| sky(m).verdict);
+            assert_eq!(verdicts, [Verdict::Right, Verdict::Right, Verdict::Wrong]);
+            assert_eq!(sky(5.0).area, Some(CellArea::Beyond));
+            let near = sky(0.3).near;
+            assert!(near.is_known && !near.is_near && near.falsely);
+            assert_eq!(sky(f64::INFINITY).near, sky(5.0).near);
+            let wall = judged(cell(10, WALL, FAR), density, None, f64::INFINITY);
+            assert_eq!(wall.verdict, Verdict::Wrong);
+            assert!(wall.near.missed && !wall.near.found && !wall.near.falsely);
+        }
+    }
+
+    #[test]
     fn the_nearer_surface_may_be_named_from_a_quarter_on() {
         let right = |near: usize, reported_m| {
             let judgement = judged(cell(near, WALL, FAR), MapDensity::Dense, None, reported_m);

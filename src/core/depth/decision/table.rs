@@ -6,8 +6,9 @@ use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Least support of a far cell, ‰.
-const MIN_FAR: i64 = 500;
+/// Evidence without which a cell is not far, though its pixels have the least disparity: gaps are
+/// filled by what is farther, and plain pixels, black or saturated, match anywhere.
+const FAR: [(Feature, i64); 2] = [(Feature::Support, 500), (Feature::Texture, 25)];
 
 /// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -203,8 +204,8 @@ impl VerdictTable {
         }
     }
 
-    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth. It
-    /// is far only if at least half of the cell was seen to be: gaps are filled by what is farther.
+    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth; far
+    /// only with some support and texture.
     pub fn cell(
         &self,
         pixels: &CellPixels,
@@ -214,8 +215,9 @@ impl VerdictTable {
     ) -> Cell {
         let [p20, p80] = [20, 80].map(|percent| pixels.percentile(percent));
         let depth = reported_depth([p20, evidence.report, p80], rig);
-        let is_seen = evidence.features[Feature::Support as usize] >= MIN_FAR;
-        let is_known = |depth: &CellDepth| score >= least_score && (is_seen || !depth.is_far());
+        let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
+        let may_be_far = FAR.into_iter().all(is_shown);
+        let is_known = |depth: &CellDepth| score >= least_score && (may_be_far || !depth.is_far());
         Cell {
             valid_share: pixels.valid_share(),
             depth: depth.filter(is_known),
