@@ -165,7 +165,7 @@ pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
             y: Axis::new("collisions per 100 m"),
             series: point_series(&recorded),
         };
-        panels.push(chart.svg()?);
+        panels.push(chart.svg());
     }
     if let Some(tau) = between_halves(drive)? {
         println!(

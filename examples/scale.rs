@@ -123,7 +123,7 @@ fn panel(title: &str, x: &str, y: &str, curves: &[Curve]) -> Result<String, Fail
         },
         series,
     };
-    Ok(chart.svg()?)
+    Ok(chart.svg())
 }
 
 /// A curve per algorithm.

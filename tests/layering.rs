@@ -216,7 +216,7 @@ fn dependencies() -> BTreeMap<String, toml::Table> {
 fn heavy_crates_have_one_user() {
     for (package, heavy) in [
         ("svl-recording", &["mcap", "zstd", "rusqlite"][..]),
-        ("svl-report", &["polars", "plotters", "minijinja"]),
+        ("svl-report", &["polars", "minijinja"]),
         ("svl-live", &["rustdds"]),
         ("svl-grab", &["aravis", "serial2"]),
         ("svl-viewer", &["rerun"]),

@@ -23,8 +23,6 @@ pub mod interrupt;
 #[doc(hidden)]
 pub mod kernel;
 #[doc(hidden)]
-pub mod ranges;
-#[doc(hidden)]
 pub mod statistics;
 #[doc(hidden)]
 pub use error::{alternatives, did_you_mean, nearest};

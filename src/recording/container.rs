@@ -35,7 +35,7 @@ impl Container {
         if let Some(cure) = closed_format(path) {
             return Err(Error::format(path, cure));
         }
-        let start = start(&file)?;
+        let start = file.start()?;
         if !start.starts_with(&ZSTD) {
             return Ok(if start == sqlite::MAGIC {
                 Self::Sqlite(SqliteFile::new(path, file.len(), None))
@@ -49,13 +49,21 @@ impl Container {
         let io = |e| Error::io(path, e);
         let handle = unpacked.reopen().map_err(io)?;
         let inside = McapFile::from_handle(path, handle)?;
-        Ok(if self::start(&inside)? == sqlite::MAGIC {
+        Ok(if inside.start()? == sqlite::MAGIC {
             let (len, file) = (inside.len(), unpacked.into_temp_path());
             Self::Sqlite(SqliteFile::new(path, len, Some(file)))
         } else {
             // The handle keeps the unpacked data alive, even after its name is removed.
             Self::Mcap(inside)
         })
+    }
+
+    /// Bytes in the file.
+    pub(super) fn len(&self) -> u64 {
+        match self {
+            Self::Mcap(file) | Self::Ros1(file) => file.len(),
+            Self::Sqlite(file) => file.len(),
+        }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -109,14 +117,6 @@ fn closed_format(path: &Path) -> Option<&'static str> {
         ),
         _ => None,
     }
-}
-
-fn start(file: &McapFile) -> Result<Vec<u8>> {
-    let mut start = Vec::new();
-    let reader = file.reader()?.take(sqlite::MAGIC.len() as u64);
-    let read = { reader }.read_to_end(&mut start);
-    read.map_err(|e| Error::io(file.path(), e))?;
-    Ok(start)
 }
 
 /// Unpacks a whole file. The beginning of a truncated one is kept; its reader reports the rest as

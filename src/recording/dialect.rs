@@ -1,6 +1,6 @@
 //! The message types of a recording: svl's own or ROS 2's.
 
-use super::{Encoded, ImageFormat, PROFILE, RosStamp, TopicKind, frame_id, geometry, images, ros};
+use super::{Encoded, ImageFormat, PROFILE, RosStamp, frame_id, geometry, images, ros, topic};
 use images::Pixel;
 use std::borrow::Cow;
 use svl_core::Result;
@@ -71,7 +71,7 @@ impl Dialect {
         match self {
             Self::Svl => {
                 let message = geometry::encode_calibration(rig, size, camera, stamp);
-                (TopicKind::Calibration(camera).topic().into(), message)
+                (topic::camera(camera, "calibration").into(), message)
             }
             Self::Ros2 => {
                 let topic = format!("/stereo/{}/camera_info", camera.name());
@@ -91,7 +91,7 @@ impl Dialect {
         let frames = [frame_id(Side::Left), frame_id(Side::Right)];
         let message = || {
             (
-                TopicKind::Baseline.topic().into(),
+                topic::BASELINE.into(),
                 geometry::encode_transform(&right, frames, stamp),
             )
         };
@@ -103,7 +103,7 @@ impl Dialect {
         let frames = [geometry::WORLD, frame_id(Side::Left)];
         match self {
             Self::Svl => (
-                TopicKind::Pose.topic().into(),
+                topic::POSE.into(),
                 geometry::encode_transform(pose, frames, stamp),
             ),
             // ROS tools look for transforms on /tf, whatever the frames.
@@ -126,7 +126,7 @@ impl Dialect {
     ) -> Result<TopicMessage> {
         if self == Self::Svl {
             let message = images::encode_image(image, format, stamp, frame_id(camera))?;
-            return Ok((P::KIND(camera).topic().into(), message));
+            return Ok((topic::camera(camera, P::NAME).into(), message));
         }
         // The frame of both calibrations.
         let frame_id = frame_id(Side::Left);
@@ -146,10 +146,10 @@ impl Dialect {
         })
     }
 
-    /// Codes of the left image's pixels, on the topic for their kind.
+    /// Codes of the left image's pixels.
     pub(super) fn codes(
         self,
-        kind: TopicKind,
+        topic: &'static str,
         codes: &Gray,
         stamp: RosStamp,
     ) -> Result<TopicMessage> {
@@ -158,7 +158,7 @@ impl Dialect {
             Self::Svl => images::encode_image(codes, ImageFormat::Raw, stamp, frame_id)?,
             Self::Ros2 => ros::encode_8bit(codes, stamp, frame_id),
         };
-        Ok((kind.topic().into(), message))
+        Ok((topic.into(), message))
     }
 
     /// A JSON message.

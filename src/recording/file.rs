@@ -1,10 +1,13 @@
 //! One MCAP file of a recording, opened once and read at several positions.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result, inputs};
+
+/// Length of the longest magic, SQLite's.
+const START: u64 = 16;
 
 /// An open file. Clones share its handle.
 #[derive(Clone)]
@@ -66,6 +69,16 @@ impl McapFile {
         self.len
     }
 
+    /// The first bytes, by which the format is known.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn start(&self) -> Result<Vec<u8>> {
+        let mut start = Vec::new();
+        let read = self.reader()?.take(START).read_to_end(&mut start);
+        read.map(|_| start).map_err(|e| Error::io(&self.path, e))
+    }
+
     /// A reader with a position of its own, at the start of the file.
     ///
     /// # Errors
@@ -75,16 +88,32 @@ impl McapFile {
             Some(handle) => Arc::clone(handle),
             None => Arc::new(inputs::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
         };
-        let (len, at) = (self.len, 0);
-        Ok(FileReader { file, len, at })
+        Ok(FileReader { file, at: 0 })
     }
 }
 
 /// Reads a file at its own position.
 pub(super) struct FileReader {
     file: Arc<File>,
-    len: u64,
     at: u64,
+}
+
+impl FileReader {
+    /// Goes on reading at `at`.
+    pub(super) fn seek(&mut self, at: u64) {
+        self.at = at;
+    }
+
+    /// Reads bytes, which must be in the file, in place of those in `to`.
+    pub(super) fn read_at(&mut self, at: u64, bytes: u64, to: &mut Vec<u8>) -> io::Result<()> {
+        // Zeroed by the system, and only if there is too little.
+        if to.len() < bytes as usize {
+            *to = vec![0; bytes as usize];
+        }
+        to.truncate(bytes as usize);
+        self.at = at;
+        self.read_exact(to)
+    }
 }
 
 impl Read for FileReader {
@@ -96,17 +125,5 @@ impl Read for FileReader {
         let read = std::os::windows::fs::FileExt::seek_read(&*self.file, bytes, self.at)?;
         self.at += read as u64;
         Ok(read)
-    }
-}
-
-impl Seek for FileReader {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let at = match to {
-            SeekFrom::Start(at) => Some(at),
-            SeekFrom::Current(by) => self.at.checked_add_signed(by),
-            SeekFrom::End(by) => self.len.checked_add_signed(by),
-        };
-        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
-        Ok(self.at)
     }
 }

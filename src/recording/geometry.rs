@@ -1,5 +1,7 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
+use super::foreign::stamp;
+use super::messages::Channel;
 use super::{Encoded, RosStamp, decode_protobuf, frame_id};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
@@ -30,15 +32,6 @@ pub(super) fn encode_calibration(
         p: rig.projection(camera).transpose().as_slice().to_vec(),
     };
     Encoded::protobuf(CALIBRATION, &message)
-}
-
-/// The projection matrix P of a camera.
-pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Matrix3x4<f64>, String> {
-    check_schema(schema, CALIBRATION)?;
-    let CameraCalibration { p, .. } = decode_protobuf(data)?;
-    let p = <[f64; 12]>::try_from(&p[..]);
-    p.map(|p| Matrix3x4::from_row_slice(&p))
-        .map_err(|_| "its P is not a projection matrix of 12 numbers".to_owned())
 }
 
 /// The rig with exactly these projection matrices, so that rigs survive the round trip.
@@ -86,9 +79,13 @@ pub(super) fn encode_transform(
     Encoded::protobuf(TRANSFORM, &message)
 }
 
-pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
-    check_schema(schema, TRANSFORM)?;
+/// The stamp of a pose, if it has one, and the pose.
+pub(super) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Pose), String> {
+    if channel.schema != TRANSFORM {
+        return Err(format!("it is a {}, svl reads {TRANSFORM}", channel.schema));
+    }
     let FrameTransform {
+        timestamp,
         translation: Some(t),
         rotation: Some(q),
         ..
@@ -100,22 +97,15 @@ pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
     // A corrupt quaternion is rejected; a unit one is kept bit by bit.
     if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
         // Not normalized again, which would change its last bits.
-        Ok(Pose::from_parts(
+        let pose = Pose::from_parts(
             Translation3::new(t.x, t.y, t.z),
             UnitQuaternion::new_unchecked(rotation),
-        ))
+        );
+        Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), pose))
     } else {
         Err(format!(
             "translation {t:?} and rotation {q:?} are not a pose"
         ))
-    }
-}
-
-fn check_schema(schema: &str, expected: &str) -> Result<(), String> {
-    if schema == expected {
-        Ok(())
-    } else {
-        Err(format!("it is a {schema}, svl reads {expected}"))
     }
 }
 
@@ -126,7 +116,8 @@ mod tests {
     fn back(rig: &Rig) -> Rig {
         let projection = |camera| {
             let message = encode_calibration(rig, (640, 480), camera, RosStamp(0));
-            decode_calibration(message.schema, &message.data).unwrap()
+            let CameraCalibration { p, .. } = decode_protobuf(&message.data).unwrap();
+            Matrix3x4::from_row_slice(&p)
         };
         super::rig(&projection(Side::Left), &projection(Side::Right)).unwrap()
     }

@@ -6,6 +6,7 @@
 use super::file::McapFile;
 use super::messages::{Declared, EventReader, FileEvent, Messages};
 use super::records::Records;
+use super::topic;
 use mcap::records::{ChunkIndex, Header, Metadata, Record, op};
 use std::path::Path;
 use svl_core::{Error, Result};
@@ -27,13 +28,57 @@ pub(super) struct Index {
 
 /// Contents of an intact summary section.
 #[derive(Default)]
-pub(super) struct Summary {
-    pub(super) declared: Declared,
+struct Summary {
+    declared: Declared,
     attachments: Vec<(String, u64)>,
     /// Positions of the metadata records.
     metadata: Vec<u64>,
     /// The chunks in the order of the file.
-    pub(super) chunks: Vec<ChunkIndex>,
+    chunks: Vec<ChunkIndex>,
+}
+
+/// The pairs of svl's own recording, to go on from any of them.
+pub(super) struct PairIndex {
+    pub(super) declared: Declared,
+    /// Stamps in order, each with the start of the first chunk that has messages of its pair.
+    pub(super) pairs: Vec<(u64, u64)>,
+}
+
+impl PairIndex {
+    /// `None` if the file has no intact index of all its pairs, or if pairs share a stamp.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn read(file: &McapFile) -> Result<Option<Self>> {
+        let Some(Summary {
+            declared, chunks, ..
+        }) = Summary::read(file)?
+        else {
+            return Ok(None);
+        };
+        let channels = declared.ids(topic::SYNC);
+        let mut records = Records::open(file, true)?;
+        let mut pairs = Vec::new();
+        let mut before = None;
+        for chunk in &chunks {
+            let start = chunk.chunk_start_offset;
+            // The images may be in the chunk before the one that ends the pair.
+            let from = before.replace(start).unwrap_or(start);
+            for offset in channels
+                .iter()
+                .filter_map(|id| chunk.message_index_offsets.get(id))
+            {
+                let Some(Record::MessageIndex(index)) = records.record_at(*offset)? else {
+                    return Ok(None);
+                };
+                pairs.extend(index.records.iter().map(|message| (message.log_time, from)));
+            }
+        }
+        let is_whole = declared.count(topic::SYNC) == Some(pairs.len() as u64)
+            // A stamp shared by several pairs does not identify one.
+            && pairs.is_sorted_by(|a, b| a.0 < b.0);
+        Ok(is_whole.then_some(Self { declared, pairs }))
+    }
 }
 
 impl Summary {
@@ -41,7 +86,7 @@ impl Summary {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub(super) fn read(file: &McapFile) -> Result<Option<Self>> {
+    fn read(file: &McapFile) -> Result<Option<Self>> {
         let mut records = Records::unread(file)?;
         if !records.seek_summary()? {
             return Ok(None);

@@ -27,8 +27,9 @@
 //! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
 //!
 //! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read
-//! too: image topics are found by their types, and images are paired by their stamps; see
-//! [`Selection`]. A bag may be the folder of its files.
+//! alike: image topics are found by their types, and images are paired by their stamps; see
+//! [`Selection`]. In svl's own, `/stereo/sync` names the two images of a pair instead. A bag may be
+//! the folder of its files.
 //!
 //! [`Visibility`]: svl_core::stereo::Visibility
 //! [`Surface`]: svl_core::stereo::Surface
@@ -39,7 +40,6 @@
 mod readme {}
 
 mod append_file;
-mod assembly;
 mod bag;
 mod cells;
 mod chunk;
@@ -54,7 +54,7 @@ mod index;
 mod layout;
 mod messages;
 mod opened;
-mod pair_index;
+mod own_topics;
 mod reader;
 mod records;
 mod recovery;
@@ -98,9 +98,8 @@ pub use topic_file::TopicFile;
 pub use truth::disparities;
 pub use writer::Writer;
 
-use messages::Channel;
 use std::borrow::Cow;
-use svl_core::stereo::{Frame, Side};
+use svl_core::stereo::Side;
 use svl_core::{Error, Result};
 
 /// Name of the attachment with the scenario file.
@@ -136,91 +135,22 @@ fn frame_id(side: Side) -> &'static str {
     }
 }
 
-/// The kind of data on a topic of svl's own recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum TopicKind {
-    Image(Side),
-    Color(Side),
-    Calibration(Side),
-    Baseline,
-    Pose,
-    Depth,
-    Disparity,
-    Visibility,
-    Surface,
-    Sync,
-}
+/// Topics of svl's own recordings; of a camera see [`topic::camera`].
+mod topic {
+    use svl_core::stereo::Side;
 
-impl TopicKind {
-    const ALL: [TopicKind; 13] = [
-        TopicKind::Image(Side::Left),
-        TopicKind::Image(Side::Right),
-        TopicKind::Color(Side::Left),
-        TopicKind::Color(Side::Right),
-        TopicKind::Calibration(Side::Left),
-        TopicKind::Calibration(Side::Right),
-        TopicKind::Baseline,
-        TopicKind::Pose,
-        TopicKind::Depth,
-        TopicKind::Disparity,
-        TopicKind::Visibility,
-        TopicKind::Surface,
-        TopicKind::Sync,
-    ];
+    pub(super) const BASELINE: &str = "/rig/baseline";
+    pub(super) const POSE: &str = "/rig/pose";
+    pub(super) const DEPTH: &str = super::TRUTH_DEPTH;
+    pub(super) const DISPARITY: &str = "/truth/disparity";
+    pub(super) const VISIBILITY: &str = "/truth/visibility";
+    pub(super) const SURFACE: &str = "/truth/surface";
+    pub(super) const SYNC: &str = "/stereo/sync";
 
-    fn topic(self) -> &'static str {
-        match self {
-            TopicKind::Image(Side::Left) => "/stereo/left/image",
-            TopicKind::Image(Side::Right) => "/stereo/right/image",
-            TopicKind::Color(Side::Left) => "/stereo/left/color",
-            TopicKind::Color(Side::Right) => "/stereo/right/color",
-            TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
-            TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
-            TopicKind::Baseline => "/rig/baseline",
-            TopicKind::Pose => "/rig/pose",
-            TopicKind::Depth => TRUTH_DEPTH,
-            TopicKind::Disparity => "/truth/disparity",
-            TopicKind::Visibility => "/truth/visibility",
-            TopicKind::Surface => "/truth/surface",
-            TopicKind::Sync => "/stereo/sync",
-        }
+    /// `image`, `color` or `calibration` of a camera.
+    pub(super) fn camera(side: Side, name: &str) -> String {
+        format!("/stereo/{}/{name}", side.name())
     }
-
-    fn from_topic(topic: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.topic() == topic)
-    }
-}
-
-/// Rule by which messages become pairs: by svl's own topics, or by the stamps of other programs'
-/// images.
-trait PairSource: Send {
-    /// Adds one message and returns the pair that it completes.
-    ///
-    /// # Errors
-    /// The reason why the message cannot be read, or why the two images are not a pair.
-    fn take_in(
-        &mut self,
-        channel: &Channel,
-        log_time: u64,
-        data: &[u8],
-    ) -> std::result::Result<Option<Frame>, String>;
-
-    /// The next pair that is ready without another message.
-    ///
-    /// # Errors
-    /// The reason why two images that belong together cannot be a pair.
-    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
-        None
-    }
-
-    /// Ends the recording: there are no more messages.
-    fn end(&mut self);
-
-    /// The rule by which the stamps of the messages form pairs.
-    fn stamps(&self) -> foreign::PairStamps;
-
-    /// The facts so far.
-    fn facts(&self) -> StreamFacts;
 }
 
 /// An encoded message and its schema.

@@ -1,11 +1,10 @@
 //! Reads the pairs of a recording.
 
-use super::assembly::PairAssembler;
 use super::container::Container;
-use super::foreign::{Foreign, Selection, SensorSelection, SensorTopic};
-use super::messages::{EventReader, FileEvent};
-use super::pair_index::PairIndex;
-use super::{Header, PROFILE, PairSource, Recording, StreamFacts, TopicKind, sync};
+use super::foreign::{PairReader, Selection, SensorSelection, SensorTopic};
+use super::index::PairIndex;
+use super::messages::{EventReader, FileEvent, Messages};
+use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::Frame;
@@ -20,7 +19,7 @@ pub struct Reader {
     messages: Box<dyn EventReader>,
     /// Index of the next file to read.
     next_file: usize,
-    source: Box<dyn PairSource>,
+    source: PairReader,
     /// Topics of the left and the right images.
     topics: [String; 2],
     header: Option<Header>,
@@ -58,21 +57,13 @@ impl Reader {
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let messages = first.messages()?;
         let is_own = !selection.names_topics() && is_own(&recording)?;
-        if is_own && selection.bits.is_some() {
-            let why = "is for 16-bit images; recordings of svl have 8 bits";
-            return Err(Error::Usage(format!("--bits {why}")));
-        }
-        let source: Box<dyn PairSource> = if is_own {
-            Box::new(PairAssembler::default())
-        } else {
-            Box::new(Foreign::open(&recording, selection)?)
-        };
+        let source = PairReader::open(&recording, selection, is_own)?;
         let mut reader = Self {
             messages,
             next_file: 1,
             // Without an intact summary the length is unknown.
             pairs: if is_own {
-                recording.count(TopicKind::Sync.topic())?
+                recording.count(topic::SYNC)?
             } else {
                 None
             },
@@ -161,8 +152,7 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] if the pair is not at its indexed position: the file has to be reopened.
     pub fn seek(&mut self, index: u64) -> Result<bool> {
-        // The number of pairs is known only for svl's own recordings.
-        if self.pairs.is_none() {
+        if !self.source.is_own() {
             return Ok(false);
         }
         let Container::Mcap(file) = self.recording.only_file()? else {
@@ -171,24 +161,24 @@ impl Reader {
         if self.index.is_none() {
             self.index = Some(PairIndex::read(file)?);
         }
-        let Some(Some(pairs)) = &self.index else {
+        let Some(Some(PairIndex { declared, pairs })) = &self.index else {
             return Ok(false);
         };
-        let Some(place) = pairs.get(index) else {
+        let Some(&(stamp_ns, chunk)) = pairs.get(index as usize) else {
             return Ok(false);
         };
-        self.messages = Box::new(pairs.messages(file, place)?);
-        self.source = Box::new(PairAssembler::default());
+        self.messages = Box::new(Messages::from(file, chunk, declared.clone())?);
+        self.source.restart();
         self.ahead.clear();
         self.damage = None;
         loop {
             match self.read() {
-                Ok(Some(frame)) if frame.stamp_ns == place.stamp_ns => {
+                Ok(Some(frame)) if frame.stamp_ns == stamp_ns => {
                     self.ahead.push_back(Ok(frame));
                     return Ok(true);
                 }
                 // Earlier pairs, including those whose first messages were skipped.
-                Ok(Some(frame)) if frame.stamp_ns < place.stamp_ns => {}
+                Ok(Some(frame)) if frame.stamp_ns < stamp_ns => {}
                 Err(Error::Format { .. }) => {}
                 Ok(_) => {
                     let reason = format!("pair {index} is not where its index says");
@@ -227,19 +217,17 @@ impl Reader {
             match self.messages.next() {
                 Ok(Some(FileEvent::Message(channel, log_time, data))) => {
                     let taken = self.source.take_in(channel, log_time, &data);
-                    let topic = &channel.topic;
+                    let name = &channel.topic;
                     let bad = |reason| {
-                        let reason = format!("{topic} at {log_time} ns: {reason}");
+                        let reason = format!("{name} at {log_time} ns: {reason}");
                         Error::format(self.recording.path(), reason)
                     };
-                    let makes_pairs =
-                        self.topics.contains(topic) || topic == TopicKind::Sync.topic();
+                    let makes_pairs = self.topics.contains(name) || name == topic::SYNC;
                     match taken.map_err(bad) {
-                        Ok(None) => {}
-                        Ok(Some(frame)) => return Ok(Some(frame)),
+                        Ok(()) => {}
                         Err(error) if makes_pairs => return Err(error),
                         Err(error) => {
-                            let broken = self.broken.entry(topic.clone()).or_default();
+                            let broken = self.broken.entry(name.clone()).or_default();
                             if *broken == 0 {
                                 tracing::warn!("{error}; dropped, its pair is used without it");
                             }

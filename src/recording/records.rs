@@ -17,7 +17,6 @@ use super::layout::{HEAD, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::io::Read as _;
 use std::io::Result as IoResult;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -120,7 +119,13 @@ impl Records {
             ..Self::unread(file)?
         };
         let begins = records.begin().map_err(|e| records.io(e))?;
-        begins.then_some(records).ok_or_else(|| no_mcap(file))
+        if begins {
+            return Ok(records);
+        }
+        Err(Error::format(
+            file.path(),
+            not_mcap(file.path(), &file.start()?),
+        ))
     }
 
     /// A reader that is still to be moved to a record.
@@ -298,11 +303,15 @@ impl Records {
             self.part.sure = loaded.end;
         }
         (self.at, self.attached) = (loaded.end, loaded.bytes);
-        let before = self.part.crc.clone();
-        self.part
-            .crc
-            .iter_mut()
-            .for_each(|crc| crc.combine(&loaded.crc));
+        let (before, length) = (self.part.crc.clone(), loaded.end - self.start - HEAD);
+        if let Some(crc) = &mut self.part.crc {
+            crc.update(&[opcode]);
+            crc.update(&length.to_le_bytes());
+            match &loaded.streamed {
+                Some(body) => crc.combine(body),
+                None => crc.update(&self.file.body),
+            }
+        }
         match opcode {
             op::CHUNK => {
                 (self.in_chunk, self.part.has_chunks) = (Some(0..0), true);
@@ -408,6 +417,8 @@ impl Records {
         let (sure, begin) = (self.part.sure, self.start);
         let found = match self.file.find(sure + 1..begin)? {
             Some(found) => found,
+            // Nothing behind it is read.
+            None if self.strict && !fault.is_beside => end,
             None => self
                 .file
                 .find((sure + 1).max(begin + 1)..end)?
@@ -507,16 +518,4 @@ pub(super) fn attachment(file: &McapFile, start: u64) -> Result<Option<Vec<u8>>>
         Ok(())
     })?;
     Ok(is_read.then_some(data))
-}
-
-fn no_mcap(file: &McapFile) -> Error {
-    let mut start = Vec::new();
-    let io = |e| Error::io(file.path(), e);
-    let read = file
-        .reader()
-        .and_then(|reader| reader.take(8).read_to_end(&mut start).map_err(io));
-    match read {
-        Ok(_) => Error::format(file.path(), not_mcap(file.path(), &start)),
-        Err(error) => error,
-    }
 }

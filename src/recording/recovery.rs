@@ -7,7 +7,7 @@ use super::messages::{EventReader, FileEvent, Messages, Schema};
 use super::records::{DamagedPart, Records};
 use super::ros::ROS1;
 use super::ros1_bag::Ros1Messages;
-use super::{LIBRARY, Recording, TopicKind, sync};
+use super::{LIBRARY, Recording, sync, topic};
 use mcap::records::{Channel, MessageHeader, Record};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
@@ -175,7 +175,7 @@ impl Copier {
                     return Ok(());
                 };
                 // A ROS 2 bag has another schema: its pairs are found by stamps.
-                let is_pair = channel.topic == TopicKind::Sync.topic()
+                let is_pair = channel.topic == topic::SYNC
                     && schema.is_some_and(|(header, _)| header.name == sync::SCHEMA);
                 self.recovery.pairs += u64::from(is_pair);
                 // Appended files renumber their channels; equal topics become one channel.

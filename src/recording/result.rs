@@ -1,7 +1,8 @@
 //! The result of an algorithm for one pair: as a hash, and as all that a recording has of it.
 
+use super::foreign::floats;
 use super::messages::{EventReader, FileEvent};
-use super::{AlgorithmCells, Encoded, Recording, cells, images, truth};
+use super::{AlgorithmCells, Encoded, Recording, cells, truth};
 use serde::de::DeserializeOwned;
 use svl_core::stereo::{Estimate, Frame, Plane};
 use svl_core::{Error, Result};
@@ -175,8 +176,8 @@ impl StoredResults {
                 }
             } else if channel.schema == cells::SCHEMA {
                 self.cells = Some(AlgorithmCells::decode(&data).map_err(bad)?);
-            } else if channel.schema == images::FLOATS && topic.starts_with("/algo/") {
-                let floats = images::decode_floats(&channel.schema, &data).map_err(bad)?;
+            } else if channel.schema == "sensor_msgs/msg/Image" && topic.starts_with("/algo/") {
+                let floats = floats(channel, &data).map_err(bad)?;
                 self.disparity = Some(truth::from_file(&floats));
             }
         }

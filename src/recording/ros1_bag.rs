@@ -11,7 +11,7 @@ use super::records::DamagedPart;
 use super::ros::ROS1;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 
@@ -236,9 +236,8 @@ impl Ros1Messages {
 
     /// Reads bytes that are within the file and limited.
     fn read(&mut self, at: u64, bytes: u64) -> io::Result<Vec<u8>> {
-        let mut read = vec![0; bytes as usize];
-        self.file.seek(SeekFrom::Start(at))?;
-        self.file.read_exact(&mut read)?;
+        let mut read = Vec::new();
+        self.file.read_at(at, bytes, &mut read)?;
         Ok(read)
     }
 
@@ -313,7 +312,7 @@ impl Ros1Messages {
                 "a chunk of {packed} bytes, {size} unpacked, is too large"
             )));
         }
-        self.file.seek(SeekFrom::Start(data.start))?;
+        self.file.seek(data.start);
         let file = (&mut self.file).take(packed);
         // One byte more than promised shows that the size is wrong.
         let limit = u64::from(size) + 1;

@@ -11,7 +11,7 @@ use super::layout::{HEAD, MAX_RECORD, has_fields, is_record, known_size};
 use super::layout::{u32_at, u64_at};
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
-use std::io::{Read as _, Result as IoResult, Seek as _, SeekFrom};
+use std::io::Result as IoResult;
 use std::ops::Range;
 
 /// Code for the magic of an appended file. No record has this opcode.
@@ -51,8 +51,8 @@ pub(super) struct LoadedRecord {
     pub(super) end: u64,
     /// Start of what is behind the known fields.
     pub(super) unknown: u64,
-    /// CRC of all its bytes.
-    pub(super) crc: Hasher,
+    /// CRC of its body, of an attachment: that is not in memory.
+    pub(super) streamed: Option<Hasher>,
     pub(super) proof: Proof,
     /// True unless a chunk has no CRC.
     pub(super) is_checked: bool,
@@ -129,9 +129,10 @@ impl RecordSearch {
         let Some(left) = self.len.checked_sub(at.saturating_add(HEAD)) else {
             return Ok(None);
         };
-        let head = self.bytes(at, HEAD)?;
-        let length = u64_at(&head, 1).filter(|&length| length <= left.min(MAX_RECORD));
-        Ok(length.map(|length| (head[0], length)))
+        let head = self.peek(at, HEAD)?;
+        let (opcode, length) = (head[0], u64_at(head, 1));
+        let length = length.filter(|&length| length <= left.min(MAX_RECORD));
+        Ok(length.map(|length| (opcode, length)))
     }
 
     /// True if the bytes at `at` look like a record.
@@ -142,7 +143,7 @@ impl RecordSearch {
     /// True if MCAP's magic is there.
     pub(super) fn is_magic(&mut self, at: u64) -> IoResult<bool> {
         let left = self.len.saturating_sub(at);
-        Ok(self.bytes(at, left.min(8))? == mcap::MAGIC)
+        Ok(self.peek(at, left.min(8))? == mcap::MAGIC)
     }
 
     /// True if the header record of a file is there.
@@ -164,31 +165,30 @@ impl RecordSearch {
 
     /// The first position in `places` where a proven record begins.
     pub(super) fn find(&mut self, places: Range<u64>) -> IoResult<Option<u64>> {
-        let mut from = places.start;
+        let (mut from, mut window) = (places.start, Vec::new());
         while from < places.end && self.budget > 0 {
             let left = self.len - from;
-            let window = self.bytes(from, left.min(WINDOW))?;
+            self.read += left.min(WINDOW);
+            self.file.read_at(from, left.min(WINDOW), &mut window)?;
             // Records that begin near the end of the window are examined in the next one.
             let heads = if left > WINDOW { WINDOW - LOOK } else { left };
-            let heads = heads.min(places.end - from);
-            for (i, first) in window[..heads as usize].iter().enumerate() {
-                // The magic's first byte is no opcode.
-                let may_be = matches!(
-                    *first,
-                    op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END | 0x89
-                );
-                if may_be && may_be_proven(&window[i..], left - i as u64) {
-                    let read = self.read;
-                    if self.proves(from + i as u64)? {
-                        return Ok(Some(from + i as u64));
-                    }
-                    self.spend(self.read - read);
-                    if self.budget == 0 {
-                        return Ok(None);
-                    }
+            let heads = heads.min(places.end - from) as usize;
+            let mut i = 0;
+            while let Some(found) = candidate(&window, i..heads) {
+                i = found + 1;
+                if !may_be_proven(&window[found..], left - found as u64) {
+                    continue;
+                }
+                let read = self.read;
+                if self.proves(from + found as u64)? {
+                    return Ok(Some(from + found as u64));
+                }
+                self.spend(self.read - read);
+                if self.budget == 0 {
+                    return Ok(None);
                 }
             }
-            from += heads;
+            from += heads as u64;
         }
         Ok(None)
     }
@@ -211,18 +211,19 @@ impl RecordSearch {
             let reason = ["it was never finished", "it ends inside a record"];
             return Ok(Err(RecordFault::cut(reason[usize::from(left > 0)])));
         }
-        let head = self.bytes(at, HEAD)?;
-        let (opcode, length) = (head[0], u64_at(&head, 1).unwrap_or(u64::MAX));
+        let head = self.peek(at, HEAD)?;
+        let (opcode, length) = (head[0], u64_at(head, 1).unwrap_or(u64::MAX));
+        let is_magic = head.starts_with(mcap::MAGIC);
         let mut loaded = LoadedRecord {
             opcode: ANOTHER,
             end: at + HEAD,
             unknown: at + HEAD,
-            crc: Hasher::new(),
+            streamed: None,
             proof: Proof::No,
             is_checked: true,
             bytes: 0,
         };
-        if head.starts_with(mcap::MAGIC) {
+        if is_magic {
             return Ok(Ok(loaded));
         }
         if let Some(reason) = head_fault(opcode, length, left - HEAD) {
@@ -231,7 +232,7 @@ impl RecordSearch {
         // At most the rest of the file, so a corrupt length cannot allocate more than that.
         let all = opcode != op::ATTACHMENT;
         let bytes = if all { length } else { length.min(MAX_BESIDE) };
-        self.body = self.bytes(at + HEAD, bytes)?;
+        self.read_body(at + HEAD, bytes)?;
         let known = known_size(opcode, &self.body, length);
         (loaded.opcode, loaded.end) = (opcode, at + HEAD + length);
         if let Some(reason) = fields_fault(opcode, known) {
@@ -241,26 +242,25 @@ impl RecordSearch {
             return Ok(Err(RecordFault { is_beside, ..fault }));
         }
         loaded.unknown = at + HEAD + known.unwrap_or(length);
-        loaded.crc.update(&head);
         Ok(match opcode {
             op::ATTACHMENT => self.stream(at + HEAD, loaded)?,
             op::CHUNK => self.unpack(loaded),
-            _ => {
-                loaded.crc.update(&self.body);
-                let is_metadata = opcode == op::METADATA && length <= MAX_BESIDE;
+            op::METADATA if length <= MAX_BESIDE => {
                 let record = mcap::parse_record(opcode, &self.body);
-                let is_named =
-                    matches!(record, Ok(Record::Metadata(data)) if !data.name.is_empty());
-                if opcode == op::DATA_END || is_metadata && is_named {
+                if matches!(record, Ok(Record::Metadata(data)) if !data.name.is_empty()) {
                     loaded.proof = Proof::IfFollowed;
                 }
                 Ok(loaded)
             }
+            op::DATA_END => {
+                loaded.proof = Proof::IfFollowed;
+                Ok(loaded)
+            }
+            _ => Ok(loaded),
         })
     }
 
     fn unpack(&mut self, mut loaded: LoadedRecord) -> Result<LoadedRecord, RecordFault> {
-        loaded.crc.update(&self.body);
         let checked = chunk::unpack(&self.body, &mut self.zstd, &mut self.unpacked);
         self.read += self.unpacked.len() as u64;
         loaded.is_checked = checked.map_err(|reason| {
@@ -295,12 +295,13 @@ impl RecordSearch {
         crc.update(head);
         self.body.truncate(start);
         self.pieces(body + start as u64, loaded.bytes, |piece| crc.update(piece))?;
-        let saved = self.bytes(loaded.unknown - 4, 4)?;
-        loaded.crc.combine(&crc);
-        loaded.crc.update(&saved);
+        let calculated = crc.clone().finalize();
+        let saved = self.peek(loaded.unknown - 4, 4)?;
+        crc.update(saved);
+        let saved = u32_at(saved, 0).unwrap_or(0);
         let unknown = loaded.end - loaded.unknown;
-        self.pieces(loaded.unknown, unknown, |piece| loaded.crc.update(piece))?;
-        let (saved, calculated) = (u32_at(&saved, 0).unwrap_or(0), crc.finalize());
+        self.pieces(loaded.unknown, unknown, |piece| crc.update(piece))?;
+        loaded.streamed = Some(crc);
         if saved != 0 && saved != calculated {
             let reason = format!("the CRC of an attachment is {calculated:08x}, not {saved:08x}");
             return fault(&reason);
@@ -320,33 +321,42 @@ impl RecordSearch {
         bytes: u64,
         mut take: impl FnMut(&[u8]),
     ) -> IoResult<()> {
+        let mut piece = Vec::new();
         for from in (0..bytes).step_by(WINDOW as usize) {
-            take(&self.bytes(at + from, (bytes - from).min(WINDOW))?);
+            let length = (bytes - from).min(WINDOW);
+            self.read += length;
+            self.file.read_at(at + from, length, &mut piece)?;
+            take(&piece);
         }
         Ok(())
     }
 
-    /// Reads bytes, which must be in the file; few of them with those behind, for the records that
-    /// follow.
-    fn bytes(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
-        self.read += bytes;
-        if bytes >= AHEAD {
-            return self.read_at(at, bytes);
+    /// Reads the body of a record, which must be in the file.
+    fn read_body(&mut self, at: u64, bytes: u64) -> IoResult<()> {
+        let mut body = std::mem::take(&mut self.body);
+        if bytes < AHEAD {
+            body.clear();
+            body.extend_from_slice(self.peek(at, bytes)?);
+        } else {
+            self.read += bytes;
+            self.file.read_at(at, bytes, &mut body)?;
         }
+        self.body = body;
+        Ok(())
+    }
+
+    /// A few bytes, which must be in the file. Those behind are read with them, for the records
+    /// that follow.
+    fn peek(&mut self, at: u64, bytes: u64) -> IoResult<&[u8]> {
+        self.read += bytes;
         let end = self.ahead_at + self.ahead.len() as u64;
         if !(self.ahead_at..=end).contains(&at) || at + bytes > end {
-            self.ahead = self.read_at(at, self.len.saturating_sub(at).min(AHEAD))?;
+            let ahead = self.len.saturating_sub(at).min(AHEAD);
+            self.file.read_at(at, ahead, &mut self.ahead)?;
             self.ahead_at = at;
         }
         let start = (at - self.ahead_at) as usize;
-        Ok(self.ahead[start..start + bytes as usize].to_vec())
-    }
-
-    fn read_at(&mut self, at: u64, bytes: u64) -> IoResult<Vec<u8>> {
-        let mut read = vec![0; bytes as usize];
-        self.file.seek(SeekFrom::Start(at))?;
-        self.file.read_exact(&mut read)?;
-        Ok(read)
+        Ok(&self.ahead[start..start + bytes as usize])
     }
 }
 
@@ -359,6 +369,32 @@ impl LoadedRecord {
             _ => Proof::No,
         }
     }
+}
+
+/// The first of the places where a record that can be proven, or a file, may begin by its first
+/// byte.
+fn candidate(bytes: &[u8], places: Range<usize>) -> Option<usize> {
+    let mut i = places.start;
+    while i < places.end {
+        // The upper half of a length is 0: of one from here on to 3 places further, also the byte
+        // that all four share. Those of a file share one of the last of the magic.
+        if i + 8 < bytes.len()
+            && bytes[i + 8] != 0
+            && !matches!(bytes[i + 7], b'P' | b'0' | b'\r' | b'\n')
+        {
+            i += 4;
+            continue;
+        }
+        // The magic's first byte is no opcode.
+        if matches!(
+            bytes[i],
+            op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END | 0x89
+        ) {
+            return Some(i);
+        }
+        i += 1;
+    }
+    None
 }
 
 /// False for most bytes that merely look like a record which can be proven; `left`: those up to the
@@ -397,4 +433,38 @@ fn fields_fault(opcode: u8, known: Option<u64>) -> Option<String> {
     }
     let is_wrong = has_fields(opcode) && known.is_none();
     is_wrong.then(|| "the lengths of a record do not agree".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_record_and_no_file_is_passed_over(
+            mut bytes in prop::collection::vec(
+                prop::sample::select(&[0, 0, 4, op::CHUNK, op::METADATA, op::DATA_END, b'P'][..]),
+                0..200,
+            ),
+            places in prop::collection::vec(0_usize..200, 0..4),
+        ) {
+            for place in places {
+                let place = place.min(bytes.len());
+                bytes.splice(place..place, mcap::MAGIC.iter().copied());
+            }
+            let all = 0..bytes.len();
+            let mut found = Vec::new();
+            let mut from = 0;
+            while let Some(place) = candidate(&bytes, from..all.end) {
+                found.push(place);
+                from = place + 1;
+            }
+            let left = |place| (bytes.len() - place) as u64;
+            let missed = all.clone().find(|place| {
+                may_be_proven(&bytes[*place..], left(*place)) && !found.contains(place)
+            });
+            prop_assert_eq!(missed, None);
+        }
+    }
 }

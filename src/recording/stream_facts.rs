@@ -13,9 +13,8 @@ pub struct StreamFacts {
     pub pairs: u64,
     /// Stamps of the images without a partner, while both cameras had images.
     pub unpaired_ns: Vec<u64>,
-    /// Number of the unpaired images whose partner could not be read: those are reported. `None`:
-    /// one of each pair and image that could not be read.
-    pub partners_of_unreadable: Option<u64>,
+    /// Number of the unpaired images whose partner could not be read: those are reported.
+    pub partners_of_unreadable: u64,
     /// Images before the other camera's first or after its last.
     pub outside: u64,
     /// Images that arrived after those of their time had been dropped for lack of memory: the file

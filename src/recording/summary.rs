@@ -1,6 +1,7 @@
 //! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
 use super::container::{Container, unpack_message};
+use super::file::McapFile;
 use super::foreign::{
     PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head,
     is_image, is_picture, pair_stamps, pose_summary,
@@ -9,13 +10,10 @@ use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::records::{DamagedPart, attachment};
 use super::ros1_bag::Ros1Messages;
 use super::skew::SkewSummary;
-use super::sync::{PairGeometry, StereoSync};
-use super::{
-    AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, StampOrigin, TopicKind,
-};
-use std::borrow::Cow;
+use super::sync::StereoSync;
+use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, StampOrigin, topic};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use svl_core::Result;
 use svl_core::statistics::upper_rank;
 use svl_core::stereo::Side;
@@ -43,9 +41,6 @@ pub struct RecordingSummary {
     pub missing_pairs: u64,
     /// Image topics that `svl replay` would use for left and right, in another program's recording.
     pub stereo: Option<[String; 2]>,
-    /// Geometry of its pairs; those of other programs as in `svl replay`. Both only if recordings
-    /// were appended to each other; none without a pair.
-    pub geometry: BTreeSet<PairGeometry>,
     /// Vertical misalignment from the results in the recording, in the order of the algorithms.
     pub misalignment: Vec<Misalignment>,
     /// The library that wrote the file, and its MCAP profile.
@@ -145,57 +140,22 @@ impl Recording {
     /// bag of several files.
     pub fn summary(&self) -> Result<RecordingSummary> {
         let mut seen = SummaryScan::default();
-        let file = match self.only_file()? {
-            Container::Mcap(file) => file,
+        let (losses, library, profile) = match self.only_file()? {
+            Container::Mcap(file) => return seen.mcap(self, file),
             Container::Ros1(file) => {
                 let mut messages = Ros1Messages::open(file)?;
                 // The error at its end is the first of the losses.
-                while let Ok(Some(event)) = messages.next() {
-                    seen.take_in(event);
-                }
-                seen.found.losses = messages.take_losses();
-                (seen.found.library, seen.found.profile) =
-                    ("rosbag, of ROS 1".into(), "ros1".into());
-                seen.choose(self, &self.channels()?);
-                return Ok(seen.summary(file.path(), file.len()));
+                drop(seen.take_all(&mut messages));
+                (messages.take_losses(), "rosbag, of ROS 1", "ros1")
             }
             Container::Sqlite(file) => {
-                let mut messages = file.messages()?;
-                loop {
-                    match messages.next() {
-                        Ok(Some(event)) => seen.take_in(event),
-                        Ok(None) => break,
-                        Err(error) => {
-                            seen.found.losses.push(DamagedPart {
-                                at_byte: 0,
-                                bytes: 0,
-                                reason: error.to_string(),
-                            });
-                        }
-                    }
-                }
-                (seen.found.library, seen.found.profile) =
-                    ("rosbag2, in SQLite".into(), "ros2".into());
-                seen.choose(self, &self.channels()?);
-                return Ok(seen.summary(file.path(), file.len()));
+                let losses = seen.take_all(&mut file.messages()?);
+                (losses, "rosbag2, in SQLite", "ros2")
             }
         };
-        let mut messages = Messages::salvage(file)?;
-        while let Some(event) = messages.next()? {
-            seen.take_in(event);
-        }
-        seen.found.losses = messages.records.losses.clone();
-        seen.found.missing = messages.take_missing();
-        seen.found.checksums = messages.records.is_checked();
-        let manifest = seen.manifest.map(|start| attachment(file, start));
-        let manifest = manifest.transpose()?.flatten();
-        seen.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
-        // Neither the profile nor a sync message: svl did not write it.
-        if seen.found.profile != PROFILE && seen.sequences.is_empty() {
-            let channels = messages.declared().channels();
-            seen.choose(self, &channels.iter().collect::<Vec<_>>());
-        }
-        Ok(seen.summary(file.path(), file.len()))
+        seen.found.losses = losses;
+        (seen.found.library, seen.found.profile) = (library.to_owned(), profile.to_owned());
+        seen.summary(self, Some(&self.channels()?))
     }
 }
 
@@ -219,14 +179,10 @@ struct SummaryScan {
     /// Start of the first attached manifest.
     manifest: Option<u64>,
     topics: BTreeMap<String, Topic>,
-    /// Log times of the images, by topic.
-    stamps: BTreeMap<String, Vec<u64>>,
-    /// Images of other programs, by topic, in file order, with their number.
-    foreign: BTreeMap<String, Vec<StampedImage>>,
-    /// The frame of the first of them.
-    frames: BTreeMap<String, String>,
-    /// The left images of svl's own recordings, by their `/stereo/sync`, in file order.
+    images: BTreeMap<String, TopicImages>,
+    /// The left images of svl's own recordings, by their `/stereo/sync`.
     synced: Vec<StampedImage>,
+    /// Images so far.
     places: u64,
     videos: BTreeMap<String, VideoScan>,
     skews: Vec<i64>,
@@ -234,11 +190,55 @@ struct SummaryScan {
     /// Row offsets of the results, by algorithm.
     row_offsets: BTreeMap<String, Vec<i8>>,
     drops_before: Option<u64>,
-    /// Hash of the last image of each topic, and the number of those equal to the one before.
-    repeated: BTreeMap<String, (u64, u64)>,
+}
+
+/// The images of a topic.
+#[derive(Default)]
+struct TopicImages {
+    /// Images that can be read, in file order, with their number.
+    images: Vec<StampedImage>,
+    /// The frame of the first of them.
+    frame: Option<String>,
+    /// Hash of the last image, and the number of those equal to the one before.
+    hash: u64,
+    repeated: u64,
 }
 
 impl SummaryScan {
+    fn mcap(mut self, recording: &Recording, file: &McapFile) -> Result<RecordingSummary> {
+        let mut messages = Messages::salvage(file)?;
+        while let Some(event) = messages.next()? {
+            self.take_in(event);
+        }
+        self.found.losses = messages.records.losses.clone();
+        self.found.missing = messages.take_missing();
+        self.found.checksums = messages.records.is_checked();
+        let manifest = self.manifest.map(|start| attachment(file, start));
+        let manifest = manifest.transpose()?.flatten();
+        self.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
+        // Neither the profile nor a sync message: svl did not write it.
+        let is_foreign = self.found.profile != PROFILE && self.sequences.is_empty();
+        let channels = messages.declared().channels();
+        let channels: Vec<_> = channels.iter().collect();
+        self.summary(recording, Some(&*channels).filter(|_| is_foreign))
+    }
+
+    /// Takes in all messages; the errors are those of a file that names no bytes.
+    fn take_all(&mut self, messages: &mut dyn EventReader) -> Vec<DamagedPart> {
+        let mut losses = Vec::new();
+        loop {
+            match messages.next() {
+                Ok(Some(event)) => self.take_in(event),
+                Ok(None) => return losses,
+                Err(error) => losses.push(DamagedPart {
+                    at_byte: 0,
+                    bytes: 0,
+                    reason: error.to_string(),
+                }),
+            }
+        }
+    }
+
     fn take_in(&mut self, event: FileEvent<'_>) {
         match event {
             // If files are appended, the header of the first one is used.
@@ -271,10 +271,10 @@ impl SummaryScan {
         if is_image(channel) {
             self.take_in_image(channel, stamp_ns, data);
         }
-        if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
+        if channel.topic == topic::SYNC
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
-            self.take_in_sync(sync, stamp_ns);
+            self.take_in_sync(&sync, stamp_ns);
         }
         if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
             && let Some(row_offset_px) = result.row_offset_px
@@ -308,46 +308,33 @@ impl SummaryScan {
         topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
     }
 
-    fn take_in_image(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+    fn take_in_image(&mut self, channel: &Channel, log_ns: u64, data: &[u8]) {
+        let topic = || channel.topic.clone();
+        let images = self.images.entry(topic()).or_default();
         let hash = xxhash_rust::xxh3::xxh3_64(without_stamp(channel, data));
-        let repeated = self.repeated.entry(channel.topic.clone()).or_default();
-        repeated.1 += u64::from(repeated.0 == hash);
-        repeated.0 = hash;
-        match self.stamps.get_mut(&channel.topic) {
-            Some(stamps) => stamps.push(stamp_ns),
-            None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
-        }
-        if self.found.profile != PROFILE {
-            let unpacked = unpack_message(data).ok().flatten();
-            let data = unpacked.as_deref().unwrap_or(data);
-            self.take_in_foreign_image(channel, stamp_ns, data);
-        }
-    }
-
-    /// Takes in an image of another program. `stamp_ns`: its log time.
-    fn take_in_foreign_image(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        images.repeated += u64::from(images.hash == hash);
+        images.hash = hash;
+        let unpacked = unpack_message(data).ok().flatten();
+        let data = unpacked.as_deref().unwrap_or(data);
         let head = head(channel, data);
-        let video = is_picture(channel, data).then(|| self.videos.entry(channel.topic.clone()));
+        let video = is_picture(channel, data).then(|| self.videos.entry(topic()));
         let is_decodable = video.is_none_or(|video| video.or_default().take_in(channel, data));
         // An unreadable message is reported by `svl replay`, and is not counted as an image here.
-        if let Ok((own_stamp_ns, frame)) = head
+        if let Ok((stamp_ns, frame)) = head
             && is_decodable
         {
-            if !self.frames.contains_key(&channel.topic) {
-                self.frames.insert(channel.topic.clone(), frame);
-            }
-            let images = self.foreign.entry(channel.topic.clone()).or_default();
-            images.push(StampedImage {
+            images.frame.get_or_insert(frame);
+            images.images.push(StampedImage {
                 place: self.places,
-                stamp_ns: own_stamp_ns.unwrap_or(stamp_ns),
-                log_ns: stamp_ns,
+                stamp_ns: stamp_ns.unwrap_or(log_ns),
+                log_ns,
                 bytes: data.len(),
             });
             self.places += 1;
         }
     }
 
-    fn take_in_sync(&mut self, sync: StereoSync, log_ns: u64) {
+    fn take_in_sync(&mut self, sync: &StereoSync, log_ns: u64) {
         self.found.pairs += 1;
         self.synced.push(StampedImage {
             place: self.found.pairs,
@@ -357,65 +344,19 @@ impl SummaryScan {
         });
         self.skews.extend(sync.exposure.skew_ns);
         self.sequences.insert(sync.sequence);
-        self.found.geometry.insert(sync.geometry);
         // The recorder's counter never falls; after damage the last value read is used.
         self.found.drops = self.found.drops.max(sync.exposure.drops);
         self.drops_before.get_or_insert(sync.exposure.drops);
     }
 
-    /// Chooses the topics of the pairs in another program's recording, and pairs their images.
-    fn choose(&mut self, recording: &Recording, channels: &[&Channel]) {
-        self.found.stereo = choose(channels, &Selection::default()).ok();
-        if let Some(topics) = &self.found.stereo {
-            let images = |topic| self.foreign.get(topic).map_or(&[][..], Vec::as_slice);
-            let (skews, unpaired) = pair_stamps(topics.each_ref().map(images));
-            self.found.pairs = skews.len() as u64;
-            self.skews = skews;
-            self.found.unpaired = Some(unpaired);
-            let frame = self.frames.get(&topics[0]).map_or("", String::as_str);
-            let stamps = images(&topics[0]).iter().map(|image| image.stamp_ns);
-            // Damage is reported with the pairs.
-            self.found.poses = pose_summary(recording, channels, frame, stamps)
-                .ok()
-                .flatten();
-        }
-        // Calibrations are for images of one size, so their geometry is known once there is a pair.
-        self.found.geometry = Reader::new(recording.clone(), &Selection::default())
-            .and_then(|mut reader| reader.next_pair())
-            .ok()
-            .flatten()
-            .map(|frame| PairGeometry::from(&frame.geometry))
-            .into_iter()
-            .collect();
-    }
-
-    /// The topics of the left and the right images.
-    fn image_topics(&self) -> [&str; 2] {
-        match &self.found.stereo {
-            Some(topics) => topics.each_ref().map(String::as_str),
-            None => Side::BOTH.map(|side| TopicKind::Image(side).topic()),
-        }
-    }
-
-    /// The images of the left camera. Of svl's own, the stamps of the pairs; of images without any,
-    /// the log times.
-    fn left_images(&self) -> Cow<'_, [StampedImage]> {
-        let [left, _] = self.image_topics();
-        let images = self.foreign.get(left).map_or(&[][..], Vec::as_slice);
-        match (images, &self.synced[..]) {
-            ([], []) => {
-                let stamps = self.stamps.get(left).into_iter().flatten();
-                let image = |&stamp_ns: &u64| StampedImage {
-                    place: 0,
-                    stamp_ns,
-                    log_ns: stamp_ns,
-                    bytes: 0,
-                };
-                stamps.map(image).collect()
-            }
-            ([], synced) => synced.into(),
-            (images, _) => images.into(),
-        }
+    /// The images of the left and of the right camera.
+    fn take_sides(&mut self) -> [TopicImages; 2] {
+        Side::BOTH.map(|side| {
+            let chosen = self.found.stereo.as_ref();
+            let own = || topic::camera(side, "image");
+            let topic = chosen.map_or_else(own, |topics| topics[side as usize].clone());
+            self.images.remove(&topic).unwrap_or_default()
+        })
     }
 
     /// Nominal stamps do not reveal the rate.
@@ -440,21 +381,41 @@ impl SummaryScan {
         (starts.min().unwrap_or(0), ends.max().unwrap_or(0))
     }
 
-    fn summary(mut self, path: &Path, bytes: u64) -> RecordingSummary {
-        let repeated = |topic: &str| self.repeated.get(topic).map_or(0, |(_, images)| *images);
-        let repeated_images = self.image_topics().map(repeated);
-        let images = self.left_images();
-        let clock_jumps = clock_jumps(&images);
-        let steps = steps(&images);
+    /// `channels`: those among which the images are chosen, in another program's recording.
+    fn summary(
+        mut self,
+        recording: &Recording,
+        channels: Option<&[&Channel]>,
+    ) -> Result<RecordingSummary> {
+        let file = recording.only_file()?;
+        self.found.stereo =
+            channels.and_then(|channels| choose(channels, &Selection::default()).ok());
+        let [left, right] = self.take_sides();
+        if let Some(channels) = channels.filter(|_| self.found.stereo.is_some()) {
+            let (skews, unpaired) = pair_stamps([&left.images, &right.images]);
+            self.found.pairs = skews.len() as u64;
+            self.found.unpaired = Some(unpaired);
+            self.skews = skews;
+            let stamps = left.images.iter().map(|image| image.stamp_ns);
+            let frame = left.frame.as_deref().unwrap_or_default();
+            // Damage is reported with the pairs.
+            let poses = pose_summary(recording, channels, frame, stamps);
+            self.found.poses = poses.ok().flatten();
+        }
+        let repeated_images = [left.repeated, right.repeated];
+        let is_own = channels.is_none() && !self.synced.is_empty();
+        let images = if is_own { &self.synced } else { &left.images };
+        let clock_jumps = clock_jumps(images);
+        let steps = steps(images);
         let period_ns = median_ns(&steps).filter(|_| !self.has_nominal_stamps());
         let gaps = period_ns.map_or_else(Vec::new, |period_ns| gaps(&steps, period_ns));
         let missing_pairs = self.missing_pairs();
         let (start_ns, end_ns) = self.span_ns();
         let misalignment = self.row_offsets.into_iter().filter_map(misalignment);
         let videos = self.videos.into_iter();
-        RecordingSummary {
-            path: path.to_owned(),
-            bytes,
+        Ok(RecordingSummary {
+            path: file.path().to_owned(),
+            bytes: file.len(),
             damage: self.found.losses.first().map(DamagedPart::to_string),
             missing_pairs,
             misalignment: misalignment.collect(),
@@ -471,7 +432,7 @@ impl SummaryScan {
                 .map(|(topic, video)| (topic, video.summary))
                 .collect(),
             ..self.found
-        }
+        })
     }
 }
 

@@ -1,13 +1,14 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
 use super::Encoded;
-use svl_core::stereo::{Exposure, Frame, Geometry, Truth, TruthKind};
+use serde::{Deserialize, Serialize};
+use svl_core::stereo::{Exposure, Frame, Geometry, TruthKind};
 
 pub(super) const SCHEMA: &str = "svl.StereoSync";
 const DEFINITION: &str = include_str!("sync.schema.json");
 
 /// The message of `/stereo/sync`. Its stamps identify the two images of a pair.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct StereoSync {
     /// Number of the pair in its source, from 0.
     pub(super) sequence: u64,
@@ -23,28 +24,15 @@ pub(super) struct StereoSync {
     /// Origin and density of the pair's truth, if it has one.
     #[serde(default, skip_serializing_if = "TruthKind::is_default")]
     pub(super) truth: TruthKind,
-    // Flattened, as in all earlier recordings.
     #[serde(flatten)]
     pub(super) exposure: Exposure,
 }
 
 /// Geometry of a pair: raw or rectified.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    serde::Serialize,
-    serde::Deserialize,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PairGeometry {
     Raw,
-    /// The default, for recordings of earlier versions, which contain no geometry.
     #[default]
     Rectified,
 }
@@ -70,24 +58,15 @@ impl From<&Geometry> for PairGeometry {
 
 impl StereoSync {
     pub(super) fn new(frame: &Frame, right_stamp_ns: u64) -> Self {
-        let Frame {
-            sequence,
-            stamp_ns,
-            name,
-            geometry,
-            truth,
-            exposure,
-            ..
-        } = frame;
-        let kind = |truth: &Truth| truth.kind.clone();
+        let truth = frame.truth.as_ref();
         Self {
-            sequence: *sequence,
-            name: name.clone(),
-            left_stamp_ns: *stamp_ns,
+            sequence: frame.sequence,
+            name: frame.name.clone(),
+            left_stamp_ns: frame.stamp_ns,
             right_stamp_ns,
-            geometry: geometry.into(),
-            truth: truth.as_ref().map(kind).unwrap_or_default(),
-            exposure: *exposure,
+            geometry: (&frame.geometry).into(),
+            truth: truth.map(|truth| truth.kind.clone()).unwrap_or_default(),
+            exposure: frame.exposure,
         }
     }
 

@@ -5,7 +5,7 @@ use super::sync::StereoSync;
 use super::synced_file::SyncedFile;
 use super::{
     Dialect, Encoded, Header, LIBRARY, MANIFEST, PairResult, RecordingFormat, ResultOptions,
-    RosStamp, TopicKind, frame_id, ros, truth,
+    RosStamp, frame_id, ros, topic, truth,
 };
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use serde::Serialize;
@@ -112,16 +112,17 @@ impl Writer {
         let sequence = frame.sequence as u32;
         let size = frame.pair.size();
         let RecordingFormat { dialect, images } = self.format;
+        let cameras = [(Side::Left, left), (Side::Right, right)];
         if let Some(rig) = frame.rig() {
-            for (camera, stamp) in [(Side::Left, left), (Side::Right, right)] {
+            for (camera, stamp) in cameras {
                 let message = dialect.calibration(rig, size, camera, stamp);
                 self.put(message, stamp, sequence)?;
             }
-            dialect
-                // Calibration first: a truncated recording with the images then also has their
-                // calibration.
-                .baseline(rig, left)
-                .map_or(Ok(()), |said| self.put(said, left, sequence))?;
+            // Calibration first: a truncated recording with the images then also has their
+            // calibration.
+            if let Some(message) = dialect.baseline(rig, left) {
+                self.put(message, left, sequence)?;
+            }
         }
         if self.camera_height_m.is_some() {
             self.write_static_transforms(left, sequence)?;
@@ -131,18 +132,13 @@ impl Writer {
         }
         let rectified = frame.geometry != Geometry::Raw;
         if let Some(colors) = &frame.color {
-            for ((camera, stamp), color) in [(Side::Left, left), (Side::Right, right)]
-                .into_iter()
-                .zip(colors)
-            {
+            for ((camera, stamp), color) in cameras.into_iter().zip(colors) {
                 let message = dialect.image(color, camera, rectified, images, stamp)?;
                 self.put(message, stamp, sequence)?;
             }
         }
-        for (camera, image, stamp) in [
-            (Side::Left, frame.pair.left(), left),
-            (Side::Right, frame.pair.right(), right),
-        ] {
+        let pair = [frame.pair.left(), frame.pair.right()];
+        for ((camera, stamp), image) in cameras.into_iter().zip(pair) {
             let message = dialect.image(image, camera, rectified, images, stamp)?;
             self.put(message, stamp, sequence)?;
         }
@@ -151,35 +147,28 @@ impl Writer {
         }
         // Last message of the pair: a reader that has it has everything of the pair.
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
-        self.put((TopicKind::Sync.topic(), sync), left, sequence)
+        self.put((topic::SYNC, sync), left, sequence)
     }
 
     fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: RosStamp) -> Result<()> {
         let sequence = frame.sequence as u32;
-        let said = match frame
-            .rig()
-            .and_then(|rig| truth::depths(&truth.disparity, rig))
-        {
+        let rig = frame.rig();
+        let said = match rig.and_then(|rig| truth::depths(&truth.disparity, rig)) {
             Some(depth) => (
-                TopicKind::Depth.topic(),
+                topic::DEPTH,
                 ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
             ),
             // Without a frame id: viewers interpret a float image in a frame as depths in metres.
             None => (
-                TopicKind::Disparity.topic(),
+                topic::DISPARITY,
                 ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
             ),
         };
         self.put(said, stamp, sequence)?;
-        let visibility = truth
-            .visibility
-            .as_ref()
-            .map(|plane| plane.map(|v| v as u8));
+        let visibility = truth.visibility.as_ref();
+        let visibility = visibility.map(|plane| plane.map(|v| v as u8));
         let surface = truth.surface.as_ref().map(|plane| plane.map(|s| s as u8));
-        for (kind, codes) in [
-            (TopicKind::Visibility, visibility),
-            (TopicKind::Surface, surface),
-        ] {
+        for (kind, codes) in [(topic::VISIBILITY, visibility), (topic::SURFACE, surface)] {
             if let Some(codes) = codes {
                 let message = self.format.dialect.codes(kind, &codes, stamp)?;
                 self.put(message, stamp, sequence)?;
@@ -254,17 +243,15 @@ impl Writer {
         let channel_id = match self.channels.get(topic) {
             Some(&id) => id,
             None => {
-                let Encoded {
-                    schema,
-                    schema_encoding,
-                    definition,
-                    encoding,
-                    ..
-                } = &message;
-                let schema = Some((*schema, *schema_encoding, &**definition));
-                let id = self
-                    .file
-                    .with(|file| file.channel(topic, schema, encoding, &BTreeMap::new()))?;
+                let schema = (
+                    message.schema,
+                    message.schema_encoding,
+                    &*message.definition,
+                );
+                let (encoding, none) = (message.encoding, BTreeMap::new());
+                let declare =
+                    |file: &mut AppendFile| file.channel(topic, Some(schema), encoding, &none);
+                let id = self.file.with(declare)?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }

@@ -227,13 +227,9 @@ impl AccuracyTally {
 
 impl AlgorithmErrors {
     fn new(ranges: usize) -> Self {
-        let own = |_| {
-            std::iter::repeat_with(RangeErrors::default)
-                .take(ranges)
-                .collect()
-        };
+        let own = |_| (0..ranges).map(|_| RangeErrors::default());
         Self {
-            areas: AreaChoice::ALL.map(own),
+            areas: AreaChoice::ALL.map(|area| own(area).collect()),
             last: BTreeMap::new(),
         }
     }
@@ -275,22 +271,17 @@ impl RangeErrors {
     /// over all of them.
     pub(super) fn sample(number: CellNumber, pairs: &[PairErrors], area: AreaChoice) -> Sample {
         let pairs = || pairs.iter().map(move |own| &own[area as usize]);
-        let errors = |own: &Self| {
-            own.errors_m
-                .iter()
-                .copied()
-                .map(f64::from)
-                .collect::<Vec<_>>()
+        let errors = |own: &Self| -> Vec<f64> {
+            let errors = own.errors_m.iter().copied();
+            errors.map(f64::from).collect()
         };
         let parts = |part: &dyn Fn(&Self) -> [f64; 2]| pairs().map(part).collect::<Vec<_>>();
         let cells = |own: &Self| own.errors_m.len() as f64;
         match number {
             CellNumber::Bias => Sample::Ratio(parts(&|own| [errors(own).iter().sum(), cells(own)])),
             CellNumber::Rmse => Sample::Root(parts(&|own| {
-                [
-                    errors(own).iter().map(|error| error * error).sum(),
-                    cells(own),
-                ]
+                let squares = errors(own).into_iter().map(|error| error * error);
+                [squares.sum(), cells(own)]
             })),
             CellNumber::MedianError => {
                 let sizes = |own: &Self| errors(own).iter().map(|error| error.abs()).collect();

@@ -65,16 +65,11 @@ fn depth_grid<'a>(
         if column >= shape.columns || line >= shape.rows {
             return None;
         }
-        let depth = match (row.median_px, row.p20_px, row.p80_px) {
-            (Some(median_px), Some(p20_px), Some(p80_px)) => Some(CellDepth {
-                median_px: median_px as f32,
-                p20_px: p20_px as f32,
-                p80_px: p80_px as f32,
-                infinity_px: infinity_px.unwrap_or_default(),
-                distance_m: row.distance_m,
-            }),
-            _ => None,
-        };
+        let depth = row.depth().map(|depth| CellDepth {
+            infinity_px: infinity_px.unwrap_or_default(),
+            distance_m: row.distance_m,
+            ..depth
+        });
         cells[line * shape.columns + column] = Some(Cell {
             valid_share: row.valid_share,
             depth,

@@ -19,9 +19,8 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
     let column = |name: &str| -> Vec<Option<String>> {
         let find = |algorithm: &AlgorithmRecord| {
             let mut values = algorithm.values.iter();
-            values
-                .find(|(own, _)| own == name)
-                .map(|(_, value)| value.clone())
+            let values = values.find(|(own, _)| own == name);
+            values.map(|(_, value)| value.clone())
         };
         algorithms.iter().map(find).collect()
     };
@@ -38,9 +37,8 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
     let heads = columns.iter().map(|(name, _)| *name);
     writer.write_record(heads).map_err(failed)?;
     for i in 0..algorithms.len() {
-        let line = columns
-            .iter()
-            .map(|(_, cells)| cells[i].as_deref().unwrap_or_default());
+        let line = columns.iter();
+        let line = line.map(|(_, cells)| cells[i].as_deref().unwrap_or_default());
         writer.write_record(line).map_err(failed)?;
     }
     writer.flush().map_err(|e| Error::io(&path, e))?;
@@ -57,10 +55,9 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
 
 fn stored(name: &str, cells: Vec<Option<String>>) -> Column {
     let number = |cell: &Option<String>| cell.as_ref().map(|text| text.parse::<f64>().ok());
-    let numbers: Option<Vec<Option<f64>>> = cells
-        .iter()
-        .map(|cell| number(cell).map_or(Some(None), |number| number.map(Some)))
-        .collect();
+    let numbers = cells.iter();
+    let numbers = numbers.map(|cell| number(cell).map_or(Some(None), |number| number.map(Some)));
+    let numbers: Option<Vec<Option<f64>>> = numbers.collect();
     match numbers {
         Some(numbers) => Column::new(name.into(), numbers),
         None => Column::new(name.into(), cells),

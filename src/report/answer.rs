@@ -10,7 +10,7 @@ use super::samples::{RunKey, resamples, run_key, sample};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::joined;
-use svl_score::bootstrap::{Interval, Resamples, Sample};
+use svl_score::bootstrap::{Resamples, Sample, difference_interval};
 use svl_score::judge::{Metric, TruthLevel};
 
 /// Limits of an algorithm that may be called best, as fractions: of cells where distances are
@@ -76,31 +76,39 @@ impl Results {
         drives: &[DriveRow],
     ) -> Option<Best> {
         let value = |a: &AlgorithmSummary| self.ranked(a, metric);
-        let mut usable = self.ranked_algorithms();
-        usable.retain(|a| self.is_candidate(a) && self.is_usable(a) && value(a).is_some());
-        if metric.name == "missed" {
-            usable.retain(|a| self.sees_near_obstacles(a));
-        }
+        let ranked = self.ranked_algorithms();
+        let is_usable = |a: &&&AlgorithmSummary| {
+            let sees = metric.name != "missed" || self.sees_near_obstacles(a);
+            self.is_candidate(a) && self.is_usable(a) && value(a).is_some() && sees
+        };
+        let mut usable: Vec<_> = ranked.iter().filter(is_usable).collect();
         // Stable: the first of equal ones is the best.
         usable.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        let (best, others) = usable.split_first()?;
-        let other = |other: &&AlgorithmSummary| {
-            let labels = [best, other].map(|a| a.algorithm.as_str());
-            let certainty = match self.kind() {
-                TruthLevel::Courses => course_certainty(metric, labels, drives),
-                _ => pair_certainty(metric, labels, rows),
-            };
-            Other {
-                algorithm: other.algorithm.clone(),
-                certainty,
-            }
+        let labels: Vec<_> = usable.iter().map(|a| a.algorithm.as_str()).collect();
+        let draws = match self.kind() {
+            TruthLevel::Courses => course_draws(metric, &labels, drives),
+            _ => pair_draws(metric, &labels, rows),
+        };
+        let (best, others) = draws.split_first()?;
+        let certainties = others.iter().map(|other| certainty(best, other));
+        let is_excluded = |a: &&&AlgorithmSummary| {
+            let has_value = self.value(&a.algorithm, metric, None).is_some();
+            has_value && (self.has_failed(a) || !self.is_believable(a, metric))
+        };
+        let excluded = ranked.iter().filter(|a| !self.is_reference(a));
+        let excluded = excluded.filter(is_excluded);
+        let excluded = excluded.map(|a| (a.algorithm.as_str(), Certainty::NotComparable));
+        let others = labels[1..].iter().copied().zip(certainties).chain(excluded);
+        let other = |(label, certainty): (&str, Certainty)| Other {
+            algorithm: label.to_owned(),
+            certainty,
         };
         Some(Best {
             metric,
             area: self.area_of(metric),
-            algorithm: best.algorithm.clone(),
-            value: value(best)?,
-            others: others.par_iter().map(other).collect(),
+            algorithm: labels[0].to_owned(),
+            value: value(usable[0])?,
+            others: others.map(other).collect(),
         })
     }
 
@@ -137,27 +145,22 @@ impl Results {
 
     /// [`Self::is_usable`] in words.
     fn usable_words(&self) -> String {
-        let percent = |share: f64| 100.0 * share;
+        let [wrong, right] = [USABLE.max_wrong, USABLE.min_right].map(|share| 100.0 * share);
+        let [bad, coverage] = [USABLE.max_bad, USABLE.min_coverage].map(|share| 100.0 * share);
+        let driven = 100.0 * MIN_DRIVEN;
         match self.kind() {
-            TruthLevel::Disparities => format!(
-                "at most {:.0} % pixels off > 2 px and at least {:.0} % coverage",
-                percent(USABLE.max_bad),
-                percent(USABLE.min_coverage)
-            ),
-            TruthLevel::Courses => format!(
-                "at least {:.0} % of the courses' length driven",
-                percent(MIN_DRIVEN)
-            ),
+            TruthLevel::Disparities => {
+                format!(
+                    "at most {bad:.0} % pixels off > 2 px and at least {coverage:.0} % coverage"
+                )
+            }
+            TruthLevel::Courses => format!("at least {driven:.0} % of the courses' length driven"),
             _ => {
                 let prior = match self.basis.prior_test {
                     PriorTest::Tested => ", and more right minus wrong cells than the prior",
                     _ => "",
                 };
-                format!(
-                    "at most {:.0} % wrong and at least {:.0} % right cells{prior}",
-                    percent(USABLE.max_wrong),
-                    percent(USABLE.min_right)
-                )
+                format!("at most {wrong:.0} % wrong and at least {right:.0} % right cells{prior}")
             }
         }
     }
@@ -177,30 +180,36 @@ impl Results {
             return Vec::from_iter(none.then_some(words));
         }
         let mut names: Vec<(&str, Vec<&str>)> = Vec::new();
-        for best in &self.best {
-            let own = names.iter_mut().find(|(name, _)| *name == best.algorithm);
-            match own {
-                Some((_, metrics)) => metrics.push(best.metric.name),
-                None => names.push((&best.algorithm, vec![best.metric.name])),
-            }
+        for Best {
+            algorithm, metric, ..
+        } in &self.best
+        {
+            let place = names.iter().position(|(name, _)| name == algorithm);
+            let place = place.unwrap_or_else(|| {
+                names.push((algorithm, Vec::new()));
+                names.len() - 1
+            });
+            names[place].1.push(metric.name);
         }
-        let names = names
-            .iter()
-            .map(|(name, metrics)| format!("{name} by {}", joined(metrics.iter())));
+        let names = names.iter();
+        let names = names.map(|(name, by)| format!("{name} by {}", joined(by)));
         let names = names.collect::<Vec<_>>().join("; ");
         let shown = self.shown.columns.metrics(self.kind());
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
         let others = marked.flat_map(|best| &best.others);
         let certainties: BTreeSet<_> = others.map(|other| other.certainty).collect();
-        let items = if self.kind() == TruthLevel::Courses {
-            "courses"
-        } else {
-            "pairs"
+        let items = match self.kind() {
+            TruthLevel::Courses => "courses",
+            _ => "pairs",
         };
-        let marks = certainties.iter().filter_map(|certainty| match certainty {
-            Certainty::Clear => None,
-            Certainty::NoDifference => Some(" = not told apart from the best.".to_owned()),
-            Certainty::TooFew => Some(format!(" ? too few {items} to tell.")),
+        let marks = certainties.iter().map(|certainty| match certainty {
+            Certainty::Clear => String::new(),
+            Certainty::NoDifference => " = not told apart from the best.".to_owned(),
+            Certainty::TooFew => format!(" ? too few {items} to tell."),
+            Certainty::NotComparable => {
+                " ! not comparable: failed on pairs, or answers far later than it reports."
+                    .to_owned()
+            }
         });
         let marks: String = marks.collect();
         let mut sentences = vec![format!("{BEST} best: {names}.{marks}")];
@@ -220,41 +229,45 @@ impl Results {
     }
 }
 
-fn certainty(interval: Option<Interval>) -> Certainty {
-    match interval {
+/// The values of a metric in resamples; none for too few items.
+type Draws = Option<Vec<f64>>;
+
+/// The certainty of the difference of an algorithm from the best.
+fn certainty(best: &Draws, other: &Draws) -> Certainty {
+    let both = best.as_ref().zip(other.as_ref());
+    match both.and_then(|(best, other)| difference_interval(best, other)) {
         None => Certainty::TooFew,
         Some((low, high)) if low > 0.0 || high < 0.0 => Certainty::Clear,
         Some(_) => Certainty::NoDifference,
     }
 }
 
-/// The difference of a metric of frames over the pairs that both algorithms have.
-fn pair_certainty(metric: &Metric, labels: [&str; 2], rows: &RowsByAlgorithm<'_>) -> Certainty {
-    let [Some(best), Some(second)] = labels.map(|label| rows.get(label)) else {
-        return Certainty::TooFew;
+/// A metric of frames in resamples of the pairs that all these algorithms have.
+fn pair_draws(metric: &Metric, labels: &[&str], rows: &RowsByAlgorithm<'_>) -> Vec<Draws> {
+    let all: Vec<_> = labels.iter().filter_map(|label| rows.get(label)).collect();
+    let keys = all.first().into_iter().flat_map(|own| own.keys());
+    let common = keys.filter(|key| all.iter().all(|own| own.contains_key(key)));
+    let common: Vec<_> = common.collect();
+    let rows_of = |label: &&str| -> Option<Vec<&Row>> {
+        let own = rows.get(label)?;
+        Some(common.iter().map(|key| own[key]).collect())
     };
-    let both = best
-        .iter()
-        .filter_map(|(key, row)| Some((*row, *second.get(key)?)));
-    let (best, second): (Vec<_>, Vec<_>) = both.unzip();
-    let samples = [&best, &second].map(|rows| sample(metric, rows));
-    let [Some(a), Some(b)] = samples else {
-        return Certainty::TooFew;
-    };
-    let interval = Sample::interval_between(&a, &b, |a, b| b - a, &resamples(&best));
-    certainty(interval)
+    let first = labels.first().and_then(rows_of).unwrap_or_default();
+    let resamples = resamples(&first);
+    let draws = |label: &&str| sample(metric, &rows_of(label)?)?.draws(&resamples);
+    labels.par_iter().map(draws).collect()
 }
 
-/// The difference of a number of drives over the courses that both algorithms have.
-fn course_certainty(metric: &Metric, labels: [&str; 2], rows: &[DriveRow]) -> Certainty {
-    let samples = labels.map(|label| drives::sample(metric, label, rows));
-    let [Some(a), Some(b)] = samples else {
-        return Certainty::TooFew;
-    };
-    if a.items() != b.items() {
-        return Certainty::TooFew;
-    }
-    let resamples = Resamples::draw(&[a.items()], true);
-    let interval = Sample::interval_between(&a, &b, |a, b| b - a, &resamples);
-    certainty(interval)
+/// A number of drives in resamples of the courses.
+fn course_draws(metric: &Metric, labels: &[&str], rows: &[DriveRow]) -> Vec<Draws> {
+    let samples = labels.iter();
+    let samples = samples.map(|label| drives::sample(metric, label, rows));
+    let samples: Vec<_> = samples.collect();
+    let courses = samples.first();
+    let courses = courses.map(|own| own.as_ref().map_or(0, Sample::items));
+    let courses = courses.unwrap_or_default();
+    let resamples = Resamples::draw(&[courses], true);
+    let samples = samples.iter();
+    let samples = samples.map(|own| own.as_ref().filter(|own| own.items() == courses));
+    samples.map(|own| own?.draws(&resamples)).collect()
 }

@@ -44,20 +44,6 @@ impl Results {
         }
     }
 
-    /// The words of a metric in a sentence, with its area.
-    pub(super) fn words(&self, metric: &Metric) -> Cow<'static, str> {
-        let Some(area) = self.area_of(metric) else {
-            return Cow::Borrowed(metric.words);
-        };
-        match area {
-            AreaChoice::Obstacle if self.includes_floor() => Cow::Borrowed(metric.words),
-            AreaChoice::Obstacle => metric.words.replace("cells", "obstacle cells").into(),
-            AreaChoice::Floor => metric.words.replace("cells", "floor cells").into(),
-            AreaChoice::Beyond => format!("{}{}", metric.words, self.beyond_words()).into(),
-            AreaChoice::All => format!("{} of all areas", metric.words).into(),
-        }
-    }
-
     fn beyond_words(&self) -> String {
         let beyond_m = self.shown.rule.beyond_m();
         beyond_m.map_or_else(|| " beyond".to_owned(), |m| format!(" beyond {m} m"))
@@ -66,9 +52,8 @@ impl Results {
     /// The most cells of an area that an algorithm was scored on; `None` if there is none.
     fn most_cells(&self, area: AreaChoice) -> Option<u64> {
         let algorithms = self.algorithms.iter();
-        algorithms
-            .filter_map(|a: &AlgorithmSummary| a.cells_in(area))
-            .max()
+        let algorithms = algorithms.filter_map(|a: &AlgorithmSummary| a.cells_in(area));
+        algorithms.max()
     }
 
     /// The number of cells that the numbers are of, if these are not all.

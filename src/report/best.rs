@@ -34,6 +34,8 @@ pub enum Certainty {
     NoDifference,
     /// Too few blocks of pairs, or too few courses, for an interval.
     TooFew,
+    /// It failed on pairs, or its time is not believable.
+    NotComparable,
 }
 
 /// The mark of the best in tables.
@@ -46,6 +48,7 @@ impl Certainty {
             Self::Clear => "",
             Self::NoDifference => "=",
             Self::TooFew => "?",
+            Self::NotComparable => "!",
         }
     }
 }

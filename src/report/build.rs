@@ -92,7 +92,8 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     } else {
         write_tables(folder, &plan, &runs)?
     };
-    let sources = Sources::for_folder(folder, made_of)?;
+    let names: Vec<_> = TABLES.iter().map(|table| table.name).collect();
+    let sources = Sources::for_folder(folder, made_of, &names)?;
     Report {
         folder,
         options,
@@ -176,9 +177,8 @@ impl Report<'_> {
             limit.line = *line;
         }
         let limits = limits.iter().filter(|_| options.gate);
-        let gate: Vec<_> = limits
-            .flat_map(|limit| limit_results(limit, &summary, &manifest))
-            .collect();
+        let gate = limits.flat_map(|limit| limit_results(limit, &summary, &manifest));
+        let gate: Vec<_> = gate.collect();
         let last_session = manifest.sessions.last().map(|last| last.began.clone());
         let candidates = summary.candidate_labels();
         let (figures, scenes) = self.pictures(&candidates)?;
@@ -484,12 +484,10 @@ fn nothing_scored(manifest: &Manifest, summary: &Results) -> Option<String> {
 
 /// Digest of the pairs of a recording, each once, in their order.
 fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
-    let own = rows
-        .iter()
-        .filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
-    let pairs: BTreeMap<_, _> = own
-        .map(|row| (row.sequence, row.pair_hash.as_str()))
-        .collect();
+    let own = rows.iter();
+    let own = own.filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
+    let pairs = own.map(|row| (row.sequence, row.pair_hash.as_str()));
+    let pairs: BTreeMap<_, _> = pairs.collect();
     let hashes: Vec<_> = pairs.into_values().collect();
     (!hashes.is_empty()).then(|| hash(&hashes.join("\n")))
 }
@@ -498,16 +496,12 @@ fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
 fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     let mut times: Vec<(String, Vec<f64>)> = Vec::new();
     for row in rows.iter().filter(|row| row.stress.is_none()) {
-        let Some(total_us) = row.total_us else {
-            continue;
-        };
-        let ms = total_us as f64 / 1e3;
-        match times
-            .iter_mut()
-            .find(|(algorithm, _)| *algorithm == row.algorithm)
-        {
-            Some((_, own)) => own.push(ms),
-            None => times.push((row.algorithm.clone(), vec![ms])),
+        let ms = row.total_us.map(|us| us as f64 / 1e3);
+        let mut known = times.iter_mut();
+        match (known.find(|(algorithm, _)| *algorithm == row.algorithm), ms) {
+            (Some((_, own)), _) => own.extend(ms),
+            (None, Some(ms)) => times.push((row.algorithm.clone(), vec![ms])),
+            (None, None) => {}
         }
     }
     times

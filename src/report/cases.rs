@@ -8,22 +8,17 @@ use super::rows::Row;
 use super::samples::{is_scene, total};
 use super::table::{NONE, Table};
 use super::words::number;
+use std::collections::BTreeMap;
+use svl_core::counted;
 use svl_score::judge::{Metric, TruthLevel};
 
 /// Limit of the rows: the tables of the report have all cases.
 const MAX_CASES: usize = 40;
 
-/// A scene or a course.
+/// A scene or a course, and of each algorithm the value and the outcome in words.
 struct Case {
     name: String,
-    outcomes: Vec<Outcome>,
-}
-
-/// Result of an algorithm.
-struct Outcome {
-    algorithm: String,
-    value: Option<f64>,
-    words: String,
+    outcomes: BTreeMap<String, (Option<f64>, String)>,
 }
 
 impl Results {
@@ -40,9 +35,9 @@ impl Results {
         };
         let ranked = self.ranked_algorithms();
         let best = &ranked.iter().find(|a| self.is_candidate(a))?.algorithm;
-        let best_value = |case: &Case| case.find(best)?.value;
+        let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
-        cases.sort_by(|a, b| better_first(metric, best_value(b), best_value(a)));
+        cases.sort_by(|a, b| better_first(metric, value(b), value(a)));
         let (title, head) = if is_driven {
             ("Outcome of each drive".to_owned(), "course")
         } else {
@@ -51,56 +46,41 @@ impl Results {
         let labels = || ranked.iter().map(|a| a.algorithm.as_str());
         let mut table = Table::new(title, head).with_columns(labels());
         for case in cases.iter().take(MAX_CASES) {
-            let words = |label| case.find(label).map_or(NONE, |outcome| &outcome.words);
+            let words = |label| case.outcomes.get(label).map_or(NONE, |(_, words)| words);
             table.push(&case.name, labels().map(words).map(str::to_owned));
         }
         let more = cases.len().saturating_sub(MAX_CASES);
         let more = (more > 0).then(|| format!("; {more} more are in the report's tables"));
-        let order = format!("by {best}, the worst first{}", more.unwrap_or_default());
-        table.note("order", order);
-        if is_driven {
-            table.note(
-                "✓",
-                "the goal was reached without a collision and without help",
-            );
-            table.note("stuck", "the robot got stuck and was set back on the route");
-            table.note("late", "the goal was not reached in time");
-        }
+        let more = more.unwrap_or_default();
+        table.note("order", format!("by {best}, the worst first{more}"));
+        let meanings: &[&str] = &[
+            "✓: the goal was reached without a collision and without help",
+            "stuck: the robot got stuck and was set back on the route",
+            "late: the goal was not reached in time",
+        ];
+        let table = table.with_notes(if is_driven { meanings } else { &[] });
         (cases.len() > 1).then_some(table)
-    }
-}
-
-impl Case {
-    fn find(&self, label: &str) -> Option<&Outcome> {
-        self.outcomes.iter().find(|o| o.algorithm == label)
     }
 }
 
 /// The scenes of a data set: its frames have names.
 fn scenes(metric: &Metric, rows: &[Row]) -> Vec<Case> {
-    let rows = rows.iter().filter(|row| row.stress.is_none());
-    collect(rows.filter(|row| is_scene(row)).map(|row| {
+    let rows = rows.iter();
+    let rows = rows.filter(|row| row.stress.is_none() && is_scene(row));
+    collect(rows.map(|row| {
         let value = total(metric, &[row]);
         let words = value.map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value));
-        let outcome = Outcome {
-            algorithm: row.algorithm.clone(),
-            value,
-            words,
-        };
-        (row.name.clone(), outcome)
+        (row.name.clone(), &row.algorithm, (value, words))
     }))
 }
 
 fn courses(drives: &[DriveRow]) -> Vec<Case> {
     let drives = drives.iter().filter(|drive| drive.stress.is_none());
     collect(drives.map(|drive| {
-        let outcome = Outcome {
-            algorithm: drive.algorithm.clone(),
-            // A drive that did not finish without a collision is worse than a finished one.
-            value: Some(drive.collisions as f64 + if drive.finished { 0.0 } else { 0.5 }),
-            words: drive_words(drive),
-        };
-        (format!("course {}", drive.seed), outcome)
+        // A drive that did not finish without a collision is worse than a finished one.
+        let value = drive.collisions as f64 + if drive.finished { 0.0 } else { 0.5 };
+        let name = format!("course {}", drive.seed);
+        (name, &drive.algorithm, (Some(value), drive_words(drive)))
     }))
 }
 
@@ -108,29 +88,27 @@ fn drive_words(drive: &DriveRow) -> String {
     if drive.finished {
         return "✓".to_owned();
     }
-    let hits = match drive.collisions {
-        0 => None,
-        1 => Some("1 hit".to_owned()),
-        hits => Some(format!("{hits} hits")),
-    };
+    let hits = (drive.collisions > 0).then(|| counted(drive.collisions, "hit"));
     let stuck = (drive.stuck > 0).then(|| "stuck".to_owned());
     let late = (!drive.arrived).then(|| "late".to_owned());
-    let words: Vec<_> = hits.into_iter().chain(stuck).chain(late).collect();
-    words.join(", ")
+    let words = hits.into_iter().chain(stuck).chain(late);
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// The cases in the order of their first outcomes.
-fn collect(outcomes: impl Iterator<Item = (String, Outcome)>) -> Vec<Case> {
+fn collect<'a>(
+    outcomes: impl Iterator<Item = (String, &'a String, (Option<f64>, String))>,
+) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    for (name, outcome) in outcomes {
+    for (name, algorithm, outcome) in outcomes {
         // The outcomes of a case are neighbours, or nearly so.
-        match cases.iter_mut().rev().find(|case| case.name == name) {
-            Some(case) => case.outcomes.push(outcome),
-            None => cases.push(Case {
-                name,
-                outcomes: vec![outcome],
-            }),
-        }
+        let known = cases.iter().rposition(|case| case.name == name);
+        let place = known.unwrap_or_else(|| {
+            let outcomes = BTreeMap::new();
+            cases.push(Case { name, outcomes });
+            cases.len() - 1
+        });
+        cases[place].outcomes.insert(algorithm.clone(), outcome);
     }
     cases
 }

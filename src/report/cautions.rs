@@ -7,45 +7,24 @@ use svl_core::counted;
 impl Results {
     /// Losses and cautions, each with its cure where there is one.
     pub fn cautions(&self) -> Vec<String> {
-        let incomplete = self
-            .ending
-            .incomplete
-            .iter()
-            .map(|why| format!("incomplete: {why}"));
+        let incomplete = self.ending.incomplete.iter();
+        let incomplete = incomplete.map(|why| format!("incomplete: {why}"));
         let note = self.ending.note().map(|note| format!("not scored: {note}"));
         let doubts = self.ending.missing.doubts.iter();
         let doubts = doubts.map(|doubt| format!("the truth is doubtful: {doubt}"));
         let failed = self.failed.iter().map(|f| {
-            let pairs = if f.on_every_pair {
-                "every pair".to_owned()
-            } else {
-                format!("{} and is not ranked", counted(f.pairs, "pair"))
+            let pairs = match f.on_every_pair {
+                true => "every pair".to_owned(),
+                false => counted(f.pairs, "pair"),
             };
             format!("{} failed on {pairs}: {}", f.algorithm, f.reason)
         });
-        let doubtful = self
-            .programs
-            .iter()
-            .filter(|run| run.program.is_time_doubtful());
-        let doubtful = doubtful.map(|run| {
-            let name = &run.algorithm;
-            format!("{name} answers far later than the time that it reports, which is not ranked")
-        });
         let profile = self.basis.slow_profile.clone();
-        let parts = incomplete
-            .chain(doubts)
-            .chain(note)
-            .chain(failed)
-            .chain(doubtful);
-        parts
-            .chain(self.empty_area())
-            .chain(self.nothing_near())
-            .chain(self.prior_words())
-            .chain(profile)
-            .chain(self.mixed_times())
-            .chain(self.slow_drivers())
-            .chain(self.outliers())
-            .collect()
+        let parts = incomplete.chain(doubts).chain(note).chain(failed);
+        let parts = parts.chain(self.empty_area()).chain(self.nothing_near());
+        let parts = parts.chain(self.prior_words()).chain(profile);
+        let parts = parts.chain(self.mixed_times()).chain(self.slow_drivers());
+        parts.chain(self.outliers()).collect()
     }
 
     /// Caution about obstacles where nothing is near.
@@ -74,21 +53,17 @@ impl Results {
     /// were not.
     fn slow_drivers(&self) -> Vec<String> {
         // The times of other builds are not those of svl.
-        let drives = self
-            .drives
-            .iter()
-            .filter(|_| self.basis.slow_profile.is_none());
+        let drives = self.drives.iter();
+        let drives = drives.filter(|_| self.basis.slow_profile.is_none());
         let words = drives.filter_map(|drive| {
             let mut algorithms = self.algorithms.iter();
             let own = algorithms.find(|a| a.algorithm == drive.algorithm)?;
             let (p50_ms, period_ms) = (own.p50_ms?, drive.period_ms?);
             (drive.latency_ms.is_none() && p50_ms > period_ms).then(|| {
+                let (name, own, period) = (&drive.algorithm, ms(p50_ms), ms(period_ms));
                 format!(
-                    "{} takes {} ms per pair and steers as if it took {}, the time from pair to \
-                     pair; [drive] latency_ms sets what it takes on the robot",
-                    drive.algorithm,
-                    ms(p50_ms),
-                    ms(period_ms)
+                    "{name} takes {own} ms per pair and steers as if it took {period}, the time \
+                     from pair to pair; [drive] latency_ms sets what it takes on the robot"
                 )
             })
         });

@@ -1,6 +1,6 @@
 //! Choice among many algorithms: sorted by a metric, the best by each, and the Pareto front.
 
-use super::results::{AlgorithmSummary, Results};
+use super::results::{AlgorithmSummary, ProgramSummary, Results};
 use std::cmp::Ordering;
 use svl_score::judge::{Better, Metric, TruthLevel};
 
@@ -9,22 +9,22 @@ impl Results {
     /// that has no better direction the largest is first.
     pub(super) fn sort_by(&mut self, metric: &Metric) {
         // Before they are taken out: values are looked up among them.
-        let values = self.algorithms.iter().map(|a| self.ranked(a, metric));
-        let values: Vec<_> = values.collect();
-        let algorithms = std::mem::take(&mut self.algorithms);
-        let mut algorithms: Vec<_> = values.into_iter().zip(algorithms).collect();
-        algorithms.sort_by(|(a, _), (b, _)| better_first(metric, *a, *b));
-        self.algorithms = algorithms
-            .into_iter()
-            .map(|(_, algorithm)| algorithm)
-            .collect();
+        let keyed = self.algorithms.iter().cloned();
+        let mut keyed: Vec<_> = keyed.map(|a| (self.ranked(&a, metric), a)).collect();
+        keyed.sort_by(|(a, _), (b, _)| better_first(metric, *a, *b));
+        self.algorithms = keyed.into_iter().map(|(_, algorithm)| algorithm).collect();
     }
 
     /// True for an algorithm that may be called best: it has a result of every pair, and is not a
     /// reference at an end of the scale, the truth or `blind`.
     pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
-        let label = &algorithm.algorithm;
-        !self.is_reference(algorithm) && self.failed.iter().all(|f| f.algorithm != *label)
+        !self.is_reference(algorithm) && !self.has_failed(algorithm)
+    }
+
+    /// True if it has no result of some pairs.
+    pub(super) fn has_failed(&self, algorithm: &AlgorithmSummary) -> bool {
+        let mut failed = self.failed.iter();
+        failed.any(|f| f.algorithm == algorithm.algorithm)
     }
 
     /// True for the truth and for `blind`.
@@ -51,14 +51,18 @@ impl Results {
     /// The value by which an algorithm is ranked: none for a time that is not believable, nor for
     /// times that are not comparable.
     pub(super) fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
-        let is_doubtful = || {
-            let mut programs = self.programs.iter();
-            programs
-                .any(|run| run.algorithm == algorithm.algorithm && run.program.is_time_doubtful())
-        };
         let value = self.value(&algorithm.algorithm, metric, None);
-        let is_ranked = || !is_doubtful() && self.has_comparable_times();
+        let is_ranked = || self.is_believable(algorithm, metric) && self.has_comparable_times();
         value.filter(|_| metric.name != "time" || is_ranked())
+    }
+
+    /// False for the time of a program that answers far later than it reports.
+    pub(super) fn is_believable(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> bool {
+        let mut programs = self.programs.iter();
+        let is_doubtful = |run: &ProgramSummary| {
+            run.algorithm == algorithm.algorithm && run.program.is_time_doubtful()
+        };
+        metric.name != "time" || !programs.any(is_doubtful)
     }
 
     /// The objectives of the kind of run that it measures, and the algorithms that no other one

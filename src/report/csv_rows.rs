@@ -2,7 +2,7 @@
 
 use super::rows::{CsvCells, Record};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_files::ColumnPlaces;
@@ -103,19 +103,24 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     RowReader::open(path)?.collect()
 }
 
+/// A writer of rows, behind the names of their columns.
+pub(super) fn row_writer<R: Record, W: Write>(file: W) -> csv::Result<csv::Writer<W>> {
+    let mut builder = csv::WriterBuilder::new();
+    // The header is written from the columns, also when no row ever comes.
+    let mut writer = builder.has_headers(false).from_writer(file);
+    writer.write_record(R::columns().iter().map(|column| column.name))?;
+    Ok(writer)
+}
+
 /// Rows as the text of a CSV file.
 pub(super) fn rows_to_text<R: Record>(rows: &[R]) -> std::result::Result<String, String> {
-    let mut writer = csv::WriterBuilder::new()
-        .has_headers(false)
-        .from_writer(Vec::new());
-    let head = R::columns();
-    let mut written = writer.write_record(head.iter().map(|column| column.name));
-    for row in rows {
-        written = written.and_then(|()| writer.serialize(row.values()));
-    }
-    written.map_err(|e| e.to_string())?;
-    let bytes = writer.into_inner().map_err(|e| e.to_string())?;
-    String::from_utf8(bytes).map_err(|e| e.to_string())
+    let written = row_writer::<R, _>(Vec::new()).and_then(|mut writer| {
+        rows.iter()
+            .try_for_each(|row| writer.serialize(row.values()))?;
+        Ok(writer)
+    });
+    let bytes = written.map_err(|e| e.to_string())?.into_inner();
+    String::from_utf8(bytes.map_err(|e| e.to_string())?).map_err(|e| e.to_string())
 }
 
 /// The rows of such a text.

@@ -20,62 +20,41 @@ pub struct TableDescription {
 
 /// All tables with fixed columns.
 pub const TABLES: &[TableDescription] = &[
-    TableDescription {
-        name: "summary",
-        about: "one algorithm over all unperturbed pairs",
-        columns: AlgorithmSummary::columns,
-    },
-    TableDescription {
-        name: "verdicts",
-        about: "one checkpoint through one algorithm over all runs",
-        columns: CheckpointSummary::columns,
-    },
-    TableDescription {
-        name: "rows",
-        about: "one pair through one algorithm",
-        columns: Row::columns,
-    },
-    TableDescription {
-        name: "cells",
-        about: "one cell of the obstacle grid in one pair through one algorithm",
-        columns: CellRow::columns,
-    },
-    TableDescription {
-        name: "checkpoints",
-        about: "one checkpoint of one run through one algorithm",
-        columns: CheckpointRow::columns,
-    },
-    TableDescription {
-        name: "accuracy",
-        about: "the errors of the distances of one algorithm in one range",
-        columns: AccuracyRow::columns,
-    },
-    TableDescription {
-        name: "reliability",
-        about: "the cells of one algorithm whose probability lies in one range",
-        columns: ReliabilityRow::columns,
-    },
-    TableDescription {
-        name: PRIOR,
-        about: "one pair through the prior, which looks at nothing",
-        columns: Row::columns,
-    },
-    TableDescription {
-        name: "failures",
-        about: "one pair that an algorithm failed on",
-        columns: FailureRow::columns,
-    },
-    TableDescription {
-        name: "drives",
-        about: "one course with one algorithm at the wheel",
-        columns: DriveRow::columns,
-    },
-    TableDescription {
-        name: "tracks",
-        about: "the robot at one pair of a drive",
-        columns: TrackRow::columns,
-    },
+    table::<AlgorithmSummary>("summary", "one algorithm over all unperturbed pairs"),
+    table::<CheckpointSummary>(
+        "verdicts",
+        "one checkpoint through one algorithm over all runs",
+    ),
+    table::<Row>("rows", "one pair through one algorithm"),
+    table::<CellRow>(
+        "cells",
+        "one cell of the obstacle grid in one pair through one algorithm",
+    ),
+    table::<CheckpointRow>(
+        "checkpoints",
+        "one checkpoint of one run through one algorithm",
+    ),
+    table::<AccuracyRow>(
+        "accuracy",
+        "the errors of the distances of one algorithm in one range",
+    ),
+    table::<ReliabilityRow>(
+        "reliability",
+        "the cells of one algorithm whose probability lies in one range",
+    ),
+    table::<Row>(PRIOR, "one pair through the prior, which looks at nothing"),
+    table::<FailureRow>("failures", "one pair that an algorithm failed on"),
+    table::<DriveRow>("drives", "one course with one algorithm at the wheel"),
+    table::<TrackRow>("tracks", "the robot at one pair of a drive"),
 ];
+
+const fn table<R: Record>(name: &'static str, about: &'static str) -> TableDescription {
+    TableDescription {
+        name,
+        about,
+        columns: R::columns,
+    }
+}
 
 /// The metrics, which are no table on disk.
 pub const METRIC_NAMES: TableDescription = TableDescription {

@@ -176,10 +176,8 @@ pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSum
         });
         by_algorithm.entry(place).or_default().push(row);
     }
-    by_algorithm
-        .into_values()
-        .map(|rows| summary(&rows))
-        .collect()
+    let by_algorithm = by_algorithm.into_values().map(|rows| summary(&rows));
+    by_algorithm.collect()
 }
 
 fn summary(rows: &[&DriveRow]) -> DriveSummary {
@@ -230,9 +228,8 @@ pub(super) fn sample(metric: &Metric, label: &str, rows: &[DriveRow]) -> Option<
     let MetricOrigin::Drives(number) = metric.origin else {
         return None;
     };
-    let own = rows
-        .iter()
-        .filter(|row| row.algorithm == label && row.stress.is_none());
+    let own = rows.iter();
+    let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
     let own: BTreeMap<u64, &DriveRow> = own.map(|row| (row.seed, row)).collect();
     Some(drive_sample(number, own.into_values()))
 }

@@ -56,62 +56,47 @@ pub struct GateResult {
 pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> Vec<GateResult> {
     // A bare name matches the algorithm with any parameters.
     let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
-    let unit = limit
-        .relative_to
-        .as_deref()
-        .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let unit = limit.relative_to.as_deref();
+    let unit = unit.map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
     let area = limit.area.unwrap_or_default();
     let result = |algorithm: &AlgorithmRecord| {
+        let label = &algorithm.label;
+        let is_of_prior = limit.relative_to.as_deref() == Some(PRIOR);
+        let value_of = |label: &str| summary.value_in(label, limit.metric, limit.checkpoint, area);
         let value = match unit {
-            _ if limit.relative_to.as_deref() == Some(PRIOR) => {
-                let value = |label: &str| summary.value_in(label, limit.metric, None, area);
-                let both = value(&algorithm.label).zip(value(PRIOR));
+            _ if is_of_prior => {
+                let both = value_of(label).zip(value_of(PRIOR));
                 both.map(|(own, prior)| own - prior)
             }
-            None => summary.value_in(&algorithm.label, limit.metric, limit.checkpoint, area),
+            None => value_of(label),
             Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
         };
         let keeps =
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
-        // The reference of the ratio is named but not in this run.
-        let absent = matches!(unit, Some(None)) && limit.relative_to.as_deref() != Some(PRIOR);
         let state = match value {
-            _ if absent => GateState::Skipped,
+            // The reference of the ratio is named but not in this run.
+            _ if matches!(unit, Some(None)) && !is_of_prior => GateState::Skipped,
             None => GateState::NotMeasured,
             Some(value) if keeps(value) => GateState::Pass,
             Some(_) => GateState::Fail,
         };
-        let summary_row = summary_row(summary, algorithm).filter(|_| limit.metric.against_truth);
+        let own = summary_row(summary, algorithm).filter(|_| limit.metric.against_truth);
         GateResult {
-            limit: limit.clone(),
-            algorithm: Some(algorithm.label.clone()),
+            algorithm: Some(label.clone()),
             value,
             state,
-            scored: summary_row.and_then(|row| row.scored_for(limit.metric, area)),
+            scored: own.and_then(|row| row.scored_for(limit.metric, area)),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
+            ..GateResult::skipped(limit)
         }
     };
     // A limit for a bare name has a result per variant of the algorithm.
-    let results: Vec<_> = manifest
-        .algorithms
-        .iter()
-        .filter(|a| is(a, &limit.algorithm))
-        .map(result)
-        .collect();
-    let unmatched = || {
-        vec![GateResult {
-            limit: limit.clone(),
-            algorithm: None,
-            value: None,
-            state: GateState::Skipped,
-            scored: None,
-            caution: None,
-        }]
-    };
-    if results.is_empty() {
-        unmatched()
-    } else {
-        results
+    let algorithms = manifest.algorithms.iter();
+    let own = algorithms.filter(|a| is(a, &limit.algorithm));
+    let results: Vec<_> = own.map(result).collect();
+    match results[..] {
+        [] => vec![GateResult::skipped(limit)],
+        _ => results,
     }
 }
 
@@ -150,47 +135,54 @@ fn exact_bound(metric: &Metric, bound: f64) -> String {
 }
 
 impl GateResult {
+    /// That of a limit that no algorithm of the run matches.
+    fn skipped(limit: &Limit) -> Self {
+        Self {
+            limit: limit.clone(),
+            algorithm: None,
+            value: None,
+            state: GateState::Skipped,
+            scored: None,
+            caution: None,
+        }
+    }
+
     /// The number that is limited, in words: algorithm, metric, and what it is relative to.
     fn subject(&self) -> String {
-        let Limit {
-            algorithm,
-            metric,
-            checkpoint,
-            area,
-            relative_to,
-            ..
-        } = &self.limit;
-        let algorithm = self.algorithm.as_ref().unwrap_or(algorithm);
-        let area = area.map_or_else(String::new, |area| format!(" in area {area}"));
-        let checkpoint = checkpoint.map(|number| format!(" at checkpoint {number}"));
-        let other = relative_to.as_ref();
-        let other = other.map(|other| match other.as_str() {
+        let limit = &self.limit;
+        let algorithm = self.algorithm.as_ref().unwrap_or(&limit.algorithm);
+        let area = limit.area.map(|area| format!(" in area {area}"));
+        let checkpoint = limit
+            .checkpoint
+            .map(|number| format!(" at checkpoint {number}"));
+        let other = limit.relative_to.as_deref().map(|other| match other {
             PRIOR => " minus the prior's".to_owned(),
             other => format!(" in units of {other}'s"),
         });
-        let [checkpoint, other] = [checkpoint, other].map(Option::unwrap_or_default);
-        format!("{algorithm}: {}{area}{checkpoint}{other}", metric.words)
+        let extent = [area, checkpoint, other]
+            .map(Option::unwrap_or_default)
+            .concat();
+        format!("{algorithm}: {}{extent}", limit.metric.words)
     }
 
     /// The same with the kind of its bounds, without their values.
     fn limited(&self) -> String {
-        let bounds = [
-            self.limit.min.map(|_| "at least"),
-            self.limit.max.map(|_| "at most"),
-        ];
+        let (min, max) = (self.limit.min, self.limit.max);
+        let bounds = [min.map(|_| "at least"), max.map(|_| "at most")];
         let bounds: Vec<_> = bounds.into_iter().flatten().collect();
         format!("{}, {} the limit", self.subject(), bounds.join(" and "))
     }
 
     /// For JUnit.
     pub fn test_case(&self) -> TestCase {
+        let result = match self.state {
+            GateState::Pass => TestResult::Passed,
+            GateState::Fail | GateState::NotMeasured => TestResult::Failed,
+            GateState::Skipped => TestResult::Skipped,
+        };
         TestCase {
             name: self.limited(),
-            result: match self.state {
-                GateState::Pass => TestResult::Passed(self.to_string()),
-                GateState::Fail | GateState::NotMeasured => TestResult::Failed(self.to_string()),
-                GateState::Skipped => TestResult::Skipped(self.to_string()),
-            },
+            result: result(self.to_string()),
         }
     }
 }
@@ -213,12 +205,11 @@ impl std::fmt::Display for GateResult {
             (_, None) => {
                 f.write_str(" is not measured in this run")?;
                 if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
-                    let area = self.limit.area.unwrap_or_default();
-                    let of_area = match self.limit.metric.by_area {
-                        true => format!(" of area {area}"),
-                        false => String::new(),
-                    };
-                    write!(f, ": {cells} cells{of_area} have a truth")?;
+                    write!(f, ": {cells} cells")?;
+                    if metric.by_area {
+                        write!(f, " of area {}", self.limit.area.unwrap_or_default())?;
+                    }
+                    f.write_str(" have a truth")?;
                 }
             }
             (_, Some(value)) => {

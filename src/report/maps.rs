@@ -21,10 +21,9 @@ pub fn maps(
     };
     let hits = |plan: &CoursePlan| plain_drives(plan).map(|row| row.collisions).sum::<u64>();
     // The last course of an interrupted run may have no drive.
-    let mut shown: Vec<_> = plans
-        .iter()
-        .filter(|plan| plain_drives(plan).next().is_some())
-        .collect();
+    let shown = plans.iter();
+    let shown = shown.filter(|plan| plain_drives(plan).next().is_some());
+    let mut shown: Vec<_> = shown.collect();
     let is_failed = |plan: &CoursePlan| {
         let mut failed = plain_drives(plan).filter(|row| !row.finished);
         failed.any(|row| candidates.contains(&row.algorithm.as_str()))
@@ -43,9 +42,8 @@ pub fn maps(
             let events = own.iter().filter(|at| at.event.as_deref() == Some(event));
             events.map(|at| [at.x_m, at.y_m]).collect()
         };
-        let hit = own
-            .iter()
-            .find(|at| at.event.as_deref() == Some("collision"));
+        let mut all = own.iter();
+        let hit = all.find(|at| at.event.as_deref() == Some("collision"));
         let stretches = own.chunk_by(|_, next| !next.placed);
         MapWay {
             name: row.algorithm.clone(),

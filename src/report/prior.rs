@@ -120,17 +120,13 @@ impl PriorTally {
     /// The rows of the prior, in the order of the pairs.
     pub(super) fn into_rows(self, rule: CellRule) -> Vec<Row> {
         let groups = self.groups();
-        let medians: BTreeMap<usize, _> = groups
-            .iter()
-            .copied()
-            .collect::<BTreeSet<_>>()
-            .into_iter()
-            .map(|group| (group, self.medians_beside(group, &groups)))
-            .collect();
+        let medians = groups.iter().copied().collect::<BTreeSet<_>>();
+        let medians = medians.into_iter();
+        let medians = medians.map(|group| (group, self.medians_beside(group, &groups)));
+        let medians: BTreeMap<usize, _> = medians.collect();
         let pairs = self.pairs.into_iter().zip(&groups);
-        pairs
-            .map(|(pair, group)| pair.into_row(&medians[group], rule))
-            .collect()
+        let pairs = pairs.map(|(pair, group)| pair.into_row(&medians[group], rule));
+        pairs.collect()
     }
 
     /// Per pair its run, or, of a single run, its block.
@@ -149,10 +145,8 @@ impl PriorTally {
             return (0..runs.len()).map(|i| i / length.max(1)).collect();
         }
         let place = |run| {
-            distinct
-                .iter()
-                .position(|own| *own == run)
-                .unwrap_or_default()
+            let distinct = distinct.iter().position(|own| *own == run);
+            distinct.unwrap_or_default()
         };
         runs.into_iter().map(place).collect()
     }
@@ -160,11 +154,8 @@ impl PriorTally {
     /// Per cell the median of the true disparities of the other groups' scored cells.
     fn medians_beside(&self, group: usize, groups: &[usize]) -> BTreeMap<(u32, u32), f64> {
         let mut values: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
-        let others = self
-            .pairs
-            .iter()
-            .zip(groups)
-            .filter(|(_, own)| **own != group);
+        let others = self.pairs.iter().zip(groups);
+        let others = others.filter(|(_, own)| **own != group);
         for cell in others.flat_map(|(pair, _)| &pair.cells) {
             if let Some(px) = cell.true_median_px {
                 values.entry((cell.column, cell.row)).or_default().push(px);

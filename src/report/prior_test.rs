@@ -27,9 +27,8 @@ impl Results {
         let prior: BTreeMap<_, _> = prior.iter().map(|row| (key(row), row)).collect();
         self.basis.prior_test = PriorTest::Tested;
         for label in self.algorithms.iter().map(|a| &a.algorithm) {
-            let own = rows
-                .iter()
-                .filter(|r| r.algorithm == *label && r.stress.is_none());
+            let own = rows.iter();
+            let own = own.filter(|r| r.algorithm == *label && r.stress.is_none());
             let both = own.filter_map(|row| Some((row, *prior.get(&key(row))?)));
             let (own, prior): (Vec<_>, Vec<_>) = both.unzip();
             let samples = [&prior, &own].map(|rows| merit_sample(rows));
@@ -47,7 +46,7 @@ impl Results {
     pub(super) fn prior_words(&self) -> Option<String> {
         let metric = Metric::find("right")?;
         let right = self.prior.as_ref()?.value(metric)?;
-        let words = self.words(metric);
+        let words = metric.words;
         (self.basis.prior_test == PriorTest::Still).then(|| {
             format!(
                 "the scene hardly changes: who looks at nothing (prior) has {} {words}",

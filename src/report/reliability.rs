@@ -161,13 +161,8 @@ pub(super) const ABOUT: &str = "Fraction of right cells by the probability that 
 pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Chart> {
     let series = |(name, bins): (String, Vec<ReliabilityBin>)| {
         let drawn = bins.iter().filter(|bin| bin.cells >= MIN_CELLS);
-        Series {
-            name,
-            form: SeriesStyle::Both,
-            points: drawn
-                .map(|bin| (100.0 * bin.predicted, 100.0 * bin.right))
-                .collect(),
-        }
+        let points = drawn.map(|bin| (100.0 * bin.predicted, 100.0 * bin.right));
+        Series::new(&name, SeriesStyle::Both, points.collect())
     };
     let mut series: Vec<_> = bins.into_iter().map(series).collect();
     series.retain(|series| !series.points.is_empty());
@@ -179,17 +174,10 @@ pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Cha
         range: Some(range),
         ..Axis::share(label)
     };
-    series.push(Series {
-        name: "as predicted".into(),
-        form: SeriesStyle::Front,
-        points: vec![(range.0, range.0), (range.1, range.1)],
-    });
-    Some(Chart {
-        title: String::new(),
-        x: axis("predicted right, %"),
-        y: axis("observed right, %"),
-        series,
-    })
+    let diagonal = vec![(range.0, range.0), (range.1, range.1)];
+    series.push(Series::new("as predicted", SeriesStyle::Front, diagonal));
+    let (x, y) = (axis("predicted right, %"), axis("observed right, %"));
+    Some(Chart::untitled(x, y, series))
 }
 
 #[cfg(test)]

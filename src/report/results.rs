@@ -16,7 +16,7 @@ use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_files::slow_profile;
 use svl_score::judge::{
-    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricValues, TruthLevel,
+    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, TruthLevel,
 };
 use svl_score::losses::Ending;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
@@ -262,28 +262,19 @@ record! {
 
 impl ResultScope {
     fn new(rows: &[&Row], algorithms: &[AlgorithmSummary]) -> Self {
-        let pairs: BTreeSet<_> = rows
-            .iter()
-            .map(|r| (run_key(r), r.sequence, &r.name))
-            .collect();
+        let pairs = rows.iter().map(|r| (run_key(r), r.sequence, &r.name));
+        let pairs: BTreeSet<_> = pairs.collect();
         let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
         let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width, row.height)).collect();
-        let with = |name: &str| {
-            rows.iter()
-                .filter(|r| r.metrics.get(name).is_some())
-                .count()
-        };
+        let values = |name: &'static str| rows.iter().filter_map(move |row| row.metrics.get(name));
         Self {
             pairs: pairs.len() as u64,
             sizes: sizes.into_iter().collect(),
             runs: runs.len() as u64,
             scored: algorithms.iter().filter_map(AlgorithmSummary::scored).max(),
-            cells_of_pair: rows
-                .iter()
-                .filter_map(|row| row.metrics.get("scored_cells"))
-                .fold(0.0, f64::max) as u64,
-            by_distance: with("missed") as u64,
-            knowing_floor: with("floor") as u64,
+            cells_of_pair: values("scored_cells").fold(0.0, f64::max) as u64,
+            by_distance: values("missed").count() as u64,
+            knowing_floor: values("floor").count() as u64,
         }
     }
 }
@@ -304,25 +295,38 @@ impl AlgorithmSummary {
             return summary;
         }
         let speed = Speed::from_rows(rows);
-        let stage_ms = |place: usize| Some(speed.stages_ms[place]);
+        let [p50, p95, p99, max] = [0.50, 0.95, 0.99, 1.0].map(|share| Some(speed.rank_ms(share)));
+        let [smoothing, texture, matching, checks, filters, other] = speed.stages_ms.map(Some);
         let time_per_gd_s = speed.time_per_gd_s();
         Self {
-            p50_ms: Some(speed.rank_ms(0.50)),
-            p95_ms: Some(speed.rank_ms(0.95)),
-            p99_ms: Some(speed.rank_ms(0.99)),
-            max_ms: Some(speed.rank_ms(1.0)),
+            p50_ms: p50,
+            p95_ms: p95,
+            p99_ms: p99,
+            max_ms: max,
             time_per_mp_s: Some(speed.time_per_mp_s()),
             time_per_gd_s,
             mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
-            smoothing_ms: stage_ms(0),
-            texture_ms: stage_ms(1),
-            matching_ms: stage_ms(2),
-            checks_ms: stage_ms(3),
-            filters_ms: stage_ms(4),
-            other_ms: stage_ms(5),
+            smoothing_ms: smoothing,
+            texture_ms: texture,
+            matching_ms: matching,
+            checks_ms: checks,
+            filters_ms: filters,
+            other_ms: other,
             outliers: Some(speed.outliers()),
             ..summary
         }
+    }
+
+    /// The mean times of [`super::speed::STAGES`].
+    pub(super) fn stages_ms(&self) -> [Option<f64>; 6] {
+        [
+            self.smoothing_ms,
+            self.texture_ms,
+            self.matching_ms,
+            self.checks_ms,
+            self.filters_ms,
+            self.other_ms,
+        ]
     }
 
     /// Numbers of pairs and of cells that were scored against a truth; `None` if no pair has one.
@@ -433,11 +437,8 @@ impl Results {
     /// The sums of rows, whatever their perturbation.
     pub(super) fn from_pairs(rows: &[&Row], checkpoints: &[&CheckpointRow]) -> Self {
         let algorithms = grouped(rows, |row| &row.algorithm, AlgorithmSummary::new);
-        let mut checkpoints = grouped(
-            checkpoints,
-            |row| (row.checkpoint, &row.algorithm),
-            CheckpointSummary::new,
-        );
+        let key = |row: &'_ CheckpointRow| (row.checkpoint, row.algorithm.clone());
+        let mut checkpoints = grouped(checkpoints, key, CheckpointSummary::new);
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
@@ -473,27 +474,25 @@ impl Results {
             }));
             let mut summaries = self.algorithms.iter_mut();
             let summary = summaries.find(|a| a.algorithm == record.label);
-            self.failed
-                .extend(record.failure.as_ref().map(|reason| FailedAlgorithm {
-                    algorithm: record.label.clone(),
-                    pairs: record.failed_pairs,
-                    on_every_pair: summary.is_none(),
-                    reason: reason.clone(),
-                }));
+            let failure = record.failure.as_ref();
+            self.failed.extend(failure.map(|reason| FailedAlgorithm {
+                algorithm: record.label.clone(),
+                pairs: record.failed_pairs,
+                on_every_pair: summary.is_none(),
+                reason: reason.clone(),
+            }));
             if let Some(summary) = summary {
                 summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
                 summary.failed_pairs = record.failed_pairs;
             } else if record.failed_pairs > 0 {
-                self.algorithms.push(AlgorithmSummary {
+                let mut failed = AlgorithmSummary {
                     algorithm: record.label.clone(),
-                    totals: if self.truth.is_empty() {
-                        MetricTotals::default()
-                    } else {
-                        MetricTotals(MetricValues::from([("scored_pairs", 0.0)]))
-                    },
                     failed_pairs: record.failed_pairs,
                     ..AlgorithmSummary::default()
-                });
+                };
+                let scored = (!self.truth.is_empty()).then_some(0.0);
+                failed.totals.0.set("scored_pairs", scored);
+                self.algorithms.push(failed);
             }
         }
     }
@@ -609,9 +608,8 @@ impl Results {
 
 /// Caveat beside numbers that come of these origins of truths.
 pub(super) fn caution(truths: &[String]) -> Option<String> {
-    let origins = truths
-        .iter()
-        .map(|truth| TruthOrigin::try_from(truth.clone()));
+    let origins = truths.iter();
+    let origins = origins.map(|truth| TruthOrigin::try_from(truth.clone()));
     let cautions: Vec<_> = origins
         .filter_map(|origin| origin.ok()?.caution())
         .collect();
@@ -622,13 +620,9 @@ pub(super) fn caution(truths: &[String]) -> Option<String> {
 }
 
 fn truths(rows: &[&Row]) -> Vec<String> {
-    let mut truths: Vec<String> = Vec::new();
-    for truth in rows.iter().filter_map(|row| row.truth.as_ref()) {
-        if !truths.contains(truth) {
-            truths.push(truth.clone());
-        }
-    }
-    truths
+    let mut seen = BTreeSet::new();
+    let truths = rows.iter().filter_map(|row| row.truth.clone());
+    truths.filter(|truth| seen.insert(truth.clone())).collect()
 }
 
 /// The sums of rows of equal keys, in the order of their first ones.

@@ -10,7 +10,7 @@ use serde::ser::SerializeMap as _;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::LazyLock;
-use svl_core::stereo::{CellRule, CellState};
+use svl_core::stereo::{CellDepth, CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
     AreaChoice, CellArea, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
@@ -299,6 +299,14 @@ record! {
     }
 }
 
+impl CellRow {
+    /// The reported disparities.
+    pub(super) fn depth(&self) -> Option<CellDepth> {
+        let px = [self.p20_px?, self.median_px?, self.p80_px?];
+        Some(CellDepth::new(px.map(|px| px as f32), None))
+    }
+}
+
 record! {
     /// One checkpoint of one run through one algorithm.
     CheckpointRow {
@@ -499,13 +507,11 @@ impl MetricColumn {
     fn description(&'static self) -> ColumnDescription {
         let other = Some(self.area).filter(|area| *area != AreaChoice::default());
         let headline = metric_column(self.metric);
+        let words = capitalized(self.metric.words);
         let about = match other {
             None => headline.about,
-            Some(AreaChoice::All) => format!("{}, of all areas.", capitalized(self.metric.words)),
-            Some(area) => {
-                let words = capitalized(self.metric.words);
-                format!("{words}, of the area {}.", area.name())
-            }
+            Some(AreaChoice::All) => format!("{words}, of all areas."),
+            Some(area) => format!("{words}, of the area {}.", area.name()),
         };
         ColumnDescription {
             name: &self.name,
@@ -528,45 +534,37 @@ impl std::ops::Deref for MetricTotals {
     }
 }
 
-impl RowField for MetricValues {
-    const KIND: &'static str = "number?";
+/// Fields of several columns: those of metrics.
+macro_rules! metric_fields {
+    ($($kind:ty: $columns:ident, |$field:ident| $metrics:expr, $parsed:expr;)*) => {$(
+        impl RowField for $kind {
+            const KIND: &'static str = "number?";
 
-    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
-        columns.extend(METRICS_IN_ROWS.iter().map(MetricColumn::description));
-    }
+            fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+                columns.extend($columns.iter().map(MetricColumn::description));
+            }
 
-    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-        values.extend(metric_values(&METRICS_IN_ROWS, self));
-    }
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let $field = self;
+                values.extend(metric_values(&$columns, $metrics));
+            }
 
-    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-        parse_metrics(&METRICS_IN_ROWS, cells)
-    }
+            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                parse_metrics(&$columns, cells).map($parsed)
+            }
 
-    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
-        stored_metrics(&METRICS_IN_ROWS, fields)
-    }
+            fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let metrics = fields.iter().copied().map(|$field| $metrics);
+                let metrics: Vec<&MetricValues> = metrics.collect();
+                stored_metrics(&$columns, &metrics)
+            }
+        }
+    )*};
 }
 
-impl RowField for MetricTotals {
-    const KIND: &'static str = "number?";
-
-    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
-        columns.extend(METRICS_IN_SUMMARIES.iter().map(MetricColumn::description));
-    }
-
-    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-        values.extend(metric_values(&METRICS_IN_SUMMARIES, self));
-    }
-
-    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-        parse_metrics(&METRICS_IN_SUMMARIES, cells).map(Self)
-    }
-
-    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
-        let metrics: Vec<_> = fields.iter().map(|field| &field.0).collect();
-        stored_metrics(&METRICS_IN_SUMMARIES, &metrics)
-    }
+metric_fields! {
+    MetricValues: METRICS_IN_ROWS, |metrics| metrics, |metrics| metrics;
+    MetricTotals: METRICS_IN_SUMMARIES, |totals| &totals.0, Self;
 }
 
 /// A value per column, whole where the metric counts.
@@ -574,12 +572,11 @@ fn metric_values<'a>(
     columns: &'static [MetricColumn],
     metrics: &'a MetricValues,
 ) -> impl Iterator<Item = ColumnValue<'a>> {
-    columns
-        .iter()
-        .map(|column| match (column.value(metrics), column.metric) {
-            (value, metric) if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
-            (value, _) => ColumnValue::Real(value),
-        })
+    let values = columns.iter().map(|own| (own.value(metrics), own.metric));
+    values.map(|(value, metric)| match metric.counts() {
+        true => ColumnValue::Whole(value.map(|n| n as u64)),
+        false => ColumnValue::Real(value),
+    })
 }
 
 fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<MetricValues, String> {
@@ -595,11 +592,13 @@ fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<Metric
 fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) -> Vec<Column> {
     let column = |column: &'static MetricColumn| {
         let values = fields.iter().map(|field| column.value(field));
-        if column.metric.counts() {
-            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-            Column::new(column.name.as_str().into(), counts)
-        } else {
-            Column::new(column.name.as_str().into(), values.collect::<Vec<_>>())
+        let name = column.name.as_str().into();
+        match column.metric.counts() {
+            true => Column::new(
+                name,
+                values.map(|v| v.map(|n| n as u64)).collect::<Vec<_>>(),
+            ),
+            false => Column::new(name, values.collect::<Vec<_>>()),
         }
     };
     columns.iter().map(column).collect()
@@ -628,11 +627,7 @@ pub(super) fn metric_totals(rows: &[&Row]) -> MetricTotals {
 /// The column of a metric of frames.
 fn metric_column(metric: &Metric) -> ColumnDescription {
     let name = metric.summary_column().expect("a metric with a column");
-    let kind = if metric.counts() {
-        "integer?"
-    } else {
-        "number?"
-    };
+    let kind = ["number?", "integer?"][usize::from(metric.counts())];
     let total = match metric.column() {
         None => "Of the cells of all pairs.",
         Some((_, MetricTotal::Mean)) if metric.unit == MetricUnit::Share => {

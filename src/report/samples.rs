@@ -43,12 +43,13 @@ pub(super) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
             }
         },
-        MetricOrigin::Time => Some(Sample::Median(
-            rows.iter()
-                .map(|row| row.total_us.map(|us| us as f64 / 1000.0))
-                .map(|ms| ms.into_iter().collect())
-                .collect(),
-        )),
+        MetricOrigin::Time => {
+            let ms = rows.iter();
+            let ms = ms.map(|row| row.total_us.map(|us| us as f64 / 1000.0));
+            Some(Sample::Median(
+                ms.map(|ms| ms.into_iter().collect()).collect(),
+            ))
+        }
         MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
     }
 }
@@ -60,10 +61,8 @@ pub(super) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
 
 /// Resamples of rows, those of a run beside each other.
 pub(super) fn resamples(base: &[&Row]) -> Resamples {
-    let stretches: Vec<_> = base
-        .chunk_by(|a, b| run_key(a) == run_key(b))
-        .map(<[_]>::len)
-        .collect();
+    let stretches = base.chunk_by(|a, b| run_key(a) == run_key(b));
+    let stretches: Vec<_> = stretches.map(<[_]>::len).collect();
     // Scenes of a data set are independent of each other; frames of a recording are not, also where
     // their files have names.
     let independent = base.iter().all(|row| is_scene(row));

@@ -133,6 +133,7 @@ impl LeftImages {
 type ShotPlace = (usize, u64);
 
 /// The pictures of the runs so far.
+#[derive(Default)]
 struct ChosenPictures {
     checkpoints: Vec<Checkpoint>,
     /// Shots that are chosen from, by checkpoint and algorithm, with run and place.
@@ -145,24 +146,17 @@ impl ChosenPictures {
     fn new(plan: &ReportPlan) -> Result<Self> {
         Ok(Self {
             checkpoints: plan.manifest.part("checkpoint")?.unwrap_or_default(),
-            shots: BTreeMap::new(),
-            samples: BTreeMap::new(),
-            scenes: BTreeMap::new(),
+            ..Self::default()
         })
     }
 
     /// Adds the pictures of a unit of a run, with the place of the run.
     fn add(&mut self, (run, own): (usize, &RunUnits), unit: &StoredUnit, pictures: BlockPictures) {
         let first = unit.block * BLOCK;
-        let pairs = || {
-            own.facts
-                .pairs
-                .iter()
-                .skip(first as usize)
-                .take(BLOCK as usize)
-        };
+        let pairs = own.facts.pairs.iter().skip(first as usize);
+        let pairs = pairs.take(BLOCK as usize);
         let place = |sequence: u64| {
-            let place = pairs().position(|pair| pair.sequence == sequence)?;
+            let place = pairs.clone().position(|pair| pair.sequence == sequence)?;
             Some(first + place as u64)
         };
         for shot in pictures.checkpoints {
@@ -210,25 +204,19 @@ impl ChosenPictures {
         };
         let figures = checkpoints.into_iter().map(figure);
         let mut figures = figures.collect::<Result<Vec<_>>>()?;
+        let is_pictured = |row: &Row| pictured.contains(&row.algorithm.as_str());
         let mut samples = spread(self.samples, runs, MAX_SAMPLES);
         for sample in &mut samples {
-            sample
-                .shots
-                .retain(|(_, shot)| pictured.contains(&shot.row.algorithm.as_str()));
+            sample.shots.retain(|(_, shot)| is_pictured(&shot.row));
             sample
                 .shots
                 .sort_by_key(|(_, shot)| order(&shot.row.algorithm));
         }
-        figures.extend(
-            samples
-                .into_iter()
-                .filter(|sample| !sample.shots.is_empty()),
-        );
+        samples.retain(|sample| !sample.shots.is_empty());
+        figures.extend(samples);
         let mut scenes = spread(self.scenes, runs, MAX_SCENES);
         for scene in &mut scenes {
-            scene
-                .shots
-                .retain(|shot| pictured.contains(&shot.row.algorithm.as_str()));
+            scene.shots.retain(|shot| is_pictured(&shot.row));
             scene.shots.sort_by_key(|shot| order(&shot.row.algorithm));
         }
         scenes.retain(|scene| !scene.shots.is_empty());
@@ -241,11 +229,8 @@ fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<
     // A run that was interrupted has as many pairs as are known.
     let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
     let on_stride = |(run, place): &ShotPlace| place.is_multiple_of(stride(pairs(*run), limit));
-    let kept: Vec<_> = all
-        .into_iter()
-        .filter(|(key, _)| on_stride(key))
-        .map(|(_, picture)| picture)
-        .collect();
+    let kept = all.into_iter().filter(|(key, _)| on_stride(key));
+    let kept: Vec<_> = kept.map(|(_, picture)| picture).collect();
     let step = stride(kept.len() as u64, limit) as usize;
     kept.into_iter().step_by(step).collect()
 }
@@ -257,10 +242,9 @@ fn leading(mut shots: Vec<(ShotPlace, CheckpointShot)>) -> Result<Vec<(Rank, Fra
     for (i, (_, shot)) in shots.iter().enumerate() {
         tally.add(shot.frame(), || i);
     }
-    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
+    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)].into_iter();
+    let leading = leading.filter_map(|(rank, lead)| Some((rank, lead?.0)));
     leading
-        .into_iter()
-        .filter_map(|(rank, lead)| Some((rank, lead?.0)))
         .map(|(rank, i)| Ok((rank, shots[i].1.shot()?)))
         .collect()
 }

@@ -1,6 +1,5 @@
 //! What a report was made of: its units and its tables.
 
-use super::prior::PRIOR;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,13 +31,16 @@ impl Sources {
         Some(summary.made_of)
     }
 
-    /// The files of a folder whose tables are written, of the units with that digest.
+    /// The files of a folder whose tables are written, of the units with that digest. `names`:
+    /// those of all tables.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
-    pub(super) fn for_folder(folder: &Path, units: String) -> Result<Self> {
+    pub(super) fn for_folder(folder: &Path, units: String, names: &[&str]) -> Result<Self> {
         let mut tables = BTreeMap::new();
-        for name in TABLES {
+        // A summary is not made of itself.
+        let is_made_of = |name: &&&str| !["summary", "verdicts"].contains(name);
+        for name in names.iter().filter(is_made_of) {
             let file = format!("{name}.csv");
             let path = folder.join(&file);
             if path.is_file() {
@@ -59,16 +61,3 @@ impl Sources {
         tables.find(is_other).map(|(file, _)| file.as_str())
     }
 }
-
-/// The tables with all rows of a report.
-const TABLES: [&str; 9] = [
-    "rows",
-    "cells",
-    "failures",
-    "checkpoints",
-    "accuracy",
-    "reliability",
-    PRIOR,
-    "drives",
-    "tracks",
-];

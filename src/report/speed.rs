@@ -11,6 +11,16 @@ pub(super) const MIN_OUTLIER_SCORE: f64 = 14.26;
 /// Smallest number of pairs that have a spread.
 const MIN_SPREAD_PAIRS: usize = 20;
 
+/// The stages of matching; the last is what belongs to none.
+pub(super) const STAGES: [&str; 6] = [
+    "smoothing",
+    "texture",
+    "matching",
+    "checks",
+    "filters",
+    "other",
+];
+
 /// Times of the pairs of one algorithm.
 pub(super) struct Speed {
     /// µs, ascending.
@@ -19,8 +29,7 @@ pub(super) struct Speed {
     per_pixel: Vec<f64>,
     /// µs per pixel and disparity, ascending, of the pairs whose disparities are known.
     per_disparity: Vec<f64>,
-    /// Mean smoothing, texture, matching, checks and what belongs to no stage, of the middle half
-    /// of the pairs by time.
+    /// Means of [`STAGES`], of the middle half of the pairs by time.
     pub(super) stages_ms: [f64; 6],
 }
 
@@ -75,10 +84,8 @@ impl Speed {
         let mut deviations: Vec<_> = self.per_pixel.iter().map(|t| (t - median).abs()).collect();
         deviations.sort_by(f64::total_cmp);
         let scale = 1.4826 * nearest_rank(&deviations, 0.5).unwrap_or_default();
-        let slow = self
-            .per_pixel
-            .iter()
-            .filter(|t| **t - median > MIN_OUTLIER_SCORE * scale);
+        let slow = self.per_pixel.iter();
+        let slow = slow.filter(|t| **t - median > MIN_OUTLIER_SCORE * scale);
         // Times in whole microseconds may all be equal, and a few do not show their spread: then
         // there is no scale for outliers.
         if self.per_pixel.len() >= MIN_SPREAD_PAIRS && scale > 0.0 {

@@ -87,8 +87,7 @@ pub(super) fn add_drives(stress: &mut [StressSummary], plain: &[DriveSummary], r
 pub(super) fn kinds(stress: &[StressSummary]) -> Vec<&'static StressKind> {
     let mut kinds: Vec<&'static str> = stress.iter().map(|s| s.kind).collect();
     kinds.dedup();
-    kinds
-        .iter()
-        .filter_map(|kind| StressKind::find(kind).ok())
-        .collect()
+    let kinds = kinds.iter();
+    let kinds = kinds.filter_map(|kind| StressKind::find(kind).ok());
+    kinds.collect()
 }

@@ -1,25 +1,25 @@
 //! The tables of a summary: headline, all metrics, speed, checkpoints, drives, perturbations.
 
+use super::accuracy::AccuracyRow;
 use super::answer::USABLE;
 use super::drives::DriveSummary;
 use super::prior::PRIOR;
+use super::reliability::ReliabilityRow;
 use super::results::{AlgorithmSummary, CheckpointSummary, Results};
 use super::stress::{StressSummary, kinds};
-use super::table::{NONE, Table, TableCell, TableColumn};
+use super::table::{NONE, Table, TableCell, TableColumn, TextColumn};
 use super::words::{digits, mark, number, percent, time};
 use svl_score::bootstrap::Interval;
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, TruthLevel};
 use svl_sim::stress::StressKind;
 
-/// A column of numbers of algorithms: its group, its head, the number.
-type NumberColumn = (&'static str, &'static str, fn(&AlgorithmSummary) -> String);
-
-const TIMES: [NumberColumn; 2] = [
+const TIMES: [TextColumn<AlgorithmSummary>; 2] = [
     ("ms per pair", "p50", |a| time(a.p50_ms)),
     ("ms per pair", "p99", |a| time(a.p99_ms)),
 ];
 
-const SPEED: [NumberColumn; 13] = [
+const SPEED: [TextColumn<AlgorithmSummary>; 14] = [
+    ("", "algorithm", |a| a.algorithm.clone()),
     ("ms per pair", "p50", |a| time(a.p50_ms)),
     ("ms per pair", "p95", |a| time(a.p95_ms)),
     ("ms per pair", "p99", |a| time(a.p99_ms)),
@@ -37,37 +37,97 @@ const SPEED: [NumberColumn; 13] = [
     ("stages, ms", "other", |a| time(a.other_ms)),
 ];
 
+const ACCURACY: [TextColumn<AccuracyRow>; 10] = [
+    ("", "algorithm", |row| row.algorithm.clone()),
+    ("", "true m", |row| row.range_words()),
+    ("", "cells", |row| row.cells.to_string()),
+    ("", "bias m", |row| metres(row.bias_m)),
+    ("", "RMSE m", |row| metres(row.rmse_m)),
+    ("", "median m", |row| metres(row.median_error_m)),
+    ("", "AbsRel %", |row| percent(row.abs_rel)),
+    ("", "noise m", |row| metres(row.noise_m)),
+    ("", "flicker %", |row| percent(row.flicker)),
+    ("", "resting", |row| row.resting.to_string()),
+];
+
+const RELIABILITY: [TextColumn<ReliabilityRow>; 5] = [
+    ("", "algorithm", |row| row.algorithm.clone()),
+    ("", "predicted %", |row| {
+        let ends = [row.from, row.to].map(|share| (1000.0 * share).round() / 10.0);
+        format!("{}–{}", ends[0], ends[1])
+    }),
+    ("", "cells", |row| row.cells.to_string()),
+    ("", "mean %", |row| percent(Some(row.predicted))),
+    ("", "right %", |row| percent(Some(row.right))),
+];
+
+const DRIVES: [TextColumn<DriveSummary>; 12] = [
+    ("", "algorithm", |d| d.algorithm.clone()),
+    ("", "courses", |d| d.courses.to_string()),
+    ("", "finished, %", |d| {
+        let share = 100.0 * d.finished_share();
+        format!("{share:.0}{}", interval(d.finished_interval, 100.0, 0))
+    }),
+    ("", "hits/100 m", |d| {
+        rate(d.collisions_per_100m, d.collisions_interval)
+    }),
+    ("", "near/100 m", |d| {
+        rate(d.near_misses_per_100m, d.near_misses_interval)
+    }),
+    ("", "first hit, m", |d| {
+        let first = Some(d.first_collision_m).filter(|_| d.collisions > 0);
+        rate(first, d.first_collision_interval)
+    }),
+    ("", "stuck", |d| d.stuck.to_string()),
+    ("", "driven, m", |d| {
+        format!("{:.1} of {:.1}", d.route_m, d.course_m)
+    }),
+    ("", "m/s", |d| format!("{:.2}", d.speed_m_per_s)),
+    ("", "stood, %", |d| format!("{:.0}", 100.0 * d.stood_share)),
+    ("", "latency, ms", |d| {
+        d.latency_ms.map_or(NONE.to_owned(), |ms| ms.to_string())
+    }),
+    ("", "skipped, %", |d| {
+        format!("{:.0}", 100.0 * d.skipped_share)
+    }),
+];
+
 /// Terms of the columns of times, and their meanings.
-const TIME_NOTES: [(&str, &str); 5] = [
-    (
-        "p50, p99",
-        "median and 99th percentile; with fewer than 100 pairs p99 is the slowest pair",
-    ),
-    (
-        "s/MP, s/GD",
-        "seconds per million pixels, and per 10⁹ pixels times disparities, of the median pair",
-    ),
-    (
-        "MDE/s",
-        "million pixels times disparities per second, of the median pair",
-    ),
-    ("MB", "memory for the largest pair, disparity map included"),
-    (
-        "stages",
-        "means over the half of the pairs nearest to the median; other: the rest of the total",
-    ),
+const TIME_NOTES: [&str; 5] = [
+    "p50, p99: median and 99th percentile; with fewer than 100 pairs p99 is the slowest pair",
+    "s/MP, s/GD: seconds per million pixels, and per 10⁹ pixels times disparities, of the median \
+     pair",
+    "MDE/s: million pixels times disparities per second, of the median pair",
+    "MB: memory for the largest pair, disparity map included",
+    "stages: means over the half of the pairs nearest to the median; other: the rest of the total",
 ];
 
 /// The meanings of times that a table shows.
-fn time_notes(table: &mut Table) {
-    for (term, meaning) in TIME_NOTES {
-        let is_of = |column: &TableColumn| {
+fn with_time_notes(table: Table) -> Table {
+    let is_of = |note: &&str| {
+        let term = note.split(": ").next().unwrap_or_default();
+        table.columns.iter().any(|column| {
             column.group.starts_with(term) || term.split(", ").any(|part| part == column.head)
-        };
-        if table.columns.iter().any(is_of) {
-            table.note(term, meaning);
-        }
-    }
+        })
+    };
+    let notes: Vec<_> = TIME_NOTES.into_iter().filter(is_of).collect();
+    table.with_notes(&notes)
+}
+
+fn metres(value: Option<f64>) -> String {
+    value.map_or_else(|| NONE.to_owned(), |v| format!("{v:.3}"))
+}
+
+/// An interval in brackets; nothing without one.
+fn interval(interval: Option<Interval>, scale: f64, digits: usize) -> String {
+    interval.map_or_else(String::new, |(low, high)| {
+        format!(" ({:.digits$}–{:.digits$})", scale * low, scale * high)
+    })
+}
+
+fn rate(value: Option<f64>, range: Option<Interval>) -> String {
+    let words = |value| format!("{value:.1}{}", interval(range, 1.0, 1));
+    value.map_or_else(|| NONE.to_owned(), words)
 }
 
 impl Results {
@@ -83,96 +143,47 @@ impl Results {
 
     /// Errors of distances by range, of all algorithms by range.
     pub fn accuracy_table(&self) -> Option<Table> {
-        let mut table = Table::new("Error against distance", "algorithm").with_texts(["true m"]);
-        table = table.with_columns([
-            "cells",
-            "bias m",
-            "RMSE m",
-            "median m",
-            "AbsRel %",
-            "noise m",
-            "flicker %",
-            "resting",
-        ]);
-        let metres = |value: Option<f64>| value.map_or(NONE.to_owned(), |v| format!("{v:.3}"));
-        let order = self.ranked_algorithms().into_iter();
-        let own = order.flat_map(|a| {
+        let own = self.ranked_algorithms().into_iter().flat_map(|a| {
             let rows = self.accuracy.iter();
             rows.filter(|row| row.algorithm == a.algorithm && row.area == self.basis.area)
         });
-        for row in own {
-            let cells = [
-                row.range_words(),
-                row.cells.to_string(),
-                metres(row.bias_m),
-                metres(row.rmse_m),
-                metres(row.median_error_m),
-                percent(row.abs_rel),
-                metres(row.noise_m),
-                percent(row.flicker),
-                row.resting.to_string(),
-            ];
-            table.push(&row.algorithm, cells);
-        }
-        table.note(
-            "noise, flicker",
-            "of the resting cells, whose true distance changes by at most 1 % from an answer to \
-             the next",
-        );
-        (!table.rows.is_empty()).then_some(table)
+        let mut table = Table::from_items("Error against distance", &ACCURACY, own);
+        table.columns[1].is_text = true;
+        let table = table.with_notes(&[
+            "noise, flicker: of the resting cells, whose true distance changes by at most 1 % \
+             from an answer to the next",
+        ]);
+        table.if_any()
     }
 
     /// Right cells by the probability that an algorithm gives them.
     pub(super) fn reliability_table(&self) -> Option<Table> {
-        let mut table = Table::new("Reliability of probabilities", "algorithm")
-            .with_texts(["predicted %"])
-            .with_columns(["cells", "mean %", "right %"]);
-        let order = self.ranked_algorithms().into_iter();
-        let rows = &self.reliability;
-        let own = order.flat_map(|a| rows.iter().filter(|r| r.algorithm == a.algorithm));
-        for row in own {
-            let end = |share: f64| (1000.0 * share).round() / 10.0;
-            let range = format!("{}–{}", end(row.from), end(row.to));
-            let cells = [
-                range,
-                row.cells.to_string(),
-                percent(Some(row.predicted)),
-                percent(Some(row.right)),
-            ];
-            table.push(&row.algorithm, cells);
-        }
-        table.note("cells", "known and scored, with a probability");
-        (!rows.is_empty()).then_some(table)
+        let rows = || self.reliability.iter();
+        let ranked = self.ranked_algorithms().into_iter();
+        let own = ranked.flat_map(|a| rows().filter(|row| row.algorithm == a.algorithm));
+        let mut table = Table::from_items("Reliability of probabilities", &RELIABILITY, own);
+        table.columns[1].is_text = true;
+        let table = table.with_notes(&["cells: known and scored, with a probability"]);
+        table.if_any()
     }
 
     /// Delays of the topics whose maps were scored.
     pub fn latency_table(&self) -> Option<Table> {
-        let mut table = Table::new("Latency on the robot, ms", "topic").with_columns([
-            "p50",
-            "p99",
-            "images p50",
-            "images p99",
-        ]);
+        let heads = ["p50", "p99", "images p50", "images p99"];
+        let mut table = Table::new("Latency on the robot, ms", "topic").with_columns(heads);
         for delay in &self.latency {
-            let numbers = [delay.topic_ms, delay.images_ms]
-                .into_iter()
-                .flat_map(|pair| {
-                    let shown =
-                        |i: usize| pair.map_or(NONE.to_owned(), |ms| format!("{:.1}", ms[i]));
-                    [shown(0), shown(1)]
-                });
-            let topic = match &delay.run {
-                Some(run) if self.basis.scope.runs > 1 => format!("{} {run}", delay.topic),
-                _ => delay.topic.clone(),
-            };
-            table.push(&topic, numbers);
+            let delays = [delay.topic_ms, delay.images_ms].into_iter();
+            let delays = delays.flat_map(|pair| [0, 1].map(|i| pair.map(|ms| ms[i])));
+            let run = delay.run.as_ref().filter(|_| self.basis.scope.runs > 1);
+            let run = run.map_or_else(String::new, |run| format!(" {run}"));
+            let topic = format!("{}{run}", delay.topic);
+            table.push(topic, delays.map(|ms| rate(ms, None)));
         }
-        table.note(
-            "latency",
-            "log time minus stamp: exposure, transport and processing on the robot, as recorded; \
-             the difference to that of the images is what the depth cost",
-        );
-        (!self.latency.is_empty()).then_some(table)
+        let table = table.with_notes(&[
+            "latency: log time minus stamp: exposure, transport and processing on the robot, as \
+             recorded; the difference to that of the images is what the depth cost",
+        ]);
+        table.if_any()
     }
 
     /// The algorithms in the order of tables: the user's, else by right minus wrong where true
@@ -182,9 +193,8 @@ impl Results {
             return self.algorithms.iter().collect();
         }
         let keyed = self.algorithms.iter();
-        let mut keyed: Vec<_> = keyed
-            .map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a))
-            .collect();
+        let keyed = keyed.map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a));
+        let mut keyed: Vec<_> = keyed.collect();
         // Stable, and those without a value are last.
         keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         keyed.into_iter().map(|(_, a)| a).collect()
@@ -216,10 +226,8 @@ impl Results {
     /// The order in words; none if the user chose it.
     pub(super) fn order_words(&self) -> Option<String> {
         let words = self.merit_words()?;
-        self.shown
-            .sort
-            .is_none()
-            .then(|| format!("sorted by {words}"))
+        let sort = self.shown.sort.is_none();
+        sort.then(|| format!("sorted by {words}"))
     }
 
     /// The first column that has a better direction.
@@ -245,12 +253,8 @@ impl Results {
         let value = |a: &AlgorithmSummary, metric: &Metric| self.value(&a.algorithm, metric, None);
         let is_measured = |metric: &Metric| ranked.iter().any(|a| value(a, metric).is_some());
         let mut table = Table::new("", if is_all { "algorithm" } else { "" });
-        let mut rows: Vec<Vec<TableCell>> = Vec::new();
-        rows.extend(
-            ranked
-                .iter()
-                .map(|a| vec![TableCell::Text(a.algorithm.clone())]),
-        );
+        let name = |a: &&AlgorithmSummary| vec![TableCell::Text(a.algorithm.clone())];
+        let mut rows: Vec<Vec<TableCell>> = ranked.iter().map(name).collect();
         let mut add = |column: TableColumn, cell: &dyn Fn(&AlgorithmSummary) -> TableCell| {
             table.columns.push(column);
             for (row, a) in rows.iter_mut().zip(&ranked) {
@@ -259,9 +263,8 @@ impl Results {
         };
         let text = |number: String| TableCell::Text(number);
         if is_all {
-            add(TableColumn::new("", "pairs"), &|a| {
-                text(a.pairs.to_string())
-            });
+            let pairs = TableColumn::new("", "pairs");
+            add(pairs, &|a| text(a.pairs.to_string()));
         }
         for metric in &metrics {
             let named = |name| Metric::find(name).filter(|metric| is_measured(metric));
@@ -324,7 +327,7 @@ impl Results {
         table.rows = rows;
         table.remove_empty_columns();
         self.metric_notes(&mut table, &metrics);
-        table
+        with_time_notes(table)
     }
 
     /// The mark of an algorithm by a metric: the best, or not told apart from it. All marks of a
@@ -366,14 +369,9 @@ impl Results {
                  other runs, or of the other blocks of a single run",
             );
         }
-        if table
-            .columns
-            .iter()
-            .any(|column| column.group == CHECKPOINTS)
-        {
+        if table.columns.iter().any(|own| own.group == CHECKPOINTS) {
             table.note(CHECKPOINTS, self.mark_words());
         }
-        time_notes(table);
     }
 
     /// Numbers and names of the checkpoints, in their order.
@@ -389,9 +387,8 @@ impl Results {
 
     fn checkpoints_of<'a>(&'a self, label: &str) -> impl Iterator<Item = &'a CheckpointSummary> {
         let label = label.to_owned();
-        self.checkpoints
-            .iter()
-            .filter(move |c| c.algorithm == label)
+        let checkpoints = self.checkpoints.iter();
+        checkpoints.filter(move |c| c.algorithm == label)
     }
 
     /// Per checkpoint the fraction of its frames in which an algorithm passes it.
@@ -414,10 +411,9 @@ impl Results {
 
     fn mark_words(&self) -> String {
         let names = self.checkpoint_names();
-        let names: Vec<_> = names
-            .iter()
-            .map(|(number, name)| format!("{number} {name}"))
-            .collect();
+        let names = names.iter();
+        let names = names.map(|(number, name)| format!("{number} {name}"));
+        let names: Vec<_> = names.collect();
         format!(
             "frames that pass: ● all, ◕ ◑ ◔ a part, ○ none, · not seen; {}",
             names.join(", ")
@@ -426,17 +422,9 @@ impl Results {
 
     /// Times, throughput and stages; none without pairs.
     pub fn speed_table(&self) -> Option<Table> {
-        let mut table = Table::new("Speed", "algorithm");
-        let columns = SPEED
-            .iter()
-            .map(|(group, head, _)| TableColumn::new(*group, *head));
-        table.columns.extend(columns);
-        for a in self.measured() {
-            table.push(&a.algorithm, SPEED.iter().map(|(.., number)| number(a)));
-        }
+        let mut table = Table::from_items("Speed", &SPEED, self.measured());
         table.remove_empty_columns();
-        time_notes(&mut table);
-        (!table.rows.is_empty()).then_some(table)
+        with_time_notes(table).if_any()
     }
 
     /// The result of the best and of the worst frame per checkpoint, and the fraction that passes;
@@ -444,9 +432,8 @@ impl Results {
     pub fn checkpoint_table(&self) -> Option<Table> {
         let names = self.checkpoint_names();
         let mut table = Table::new("Checkpoints", "algorithm");
-        let heads = names
-            .iter()
-            .map(|(number, name)| format!("{number} {name}"));
+        let heads = names.iter();
+        let heads = heads.map(|(number, name)| format!("{number} {name}"));
         table = table.with_columns(heads.chain(["all".to_owned()]));
         for a in self.measured() {
             let own: Vec<_> = self.checkpoints_of(&a.algorithm).collect();
@@ -466,12 +453,36 @@ impl Results {
 
     /// The drives with intervals over the courses; none without drives.
     pub fn drive_table(&self) -> Option<Table> {
-        drive_table(&self.drives)
+        let table = Table::from_items("Drives", &DRIVES, &self.drives);
+        let table = table.with_notes(&[
+            "finished: courses whose goal was reached without a collision and without help; in \
+             brackets the 95 % interval over the courses, if there are eight or more",
+            "hits, near: collisions and near misses per 100 m driven; after a collision the robot \
+             is set back on the route of the driver with perfect sight, 0.3 m farther on",
+            "first hit: mean distance to the first collision; a drive without one counts with its \
+             whole distance",
+            "stuck: number of times that the robot was stuck and was set back on the route",
+            "driven: metres of the route that the robot drove itself, of its length; means over \
+             the courses",
+            "latency, skipped: time from a pair's stamp until its command takes effect, without \
+             one the next pair; pairs that arrived while the algorithm was busy",
+        ]);
+        table.if_any()
     }
 
     /// A table per kind of perturbation: right cells by level, and where each algorithm breaks.
     pub fn stress_tables(&self) -> Vec<Table> {
-        stress_tables(&self.stress)
+        let kinds = kinds(&self.stress).into_iter();
+        let mut tables: Vec<_> = kinds.map(|kind| stress_table(kind, &self.stress)).collect();
+        if let Some(last) = tables.last_mut() {
+            last.note(
+                "breaks at",
+                "the least level at which a checkpoint that passed in half of its frames does not \
+                 any more, or a tenth of the right cells is lost (without truth: of the known \
+                 ones), or of the courses that were finished",
+            );
+        }
+        tables
     }
 }
 
@@ -517,98 +528,6 @@ fn all_cell(checkpoints: &[&CheckpointSummary]) -> String {
     let share = percent(Some(sum(|c| c.passed) / sum(|c| c.frames)));
     let (best, worst) = (count(|c| c.best_passed), count(|c| c.worst_passed));
     format!("{best}/{n} {worst}/{n} {share}", n = seen.len())
-}
-
-fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
-    let interval = |interval: Option<Interval>, scale: f64, digits: usize| {
-        interval.map_or_else(String::new, |(low, high)| {
-            format!(" ({:.digits$}–{:.digits$})", scale * low, scale * high)
-        })
-    };
-    let rate =
-        |value: f64, range: Option<Interval>| format!("{value:.1}{}", interval(range, 1.0, 1));
-    let per_100m = |value: Option<f64>, range| {
-        value.map_or_else(|| NONE.to_owned(), |value| rate(value, range))
-    };
-    let mut table = Table::new("Drives", "algorithm").with_columns([
-        "courses",
-        "finished, %",
-        "hits/100 m",
-        "near/100 m",
-        "first hit, m",
-        "stuck",
-        "driven, m",
-        "m/s",
-        "stood, %",
-        "latency, ms",
-        "skipped, %",
-    ]);
-    for drive in drives {
-        let share = 100.0 * drive.finished_share();
-        let first = rate(drive.first_collision_m, drive.first_collision_interval);
-        let cells = [
-            drive.courses.to_string(),
-            format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
-            per_100m(drive.collisions_per_100m, drive.collisions_interval),
-            per_100m(drive.near_misses_per_100m, drive.near_misses_interval),
-            if drive.collisions == 0 {
-                NONE.to_owned()
-            } else {
-                first
-            },
-            drive.stuck.to_string(),
-            format!("{:.1} of {:.1}", drive.route_m, drive.course_m),
-            format!("{:.2}", drive.speed_m_per_s),
-            format!("{:.0}", 100.0 * drive.stood_share),
-            drive
-                .latency_ms
-                .map_or_else(|| NONE.to_owned(), |ms| ms.to_string()),
-            format!("{:.0}", 100.0 * drive.skipped_share),
-        ];
-        table.push(&drive.algorithm, cells);
-    }
-    table.note(
-        "finished",
-        "courses whose goal was reached without a collision and without help; in brackets the \
-         95 % interval over the courses, if there are eight or more",
-    );
-    table.note(
-        "hits, near",
-        "collisions and near misses per 100 m driven; after a collision the robot is set back on \
-         the route of the driver with perfect sight, 0.3 m farther on",
-    );
-    table.note(
-        "first hit",
-        "mean distance to the first collision; a drive without one counts with its whole distance",
-    );
-    table.note(
-        "stuck",
-        "number of times that the robot was stuck and was set back on the route",
-    );
-    table.note(
-        "driven",
-        "metres of the route that the robot drove itself, of its length; means over the courses",
-    );
-    table.note(
-        "latency, skipped",
-        "time from a pair's stamp until its command takes effect, without one the next pair; pairs \
-         that arrived while the algorithm was busy",
-    );
-    (!drives.is_empty()).then_some(table)
-}
-
-fn stress_tables(stress: &[StressSummary]) -> Vec<Table> {
-    let kinds = kinds(stress).into_iter();
-    let mut tables: Vec<_> = kinds.map(|kind| stress_table(kind, stress)).collect();
-    if let Some(last) = tables.last_mut() {
-        last.note(
-            "breaks at",
-            "the least level at which a checkpoint that passed in half of its frames does not any \
-             more, or a tenth of the right cells is lost (without truth: of the known ones), or of \
-             the courses that were finished",
-        );
-    }
-    tables
 }
 
 fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {

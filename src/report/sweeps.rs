@@ -17,10 +17,9 @@ pub(super) fn sweeps(algorithms: &[AlgorithmRecord]) -> Vec<ParameterSweep> {
             points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
             // The same algorithm by two names is not a sweep.
             points.dedup_by(|(a, _), (b, _)| a == b);
-            let points: Vec<_> = points
-                .iter()
-                .map(|(v, a)| (v.to_string(), a.label.clone()))
-                .collect();
+            let points = points.iter();
+            let points = points.map(|(v, a)| (v.to_string(), a.label.clone()));
+            let points: Vec<_> = points.collect();
             let sweep = ParameterSweep {
                 algorithm: first.name.clone(),
                 parameter: key.clone(),

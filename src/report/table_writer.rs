@@ -1,6 +1,6 @@
 //! Tables on disk: CSV during the run, Parquet at its end.
 
-use super::csv_rows::csv_error;
+use super::csv_rows::{csv_error, row_writer};
 use super::results::Results;
 use super::rows::Record;
 use parking_lot::Mutex;
@@ -65,20 +65,17 @@ impl<R: Record> TableWriter<R> {
     /// # Errors
     /// [`Error::Invalid`] for another extension, [`Error::Io`] when the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
+        let mut table = Self::in_memory();
         match path.extension().and_then(|e| e.to_str()) {
-            Some("csv") => Ok(Self {
-                csv: Some(Csv::create::<R>(path)?),
-                parquet: None,
-            }),
-            Some("parquet") => Ok(Self {
-                csv: None,
-                parquet: Some(Parquet::create(path)?),
-            }),
-            _ => Err(Error::Invalid(format!(
-                "{}: a table is a .csv or a .parquet file",
-                path.display()
-            ))),
+            Some("csv") => table.csv = Some(Csv::create::<R>(path)?),
+            Some("parquet") => table.parquet = Some(Parquet::create(path)?),
+            _ => {
+                let path = path.display();
+                let words = format!("{path}: a table is a .csv or a .parquet file");
+                return Err(Error::Invalid(words));
+            }
         }
+        Ok(table)
     }
 
     /// Takes rows; the CSV file holds them when this returns.
@@ -115,13 +112,7 @@ impl<R: Record> TableWriter<R> {
 impl Csv {
     fn create<R: Record>(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
-        let mut writer = csv::WriterBuilder::new()
-            // The header is written from the columns, also when no row ever comes.
-            .has_headers(false)
-            .from_writer(file);
-        writer
-            .write_record(R::columns().iter().map(|column| column.name))
-            .map_err(|e| csv_error(path, e))?;
+        let mut writer = row_writer::<R, _>(file).map_err(|e| csv_error(path, e))?;
         writer.flush().map_err(|e| Error::io(path, e))?;
         Ok(Self {
             path: path.to_owned(),
@@ -138,10 +129,8 @@ impl<R: Record> Parquet<R> {
             failed: Arc::default(),
         };
         let failed = Arc::clone(&file.failed);
-        let schema = R::frame(&[])
-            .map_err(|e| polars_error(path, e))?
-            .schema()
-            .clone();
+        let frame = R::frame(&[]).map_err(|e| polars_error(path, e))?;
+        let schema = frame.schema().clone();
         let writer = ParquetWriter::new(file)
             .with_key_value_metadata(Some(field_metadata::<R>(&schema)))
             .batched(&schema);
@@ -235,13 +224,16 @@ impl Results {
     /// # Errors
     /// The errors of [`TableWriter::push`].
     pub fn write_tables(&self, folder: &Path) -> Result<()> {
-        let mut algorithms = TableWriter::create_both(folder, "summary")?;
-        algorithms.push(self.algorithms.iter().cloned())?;
-        algorithms.finish()?;
-        let mut checkpoints = TableWriter::create_both(folder, "verdicts")?;
-        checkpoints.push(self.checkpoints.iter().cloned())?;
-        checkpoints.finish()
+        write_table(folder, "summary", &self.algorithms)?;
+        write_table(folder, "verdicts", &self.checkpoints)
     }
+}
+
+/// Writes rows as `.csv` and `.parquet`.
+pub(super) fn write_table<R: Record + Clone>(folder: &Path, name: &str, rows: &[R]) -> Result<()> {
+    let mut table = TableWriter::create_both(folder, name)?;
+    table.push(rows.iter().cloned())?;
+    table.finish()
 }
 
 fn polars_error(path: &Path, error: PolarsError) -> Error {

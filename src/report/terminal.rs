@@ -1,6 +1,5 @@
 //! A summary on the terminal: the answer first.
 
-use super::best::Best;
 use super::prior::PRIOR;
 use super::results::Results;
 use super::table::{TableCell, TerminalStyle, wrapped};
@@ -23,32 +22,27 @@ impl Results {
         let head = format!("{title}: {}", self.scope_words());
         let mut text = wrapped(&head, 2, style.width);
         let mut table = self.headline();
+        let is_all = self.shown.columns == ColumnChoice::All;
         if table.rows.is_empty() {
             if self.ending.is_whole() {
                 text.push_str("no pairs\n");
             }
         } else {
             let count = table.rows.len();
-            let more = match count {
-                n if n > MAX_ALGORITHMS && self.shown.columns != ColumnChoice::All => {
-                    n - FIRST_ALGORITHMS
-                }
-                _ => 0,
-            };
-            let is_best = |row: &[TableCell]| {
-                let is_own = |best: &Best| TableCell::Text(best.algorithm.clone()) == row[0];
-                row[0] == TableCell::Text(PRIOR.to_owned()) || self.best.iter().any(is_own)
-            };
-            let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
-            let shown = rows.filter(|(i, row)| more == 0 || *i < FIRST_ALGORITHMS || is_best(row));
-            table.rows = shown.map(|(_, row)| row).collect();
-            let more = count - table.rows.len();
+            let has_few = count <= MAX_ALGORITHMS || is_all;
+            let best = self.best.iter().map(|best| best.algorithm.clone());
+            let kept = best.chain([PRIOR.to_owned()]).map(TableCell::Text);
+            let kept: Vec<_> = kept.collect();
+            let mut places = 0..;
+            let is_first = |place: Option<usize>| place < Some(FIRST_ALGORITHMS);
+            table
+                .rows
+                .retain(|row| is_first(places.next()) || has_few || kept.contains(&row[0]));
             text.push('\n');
             text.push_str(&table.terminal(style));
-            if more > 0 {
-                text.push_str(&format!(
-                    "and {more} more: see the page, or --columns all\n"
-                ));
+            match count - table.rows.len() {
+                0 => {}
+                more => text += &format!("and {more} more: see the page, or --columns all\n"),
             }
         }
         let absent = self.absent_columns();
@@ -64,26 +58,20 @@ impl Results {
             let words = format!("not measured in this run: {names}{cure}");
             text.push_str(&wrapped(&words, 2, style.width));
         }
-        let mut tables = vec![table];
-        let drives = self.drive_table();
-        tables.extend(drives.filter(|_| self.shown.columns == ColumnChoice::All));
-        let accuracy = self.accuracy_table();
-        tables.extend(accuracy.filter(|_| self.shown.columns == ColumnChoice::All));
-        tables.extend(self.latency_table());
-        tables.extend(self.stress_tables());
+        let detailed = [self.drive_table(), self.accuracy_table()];
+        let detailed = detailed.into_iter().flatten().filter(|_| is_all);
+        let more = detailed.chain(self.latency_table());
+        let more = more.chain(self.stress_tables());
+        let tables: Vec<_> = [table].into_iter().chain(more).collect();
         for table in &tables[1..] {
             text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));
         }
         if explain {
             text.push('\n');
-        }
-        let notes = tables
-            .iter()
-            .flat_map(|table| &table.notes)
-            .filter(|_| explain);
-        for (term, meaning) in notes {
-            let indent = term.chars().count() + 2;
-            text.push_str(&wrapped(&format!("{term}: {meaning}"), indent, style.width));
+            for (term, meaning) in tables.iter().flat_map(|table| &table.notes) {
+                let indent = term.chars().count() + 2;
+                text.push_str(&wrapped(&format!("{term}: {meaning}"), indent, style.width));
+            }
         }
         let answer = self.answer().join(" ");
         if !answer.is_empty() {
@@ -91,13 +79,9 @@ impl Results {
             text.push_str(&wrapped(&answer, 0, style.width));
         }
         let cautions = self.cautions();
-        if !cautions.is_empty() {
-            text.push('\n');
-        }
-        for caution in cautions {
-            let line = format!("{CAUTION}{caution}");
-            text.push_str(&wrapped(&line, CAUTION.len(), style.width));
-        }
+        text.push_str(if cautions.is_empty() { "" } else { "\n" });
+        let cautions = cautions.iter().map(|caution| format!("{CAUTION}{caution}"));
+        text.extend(cautions.map(|line| wrapped(&line, CAUTION.len(), style.width)));
         text
     }
 
@@ -147,18 +131,8 @@ impl Results {
             _ => self.caution().unwrap_or_default(),
         };
         let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
-        let parts = [
-            Some(pairs),
-            self.scored_words(),
-            self.area_words(),
-            courses.or(runs),
-            Some(truth),
-        ];
-        let parts: Vec<_> = parts
-            .into_iter()
-            .flatten()
-            .filter(|part| !part.is_empty())
-            .collect();
-        parts.join(", ")
+        let (scored, area) = (self.scored_words(), self.area_words());
+        let parts = [Some(pairs), scored, area, courses.or(runs), Some(truth)];
+        joined(parts.into_iter().flatten().filter(|part| !part.is_empty()))
     }
 }

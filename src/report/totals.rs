@@ -87,19 +87,15 @@ fn summary(
 ) -> StressSummary {
     let value = |summary_of: &Results, name: &str| {
         let metric = METRICS.iter().find(|metric| metric.name == name)?;
-        let summary = summary_of
-            .algorithms
-            .iter()
-            .find(|a| a.algorithm == algorithm)?;
+        let mut algorithms = summary_of.algorithms.iter();
+        let summary = algorithms.find(|a| a.algorithm == algorithm)?;
         summary.value(metric)
     };
     let pairs = level.algorithms.iter().find(|a| a.algorithm == algorithm);
     let pairs = pairs.map_or(0, |a| a.pairs);
     let passed = |summary_of: &Results| {
-        let own = summary_of
-            .checkpoints
-            .iter()
-            .filter(|c| c.algorithm == algorithm);
+        let own = summary_of.checkpoints.iter();
+        let own = own.filter(|c| c.algorithm == algorithm);
         own.map(|c| (c.checkpoint, c.passed, c.frames))
             .collect::<Vec<_>>()
     };

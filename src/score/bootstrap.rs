@@ -175,6 +175,12 @@ impl Sample {
         resamples.interval_of(&|ranges| self.value(ranges))
     }
 
+    /// The metric in each resample; `None` for too few blocks, or if it is undefined for one.
+    pub fn draws(&self, resamples: &Resamples) -> Option<Vec<f64>> {
+        let draws = resamples.draws.iter().map(|ranges| self.value(ranges));
+        (resamples.blocks >= MIN_BLOCKS).then(|| draws.collect())?
+    }
+
     /// The interval of `difference(base, other)`, both from the same resample.
     pub fn interval_between(
         base: &Self,
@@ -203,6 +209,11 @@ impl Sample {
                 .interval_of(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
         }
     }
+}
+
+/// The interval of the difference of a metric from another, both in the same resamples.
+pub fn difference_interval(base: &[f64], other: &[f64]) -> Option<Interval> {
+    middle(base.iter().zip(other).map(|(a, b)| b - a).collect())
 }
 
 /// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.

@@ -126,20 +126,20 @@ impl CellTraining {
                     title: "Reliability".into(),
                     about: "Fraction of right cells by the probability of a table, fitted without \
                             their part of the runs; ranges with 20 cells or more.",
-                    svg: reliability.svg()?,
+                    svg: reliability.svg(),
                 },
                 PlotView {
                     title: "Steps".into(),
                     about: "Loss on held-out runs by the number of steps.",
-                    svg: losses.svg()?,
+                    svg: losses.svg(),
                 },
-                KindCells::curves(&self.kinds)?,
+                KindCells::curves(&self.kinds),
             ],
             images: [],
             identity,
             incomplete: None,
         };
-        fill(include_str!("cells.html"), "", view)
+        fill(include_str!("cells.html"), "", &[], view)
     }
 }
 

@@ -4,7 +4,6 @@ use super::learned_cells::{LearnedCells, LearnedScenario};
 use crate::fit::filter::RocCurve;
 use crate::fit::{CellFit, CellSample};
 use serde::Serialize;
-use svl_core::Result;
 use svl_core::depth::decision::{VerdictTable, probability};
 use svl_report::page::PlotView;
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
@@ -190,7 +189,7 @@ impl KindCells {
     ///
     /// # Errors
     /// [`svl_core::Error::Invalid`] with the error of the plotting library.
-    pub(super) fn curves(kinds: &[Self]) -> Result<PlotView> {
+    pub(super) fn curves(kinds: &[Self]) -> PlotView {
         let series = kinds.iter().map(|kind| Series {
             name: kind.name.clone(),
             form: SeriesStyle::Line,
@@ -204,11 +203,11 @@ impl KindCells {
             y: Axis::share("wrong, % of known"),
             series: series.collect(),
         };
-        Ok(PlotView {
+        PlotView {
             title: "Wrong against known cells".into(),
             about: "By a table that was fitted without the kind, at every threshold.",
-            svg: chart.svg()?,
-        })
+            svg: chart.svg(),
+        }
     }
 }
 

@@ -232,12 +232,10 @@ impl FilterTraining {
     /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
     /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
-        let plot = |(title, about, chart): (&'static str, &'static str, Chart)| {
-            Ok(PlotView {
-                title: title.into(),
-                about,
-                svg: chart.svg()?,
-            })
+        let plot = |(title, about, chart): (&'static str, &'static str, Chart)| PlotView {
+            title: title.into(),
+            about,
+            svg: chart.svg(),
         };
         let view = FilterView {
             training: self,
@@ -245,12 +243,12 @@ impl FilterTraining {
             false_rejection: self.errors.false_rejection.to_string(),
             area: format!("{:.4}", self.roc.area),
             examples: &self.examples,
-            charts: self.charts().into_iter().map(plot).collect::<Result<_>>()?,
+            charts: self.charts().into_iter().map(plot).collect(),
             images: [],
             identity,
             incomplete: None,
         };
-        fill(include_str!("filter.html"), "", view)
+        fill(include_str!("filter.html"), "", &[], view)
     }
 }
 

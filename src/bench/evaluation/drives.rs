@@ -48,9 +48,8 @@ fn missing_units(
             algorithm,
         })
     });
-    let units = units
-        .enumerate()
-        .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
+    let units = units.enumerate();
+    let units = units.filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
     units.map(|(_, unit)| unit).filter(is_missing).collect()
 }
 
@@ -109,10 +108,8 @@ fn check_programs(
 fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
     let label = scenario.algorithms[unit.algorithm].label();
     // No label in a name contains an equals sign.
-    let stress = unit
-        .stress
-        .map(|stress| format!("-{stress}"))
-        .unwrap_or_default();
+    let stress = unit.stress.map(|stress| format!("-{stress}"));
+    let stress = stress.unwrap_or_default();
     let safe = safe_name(label, 40);
     if safe == label {
         format!("course-{seed}-{label}{stress}.mcap")
@@ -136,9 +133,8 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     manifest.times = Some("matching while other drives run".to_owned());
     let levels: Vec<_> = plan.stresses().collect();
     let courses = 0..seeds.len();
-    let runs: Vec<_> = courses
-        .flat_map(|course| levels.iter().map(move |stress| (course, *stress)))
-        .collect();
+    let runs = courses.flat_map(|course| levels.iter().map(move |stress| (course, *stress)));
+    let runs: Vec<_> = runs.collect();
     let key = |(course, stress): &(usize, Option<Stress>)| ReportRun {
         run: None,
         seed: Some(seeds[*course]),
@@ -226,9 +222,8 @@ impl DriveWork<'_> {
             let threads = (0..cores.min(todo.len())).map(|_| scope.spawn(drive_on));
             let threads: Vec<_> = threads.collect();
             let join = |thread: std::thread::ScopedJoinHandle<'_, Result<()>>| {
-                thread
-                    .join()
-                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                let thread = thread.join();
+                thread.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };
             threads.into_iter().map(join).collect()
         });

@@ -158,9 +158,8 @@ impl Parts {
             return Ok(());
         };
         let shards: Vec<_> = self.0.iter().flat_map(|part| &part.sessions).collect();
-        let shards = shards
-            .into_iter()
-            .filter_map(|session| session.shard.clone());
+        let shards = shards.into_iter();
+        let shards = shards.filter_map(|session| session.shard.clone());
         let mut shards: Vec<_> = shards.collect();
         shards.sort();
         shards.dedup();

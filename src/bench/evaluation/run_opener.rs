@@ -86,11 +86,8 @@ impl<'a> RunOpener<'a> {
             let stamps = files.stamps().into_iter();
             stamps.map(|file| file.path().to_owned()).collect()
         };
-        self.runs
-            .iter()
-            .flatten()
-            .map(|(_, files)| paths(files))
-            .collect()
+        let runs = self.runs.iter().flatten().map(|(_, files)| paths(files));
+        runs.collect()
     }
 
     /// Names of the layers around the sources of the runs.

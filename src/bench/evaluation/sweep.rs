@@ -100,9 +100,8 @@ impl Algorithms {
     /// [`Error::Usage`] for more than [`MAX_ALGORITHMS`]; those of their parameters.
     pub fn expand(&self, sample: Option<usize>) -> Result<Vec<Algorithm>> {
         let lengths: Vec<_> = self.axes.iter().map(|axis| axis.values.len()).collect();
-        let all = lengths
-            .iter()
-            .fold(1_usize, |n, len| n.saturating_mul(*len));
+        let all = lengths.iter();
+        let all = all.fold(1_usize, |n, len| n.saturating_mul(*len));
         let most = sample.unwrap_or(all);
         if most.min(all) > MAX_ALGORITHMS {
             return Err(Error::Usage(format!(

@@ -50,10 +50,9 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         record.has_run_memory = labels.any(|label| label == record.label);
     }
     let places = 0..opener.count();
-    let runs: Vec<RunPlace> = plan
-        .stresses()
-        .flat_map(|stress| places.clone().map(move |place| (stress, place)))
-        .collect();
+    let runs = plan.stresses();
+    let runs = runs.flat_map(|stress| places.clone().map(move |place| (stress, place)));
+    let runs: Vec<RunPlace> = runs.collect();
     let keys = runs.iter().map(|run| opener.key(*run)).collect();
     let mut work = EvaluationWork {
         plan,
@@ -85,10 +84,8 @@ fn source_digest(description: &serde_json::Value) -> String {
 
 /// Warns of the maps that others computed, which are not those of perturbed pairs.
 fn warn_of_unstressed(scenario: &Scenario) {
-    let recorded = scenario
-        .algorithms
-        .iter()
-        .filter(|a| a.spec().is_recorded());
+    let recorded = scenario.algorithms.iter();
+    let recorded = recorded.filter(|a| a.spec().is_recorded());
     let mut labels = recorded.map(Algorithm::label).peekable();
     if !scenario.stress.is_empty() && labels.peek().is_some() {
         let text = "computed before, so perturbed pairs are without: only the unperturbed ones are \

@@ -92,9 +92,8 @@ impl Source for RecordingSource {
 
     fn finish(&mut self, _: u64) -> Losses {
         let facts = self.reader.facts();
-        let reported = facts.partners_of_unreadable.unwrap_or(self.unreadable);
         Losses {
-            unpaired: (facts.unpaired_ns.len() as u64).saturating_sub(reported),
+            unpaired: (facts.unpaired_ns.len() as u64).saturating_sub(facts.partners_of_unreadable),
             unpaired_ns: facts.unpaired_ns,
             outside: facts.outside,
             late: facts.late,

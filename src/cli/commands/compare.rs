@@ -104,10 +104,8 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut outputs = claim(args)?;
-    let runs = args
-        .reports
-        .iter()
-        .map(|name| ScoredRun::read(name, args.area.area));
+    let runs = args.reports.iter();
+    let runs = runs.map(|name| ScoredRun::read(name, args.area.area));
     let runs = runs.collect::<Result<Vec<_>, _>>()?;
     let mut joins = Vec::new();
     // Why reports are not compared.

@@ -1,7 +1,7 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
-use super::{Foreign, topics};
+use super::{PairReader, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
 use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
@@ -9,7 +9,7 @@ use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
 /// Time for which calibrations are kept for pairs out of order.
 const KEPT_NS: u64 = 10_000_000_000;
 
-impl Foreign {
+impl PairReader {
     /// True if the images are raw according to the calibration. Distortion is ignored on a
     /// rectified topic: ROS has one CameraInfo for the raw and the rectified image.
     pub(super) fn are_raw(&self) -> bool {
@@ -176,7 +176,9 @@ impl Foreign {
         self.wait
             .iter_mut()
             .for_each(|wait| wait.count(change.is_some()));
+        // Pairs of a data set have a rig each.
         if let Some((topic, change)) = change
+            && self.own.is_none()
             && !std::mem::replace(&mut self.warned_of_change, true)
         {
             self.warn_of_change(&topic, stamps[0], &change);

@@ -3,12 +3,12 @@
 
 use super::camera_track::CameraTrack;
 use super::stamp_order::HOLD_NS;
-use super::{Foreign, Selection, head, image, video};
+use super::{PairReader, Selection, head, image, video};
 use crate::messages::Channel;
 use svl_core::Result;
 use svl_files::{BitDepth, DECIDING_PAIRS};
 
-/// The first messages, from which a [`Foreign`] is prepared before its first pair.
+/// The first messages, from which a [`PairReader`] is prepared before its first pair.
 #[derive(Default)]
 pub(super) struct FirstMessages {
     images: FirstImages,
@@ -21,43 +21,43 @@ pub(super) struct FirstMessages {
 
 impl FirstMessages {
     /// True if all is known that these messages may contain.
-    pub(super) fn are_enough(&self, foreign: &Foreign) -> bool {
-        let [left, right] = &foreign.frames;
+    pub(super) fn are_enough(&self, pairs: &PairReader) -> bool {
+        let [left, right] = &pairs.frames;
         let (Some(left), Some(right)) = (left, right) else {
             return false;
         };
-        let wants_baseline = foreign.lacks_baseline() && foreign.baseline.may_be_found(left, right);
-        self.have_first_calibrations(foreign) && self.images.are_enough() && !wants_baseline
+        let wants_baseline = pairs.lacks_baseline() && pairs.baseline.may_be_found(left, right);
+        self.have_first_calibrations(pairs) && self.images.are_enough() && !wants_baseline
     }
 
     /// True if the first calibrations are known. In a file, one that is after its images may not be
     /// the earliest: those of the next second decide.
-    fn have_first_calibrations(&self, foreign: &Foreign) -> bool {
+    fn have_first_calibrations(&self, pairs: &PairReader) -> bool {
         let is_before = |(track, first_ns): (&CameraTrack, Option<u64>)| {
             let stamps = track.first_ns().zip(first_ns);
             stamps.is_none_or(|(calibration_ns, image_ns)| calibration_ns <= image_ns)
         };
-        let are_before = foreign.tracks.iter().zip(self.first_ns).all(is_before);
+        let are_before = pairs.tracks.iter().zip(self.first_ns).all(is_before);
         let is_past = |found_ns: u64| self.log_ns >= found_ns.saturating_add(HOLD_NS);
-        let are_settled = foreign.wait.is_some() || self.calibrated_ns.is_some_and(is_past);
-        !foreign.lacks_calibration() && (are_before || are_settled)
+        let are_settled = pairs.wait.is_some() || self.calibrated_ns.is_some_and(is_past);
+        !pairs.lacks_calibration() && (are_before || are_settled)
     }
 
     /// Takes a message in. An unreadable one is reported when its turn comes.
     pub(super) fn take_in(
         &mut self,
-        foreign: &mut Foreign,
+        pairs: &mut PairReader,
         channel: &Channel,
         log_ns: u64,
         data: &[u8],
     ) {
         self.log_ns = self.log_ns.max(log_ns);
-        drop(foreign.calibrate(channel, log_ns, data));
-        if !foreign.lacks_calibration() {
+        drop(pairs.calibrate(channel, log_ns, data));
+        if !pairs.lacks_calibration() {
             self.calibrated_ns.get_or_insert(log_ns);
         }
-        self.images.take_in(&foreign.images, channel, data);
-        let cameras = foreign.images.iter().zip(&mut foreign.frames);
+        self.images.take_in(&pairs.images, channel, data);
+        let cameras = pairs.images.iter().zip(&mut pairs.frames);
         for ((topic, frame), first_ns) in cameras.zip(&mut self.first_ns) {
             if *topic == channel.topic
                 && let Ok((stamp, name)) = head(channel, data)
@@ -67,9 +67,9 @@ impl FirstMessages {
                 *first_ns = Some(first_ns.map_or(stamp_ns, |first_ns| first_ns.min(stamp_ns)));
             }
         }
-        foreign.baseline.take_in(channel, data);
-        if let [Some(left), Some(right)] = &foreign.frames {
-            foreign.baseline_m = foreign.baseline.metres(left, right).ok();
+        pairs.baseline.take_in(channel, data);
+        if let [Some(left), Some(right)] = &pairs.frames {
+            pairs.baseline_m = pairs.baseline.metres(left, right).ok();
         }
     }
 
@@ -82,8 +82,8 @@ impl FirstMessages {
     ///
     /// # Errors
     /// The errors of [`BitDepth::decide`].
-    pub(super) fn end(self, foreign: &mut Foreign, selection: &Selection) -> Result<()> {
-        foreign.depth = BitDepth::decide(selection.bits, self.images.largest())?;
+    pub(super) fn end(self, pairs: &mut PairReader, selection: &Selection) -> Result<()> {
+        pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
         Ok(())
     }
 }

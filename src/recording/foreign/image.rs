@@ -18,11 +18,11 @@ pub(super) const SCHEMAS: [&str; 4] = [
 ];
 
 /// The stamp in a message, if any, and its image, or the reason why that cannot be read.
-pub(super) type Stamped = (Option<u64>, Result<MessageImage, String>);
+pub(crate) type Stamped = (Option<u64>, Result<MessageImage, String>);
 
 /// # Errors
 /// The reason why the message cannot be read.
-pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
+pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
     let raw = |(width, height, step), encoding: &str, data: &[u8]| {
         pixels::decode(&RawPixels {
             width,
@@ -98,7 +98,7 @@ pub(super) fn ros_stamp(
 }
 
 /// Nanoseconds; a stamp of 0 means that it was never set.
-pub(super) fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
+pub(crate) fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
     let (seconds, nanoseconds) = parts?;
     Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)).filter(|&ns| ns > 0)
 }

@@ -1,4 +1,4 @@
-//! Recordings that svl did not write: bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
+//! The pairs of a recording: of svl's own, bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
 //! recordings.
 
 mod baseline;
@@ -25,12 +25,13 @@ mod topics;
 mod transforms;
 mod video;
 
+pub(super) use image::{decode as decode_image, stamp};
 pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;
 pub use pose_summary::{FramePoses, PoseSummary};
-pub(super) use sensor::head;
 pub use sensor::{RawCamera, SensorRole, SensorSelection, SensorTopic, TopicLatency, truth_topics};
+pub(super) use sensor::{floats, head};
 pub use stamp_pairing::UnpairedImages;
 pub use topic_pairs::{LiveTopic, TopicPairs};
 pub use topics::Selection;
@@ -39,7 +40,8 @@ pub use video::VideoSummary;
 pub(super) use video::{VideoScan, is_picture};
 
 use super::messages::{Channel, FileEvent};
-use super::{CameraFacts, PairSource, Recording, StreamFacts};
+use super::own_topics::OwnTopics;
+use super::{CameraFacts, Recording, StreamFacts, geometry, topic};
 use baseline::BaselineSearch;
 use calibration_wait::CalibrationWait;
 use camera::Calibration;
@@ -49,7 +51,6 @@ use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
 use stamp_order::ImagePairing;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
@@ -74,9 +75,11 @@ type ReadImage = std::result::Result<PairImage, String>;
 /// The images of a pair, left and right, with their stamps.
 type PairImages = [(u64, ReadImage); 2];
 
-/// Pairs the images of two topics by stamp.
-pub(super) struct Foreign {
+/// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
+pub(super) struct PairReader {
     images: [String; 2],
+    /// What svl's own recordings have of the pairs besides; `None` in others.
+    own: Option<OwnTopics>,
     calibrations: [Option<String>; 2],
     /// The calibrations of each camera so far, and those before the first pair.
     tracks: [CameraTrack; 2],
@@ -118,25 +121,26 @@ pub(super) struct Foreign {
     jumps: Option<u64>,
 }
 
-impl Foreign {
-    /// Chooses the topics of a recording and looks for the first calibration of each camera.
+impl PairReader {
+    /// Chooses the topics of a recording, those of svl if `is_own`, and looks for the first
+    /// calibration of each camera.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
-    pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
+    pub(super) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
         let name = recording.path().display().to_string();
         let channels = recording.channels()?;
-        let mut foreign = Self::new(name, &channels, selection)
+        let mut pairs = Self::new(name, &channels, selection, is_own)
             .map_err(|reason| Error::format(recording.path(), reason))?;
         let mut first = FirstMessages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
             // rig. The bit depth is also decided before the first pair.
-            while !first.are_enough(&foreign) {
+            while !first.are_enough(&pairs) {
                 match messages.next() {
                     Ok(Some(FileEvent::Message(channel, log_time, data))) => {
-                        first.take_in(&mut foreign, channel, log_time, &data)
+                        first.take_in(&mut pairs, channel, log_time, &data)
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
@@ -144,16 +148,16 @@ impl Foreign {
             }
         }
         let are_videos = first.are_videos();
-        first.end(&mut foreign, selection)?;
-        foreign.warn_of_sign();
-        foreign.poses = PoseReader::open(recording, &channels)?;
-        let topics = foreign.images.iter().zip(are_videos);
-        for ((topic, is_video), video) in topics.zip(&mut foreign.videos) {
+        first.end(&mut pairs, selection)?;
+        pairs.warn_of_sign();
+        pairs.poses = PoseReader::open(recording, &channels)?;
+        let topics = pairs.images.iter().zip(are_videos);
+        for ((topic, is_video), video) in topics.zip(&mut pairs.videos) {
             if is_video {
                 *video = Some(VideoTopic::open(recording, topic)?);
             }
         }
-        Ok(foreign)
+        Ok(pairs)
     }
 
     /// The pose of the left camera at that time: of images that were rectified before they were
@@ -167,7 +171,8 @@ impl Foreign {
         Some(pose * rotation.unwrap_or_default().inverse())
     }
 
-    /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
+    /// Chooses the topics of a source called `name`, those of svl if `is_own`. Calibrations and bit
+    /// depth are still unknown.
     ///
     /// # Errors
     /// The reason why no two topics can be the cameras, or why more than two can.
@@ -175,13 +180,19 @@ impl Foreign {
         name: String,
         channels: &[&Channel],
         selection: &Selection,
+        is_own: bool,
     ) -> std::result::Result<Self, String> {
-        let images = choose(channels, selection)?;
+        let images = if is_own {
+            Side::BOTH.map(|side| topic::camera(side, "image"))
+        } else {
+            choose(channels, selection)?
+        };
         let calibrations = images
             .each_ref()
             .map(|topic| topics::calibration(channels, topic));
         Ok(Self {
             images,
+            own: is_own.then(OwnTopics::default),
             calibrations,
             tracks: Default::default(),
             cameras: [None, None],
@@ -189,7 +200,11 @@ impl Foreign {
             baseline: BaselineSearch::new(channels),
             poses: None,
             frames: [None, None],
-            partners: ImagePairing::for_file(selection.max_skew_ns),
+            partners: if is_own {
+                ImagePairing::by_records()
+            } else {
+                ImagePairing::for_file(selection.max_skew_ns)
+            },
             wait: None,
             videos: [None, None],
             depth: BitDepth::FULL,
@@ -207,6 +222,14 @@ impl Foreign {
             last_ns: [None; 2],
             jumps: None,
         })
+    }
+
+    /// Forgets all messages, as reading goes on elsewhere in svl's own recording.
+    pub(super) fn restart(&mut self) {
+        self.own = Some(OwnTopics::default());
+        self.partners = ImagePairing::by_records();
+        self.tracks = Default::default();
+        (self.counts, self.without_stamp, self.pairs) = ([0; 2], [0; 2], 0);
     }
 
     /// The next two images that are a pair, once their calibrations are there or are not waited for
@@ -304,6 +327,17 @@ impl Foreign {
     fn why_none(&self) -> String {
         let [left, right] = &self.images;
         let [lefts, rights] = self.counts;
+        if self.own.is_some() {
+            return match self.counts {
+                [0, 0] => "has no pairs: its recording ended before the first".to_owned(),
+                _ => format!(
+                    "has no stereo pairs: no {} says which of {} of {left} and {rights} of \
+                     {right} belong together",
+                    topic::SYNC,
+                    counted(lefts, "image")
+                ),
+            };
+        }
         let milliseconds = |ns: u64| ns as f64 / 1e6;
         let skew = milliseconds(self.max_skew_ns);
         let miss = match self.partners.pairing().nearest_miss_ns() {
@@ -340,15 +374,24 @@ impl Foreign {
         let left = self.frames[0].as_deref();
         left.filter(|frame| !frame.is_empty())
     }
-}
 
-impl PairSource for Foreign {
-    fn take_in(
+    /// Adds one message.
+    ///
+    /// # Errors
+    /// The reason why the message cannot be read.
+    pub(super) fn take_in(
         &mut self,
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> std::result::Result<Option<Frame>, String> {
+    ) -> std::result::Result<(), String> {
+        if let Some(own) = &mut self.own
+            && let Some(joined) = own.take_in(channel, log_time, data)?
+        {
+            let pairing = self.partners.pairing_mut();
+            joined.into_iter().for_each(|stamps| pairing.join(stamps));
+            return Ok(());
+        }
         self.partners.advance(log_time);
         let is_of_use = self.images.contains(&channel.topic)
             || self
@@ -366,7 +409,7 @@ impl PairSource for Foreign {
             tracing::warn!("{}: {warning}", self.name);
         }
         if !is_of_use {
-            return Ok(None);
+            return Ok(());
         }
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
@@ -384,10 +427,14 @@ impl PairSource for Foreign {
                 self.partners.push(side, stamp_ns, log_time, image, bytes);
             }
         }
-        self.calibrate(channel, log_time, data).map(|()| None)
+        self.calibrate(channel, log_time, data)
     }
 
-    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+    /// The next pair that is ready without another message.
+    ///
+    /// # Errors
+    /// The reason why two images that belong together cannot be a pair.
+    pub(super) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.next_images()?;
         let sequence = self.sequence;
         self.sequence += 1;
@@ -409,7 +456,6 @@ impl PairSource for Foreign {
         };
         // The size is known from the first pair on; calibrations are checked against it.
         if let Ok((pair, _)) = &pair {
-            self.pairs += 1;
             self.size = pair.size();
         }
         self.calibrate_pair([left_ns, right_ns]);
@@ -425,15 +471,44 @@ impl PairSource for Foreign {
             exposure,
             ..Frame::new(pair, geometry)
         });
+        let frame = frame.and_then(|frame| self.completed(frame, [left_ns, right_ns]));
+        self.pairs += u64::from(frame.is_ok());
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
     }
 
-    fn end(&mut self) {
+    /// The frame with what svl's own recording has of it besides its images.
+    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> std::result::Result<Frame, String> {
+        let Some(own) = &mut self.own else {
+            return Ok(frame);
+        };
+        let mut tracks = self.tracks.iter().zip(stamps);
+        let have_own = tracks.all(|(track, stamp)| track.has(stamp));
+        let rig = match &self.cameras {
+            // The exact rig: that of another pair may differ.
+            [Some(left), Some(right)] if have_own => {
+                Some(geometry::rig(&left.projection()?, &right.projection()?)?)
+            }
+            _ => None,
+        };
+        own.complete(frame, stamps, rig)
+    }
+
+    /// Ends the recording: there are no more messages.
+    pub(super) fn end(&mut self) {
         self.partners.end();
         self.wait.iter_mut().for_each(CalibrationWait::end);
     }
 
-    fn stamps(&self) -> PairStamps {
+    /// True if svl wrote the recording.
+    pub(super) fn is_own(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// The rule by which the stamps of the messages form pairs.
+    pub(super) fn stamps(&self) -> PairStamps {
+        if self.is_own() {
+            return PairStamps::Synced;
+        }
         PairStamps::Nearest {
             topics: self.images.clone(),
             pairing: Box::new(ImagePairing::for_file(self.max_skew_ns)),
@@ -441,8 +516,26 @@ impl PairSource for Foreign {
         }
     }
 
-    fn facts(&self) -> StreamFacts {
-        let (pairing, are_raw) = (self.partners.pairing(), self.are_raw());
+    /// The facts so far.
+    pub(super) fn facts(&self) -> StreamFacts {
+        let pairing = self.partners.pairing();
+        let facts = StreamFacts {
+            topics: self.images.clone(),
+            pairs: self.pairs,
+            unpaired_ns: pairing.unpaired_ns().to_vec(),
+            // An image with a stamp has its partner, even if its pixels cannot be read. If images
+            // of both cameras are without, they may be partners of each other.
+            partners_of_unreadable: self.without_stamp[0].max(self.without_stamp[1]),
+            outside: pairing.outside(),
+            late: pairing.late(),
+            why_none: self.why_none(),
+            ..StreamFacts::default()
+        };
+        // The rest is in svl's header.
+        if self.is_own() {
+            return facts;
+        }
+        let are_raw = self.are_raw();
         let raw = are_raw.then(|| self.stereo_calibration());
         let fault = match &raw {
             Some(calibration) => calibration.as_ref().err().cloned(),
@@ -453,19 +546,9 @@ impl PairSource for Foreign {
         let frame_id = self.frame_id().map(str::to_owned);
         let has_calibration = self.cameras.iter().any(Option::is_some);
         StreamFacts {
-            topics: self.images.clone(),
-            pairs: self.pairs,
-            unpaired_ns: pairing.unpaired_ns().to_vec(),
-            // An image with a stamp has its partner, even if its pixels cannot be read. If images
-            // of both cameras are without, they may be partners of each other.
-            partners_of_unreadable: self.without_stamp.into_iter().max(),
-            outside: pairing.outside(),
-            late: pairing.late(),
-            broken: BTreeMap::new(),
             bits: self.depth.bits(),
             note: self.depth.note(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
-            why_none: self.why_none(),
             calibration: raw.and_then(std::result::Result::ok),
             camera: CameraFacts {
                 focal_px: left.and_then(|left| left.focal_px(are_raw)),
@@ -475,6 +558,7 @@ impl PairSource for Foreign {
                 calibration_fault: fault.filter(|_| has_calibration),
             },
             frame_id,
+            ..facts
         }
     }
 }
@@ -489,8 +573,8 @@ pub(super) struct StampedImage {
     pub bytes: usize,
 }
 
-/// Pairs images by stamp alone, in file order like [`Foreign`]: the skew of each pair, right minus
-/// left, and the images without a partner.
+/// Pairs images by stamp alone, in file order like [`PairReader`]: the skew of each pair, right
+/// minus left, and the images without a partner.
 pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
     let sides = Side::BOTH.into_iter().zip(images);
     let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));

@@ -1,9 +1,9 @@
 //! The stamps of a recording's pairs, without their images.
 
 use super::stamp_order::ImagePairing;
-use crate::TopicKind;
 use crate::messages::Channel;
 use crate::sync::StereoSync;
+use crate::topic;
 use svl_core::stereo::Side;
 
 /// Rule by which messages form pairs.
@@ -11,7 +11,7 @@ use svl_core::stereo::Side;
 pub(crate) enum PairStamps {
     /// By `/stereo/sync`, in svl's own recordings.
     Synced,
-    /// By the stamps of two topics, as in [`super::Foreign`].
+    /// By the stamps of two topics, as in [`super::PairReader`].
     Nearest {
         topics: [String; 2],
         pairing: Box<ImagePairing<()>>,
@@ -34,7 +34,7 @@ impl PairStamps {
         pairs: &mut Vec<(u64, u64)>,
     ) {
         match self {
-            Self::Synced if channel.topic == TopicKind::Sync.topic() => {
+            Self::Synced if channel.topic == topic::SYNC => {
                 let sync = StereoSync::decode(&channel.schema, data);
                 pairs.extend(sync.map(|sync| (sync.left_stamp_ns, sync.sequence)));
             }

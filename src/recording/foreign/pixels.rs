@@ -7,7 +7,7 @@ use svl_core::stereo::Plane;
 use svl_files::{BitDepth, DecodedImage, every_byte};
 
 /// An image as in its message: a mosaic is not interpolated yet, as its bit depth comes first.
-pub(super) struct MessageImage {
+pub(crate) struct MessageImage {
     pub image: DecodedImage,
     pub mosaic: Option<Tile>,
 }
@@ -32,8 +32,9 @@ pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
     let grey8 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray);
     let grey16 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray16);
     let image = match encoding.samples {
+        // Row by row: most images are of these.
+        Samples::Grey8(1, _) | Samples::Bayer8(_) => grey8(rows.collect::<Vec<_>>().concat()),
         Samples::Grey8(bytes, at) => grey8(every_byte(rows, bytes, at)),
-        Samples::Bayer8(_) => grey8(every_byte(rows, 1, 0)),
         Samples::Grey16 | Samples::Bayer16(_) => grey16(samples(rows, u16_of(raw)).collect()),
         Samples::Color8(bytes, rgb) => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));

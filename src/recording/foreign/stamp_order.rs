@@ -99,8 +99,8 @@ impl<T> StampOrder<T> {
     }
 }
 
-/// Pairs images by their stamps: those of a file in the order of their stamps, live ones as they
-/// arrive.
+/// Pairs images by their stamps: those of a file in the order of their stamps, live ones, and those
+/// that records join, as they arrive.
 #[derive(Clone)]
 pub(crate) struct ImagePairing<T> {
     order: Option<StampOrder<(Side, u64, T, usize)>>,
@@ -113,6 +113,15 @@ impl<T> ImagePairing<T> {
         Self {
             order: Some(StampOrder::new()),
             pairing: StampPairing::new(max_skew_ns),
+            ended: false,
+        }
+    }
+
+    /// Pairs images in the order of the file, by records alone.
+    pub(super) fn by_records() -> Self {
+        Self {
+            order: None,
+            pairing: StampPairing::by_records(),
             ended: false,
         }
     }

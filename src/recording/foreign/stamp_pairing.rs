@@ -1,8 +1,10 @@
-//! Pairs the images of two topics by nearest stamps, in any order of arrival.
+//! Pairs the images of two topics, in any order of arrival: by nearest stamps, or as svl's own
+//! records join them.
 
+use crate::own_topics::MAX_WAITING;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
-use svl_core::stereo::Side;
+use svl_core::stereo::Side::{self, Left, Right};
 use svl_files::pairing::{Nearest, WaitingStamps};
 
 /// Limit on the bytes of waiting images: more than half a minute of two cameras, in a file that has
@@ -43,6 +45,8 @@ impl UnpairedImages {
 #[derive(Clone)]
 pub(crate) struct StampPairing<T> {
     max_skew_ns: u64,
+    /// The right stamp of each left one, by the records; `None` if the nearest stamps decide.
+    joined: Option<BTreeMap<u64, u64>>,
     /// Limit on the bytes of waiting images.
     limit: usize,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
@@ -68,6 +72,7 @@ impl<T> StampPairing<T> {
     pub(super) fn new(max_skew_ns: u64) -> Self {
         Self {
             max_skew_ns,
+            joined: None,
             limit: WAITING_BYTES,
             waiting: [BTreeMap::new(), BTreeMap::new()],
             slack: [0; 2],
@@ -79,6 +84,24 @@ impl<T> StampPairing<T> {
             nearest_miss_ns: None,
             crowded_out: [None; 2],
             late: 0,
+        }
+    }
+
+    /// Pairs images by records alone.
+    pub(super) fn by_records() -> Self {
+        Self {
+            joined: Some(BTreeMap::new()),
+            ..Self::new(0)
+        }
+    }
+
+    /// Adds a record: the images with these stamps, left and right, are a pair.
+    pub(super) fn join(&mut self, [left_ns, right_ns]: [u64; 2]) {
+        if let Some(joined) = &mut self.joined {
+            joined.insert(left_ns, right_ns);
+            if joined.len() > MAX_WAITING {
+                joined.pop_first();
+            }
         }
     }
 
@@ -166,9 +189,12 @@ impl<T> StampPairing<T> {
 
     /// The next pair that no later image can change, with both stamps, left and right.
     ///
-    /// Two images are a pair if each is the nearest to the other and they are at most the maximal
-    /// skew apart.
+    /// Without records, two images are a pair if each is the nearest to the other and they are at
+    /// most the maximal skew apart.
     pub(super) fn pop(&mut self) -> Option<[(u64, T); 2]> {
+        if self.joined.is_some() {
+            return self.pop_joined();
+        }
         loop {
             let (camera, stamp) = self.earliest()?;
             let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
@@ -213,6 +239,27 @@ impl<T> StampPairing<T> {
         }
     }
 
+    /// The next pair by the records. Of images without one, few wait.
+    fn pop_joined(&mut self) -> Option<[(u64, T); 2]> {
+        let is_there = |side: Side, stamp: &u64| self.waiting[side as usize].contains_key(stamp);
+        let mut joined = self.joined.iter().flatten();
+        let found = joined.find(|(left, right)| is_there(Left, left) && is_there(Right, right));
+        if let Some((&left_ns, &right_ns)) = found {
+            self.joined.as_mut()?.remove(&left_ns);
+            let (left, right) = (self.take(0, left_ns)?, self.take(1, right_ns)?);
+            return Some([(left_ns, left), (right_ns, right)]);
+        }
+        let limit = if self.ended { 0 } else { MAX_WAITING };
+        for camera in 0..2 {
+            while self.waiting[camera].len() > limit
+                && let Some((&stamp, _)) = self.waiting[camera].first_key_value()
+            {
+                self.give_up(camera, stamp);
+            }
+        }
+        None
+    }
+
     /// The earliest waiting image of both cameras.
     fn earliest(&self) -> Option<(usize, u64)> {
         let first = |camera: usize| {
@@ -243,7 +290,8 @@ impl<T> StampPairing<T> {
             return;
         }
         let is_inside = |(first, last)| (first..=last).contains(&stamp);
-        let is_outside = !self.spans[1 - camera].is_some_and(is_inside);
+        // A recorder of both cameras has no image outside.
+        let is_outside = self.joined.is_none() && !self.spans[1 - camera].is_some_and(is_inside);
         // A second image with the same stamp is a surplus, wherever it is.
         if !(is_outside && self.outside[camera].insert(stamp)) {
             self.unpaired_ns.push(stamp);
@@ -267,7 +315,6 @@ impl<T> StampPairing<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Side::{Left, Right};
 
     /// The stamps of the pairs from images in this order, and the numbers of the others: without a
     /// partner, and outside the overlap.
@@ -341,6 +388,45 @@ mod tests {
             pairs(6, &images),
             (vec![(100, 103), (200, 196), (300, 306)], [0, 0])
         );
+    }
+
+    #[test]
+    fn records_join_images_whatever_their_stamps() {
+        let mut partners = StampPairing::by_records();
+        let mut found = Vec::new();
+        // The records come before, between and after the images; the pair of 500 has none.
+        partners.join([100, 90]);
+        for (side, stamp) in [
+            (Left, 100),
+            (Left, 500),
+            (Right, 90),
+            (Right, 700),
+            (Left, 200),
+        ] {
+            partners.push(side, stamp, stamp, 1);
+            found.extend(std::iter::from_fn(|| partners.pop()));
+        }
+        assert_eq!(found, [[(100, 100), (90, 90)]]);
+        partners.join([200, 700]);
+        assert_eq!(partners.pop(), Some([(200, 200), (700, 700)]));
+        partners.end();
+        assert_eq!((partners.pop(), partners.unpaired_ns()), (None, &[500][..]));
+        assert_eq!((partners.outside(), partners.bytes), (0, 0));
+    }
+
+    #[test]
+    fn few_images_wait_for_a_record() {
+        let mut partners = StampPairing::by_records();
+        for stamp in 0..100 {
+            partners.push(Left, stamp, (), 1);
+            assert_eq!(partners.pop(), None);
+            assert!(partners.waiting[0].len() <= MAX_WAITING);
+        }
+        partners.push(Right, 5, (), 1);
+        // That image waits no more.
+        partners.join([5, 5]);
+        assert_eq!(partners.pop(), None);
+        assert_eq!(partners.unpaired_ns().len(), 100 - MAX_WAITING);
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use super::calibration_wait::CalibrationWait;
 use super::stamp_order::ImagePairing;
 use super::transforms::Transforms;
-use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
+use super::{FirstMessages, PairReader, Selection, camera, head, image, video};
 use crate::messages::Channel;
-use crate::{LEFT_FRAME, PairSource, StreamFacts};
+use crate::{LEFT_FRAME, StreamFacts};
 use svl_core::Result;
 use svl_core::stereo::Frame;
 
@@ -48,7 +48,7 @@ impl LiveTopic {
 
 /// Forms pairs of the messages of live topics, in CDR as a bag stores them.
 pub struct TopicPairs {
-    foreign: Foreign,
+    pairs: PairReader,
     /// The topics that it needs: images left and right, their calibrations, static transforms.
     channels: Vec<Channel>,
     selection: Selection,
@@ -70,21 +70,20 @@ impl TopicPairs {
     ) -> std::result::Result<Self, String> {
         let channels: Vec<_> = topics.iter().map(LiveTopic::channel).collect();
         let all: Vec<_> = channels.iter().collect();
-        let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
-        let is_video = |channel: &&Channel| {
-            foreign.images.contains(&channel.topic) && video::is_video(channel)
-        };
+        let mut pairs = PairReader::new(source.to_owned(), &all, selection, false)?;
+        let is_video =
+            |channel: &&Channel| pairs.images.contains(&channel.topic) && video::is_video(channel);
         if let Some(Channel { topic, schema, .. }) = channels.iter().find(is_video) {
             return Err(format!(
                 "{topic}: {schema}, a video, which svl reads from a bag: record it first"
             ));
         }
-        foreign.partners = ImagePairing::live(selection.max_skew_ns, WAITING_BYTES);
-        foreign.wait = Some(CalibrationWait::default());
-        foreign.jumps = Some(0);
+        pairs.partners = ImagePairing::live(selection.max_skew_ns, WAITING_BYTES);
+        pairs.wait = Some(CalibrationWait::default());
+        pairs.jumps = Some(0);
         let mut needed: Vec<Channel> = Vec::new();
-        let names = foreign.images.iter();
-        for name in names.chain(foreign.calibrations.iter().flatten()) {
+        let names = pairs.images.iter();
+        for name in names.chain(pairs.calibrations.iter().flatten()) {
             let found = channels.iter().find(|channel| channel.topic == *name);
             // One calibration may be that of both.
             needed.extend(found.filter(|found| !needed.contains(found)).cloned());
@@ -96,7 +95,7 @@ impl TopicPairs {
                 .cloned(),
         );
         Ok(Self {
-            foreign,
+            pairs,
             channels: needed,
             selection: selection.clone(),
             first: Some(FirstMessages::default()),
@@ -117,8 +116,8 @@ impl TopicPairs {
         let Some(first) = &mut self.first else {
             return true;
         };
-        first.take_in(&mut self.foreign, channel, 0, data);
-        first.are_enough(&self.foreign)
+        first.take_in(&mut self.pairs, channel, 0, data);
+        first.are_enough(&self.pairs)
     }
 
     /// Decides the bit depth by the messages that it looked at.
@@ -127,7 +126,7 @@ impl TopicPairs {
     /// The errors of the bit depth: 16-bit images that use no bits, or more than the selected ones.
     pub fn begin(&mut self) -> Result<()> {
         match self.first.take() {
-            Some(first) => first.end(&mut self.foreign, &self.selection),
+            Some(first) => first.end(&mut self.pairs, &self.selection),
             None => Ok(()),
         }
     }
@@ -143,24 +142,22 @@ impl TopicPairs {
         data: &[u8],
     ) -> std::result::Result<(), String> {
         let channel = &self.channels[topic];
-        if let Some(first) = self.foreign.frames[0].as_deref().filter(|_| topic == 0)
+        if let Some(first) = self.pairs.frames[0].as_deref().filter(|_| topic == 0)
             && !self.warned_of_frame
             && let Ok((_, frame)) = head(channel, data)
             && frame != first
         {
             self.warned_of_frame = true;
-            let used = self.foreign.frame_id().unwrap_or(LEFT_FRAME);
+            let used = self.pairs.frame_id().unwrap_or(LEFT_FRAME);
             tracing::warn!(
                 "{}: {}: the frame of its images changes from '{first}' to '{frame}'; results \
                  stay in '{used}'",
-                self.foreign.name,
+                self.pairs.name,
                 channel.topic
             );
         }
-        let taken = self.foreign.take_in(channel, received_ns, data);
-        taken
-            .map(drop)
-            .map_err(|why| format!("{}: {why}", channel.topic))
+        let taken = self.pairs.take_in(channel, received_ns, data);
+        taken.map_err(|why| format!("{}: {why}", channel.topic))
     }
 
     /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits
@@ -170,31 +167,31 @@ impl TopicPairs {
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.
     pub fn pop(&mut self, now_ns: u64) -> Option<std::result::Result<Frame, String>> {
-        self.foreign
+        self.pairs
             .wait
             .iter_mut()
             .for_each(|wait| wait.set_now(now_ns));
-        self.foreign.pop()
+        self.pairs.pop()
     }
 
     /// Ends the source: there are no more messages.
     pub fn end(&mut self) {
-        self.foreign.end();
+        self.pairs.end();
     }
 
     /// The facts of the pairs so far.
     pub fn facts(&self) -> StreamFacts {
-        self.foreign.facts()
+        self.pairs.facts()
     }
 
     /// Images left and right.
     pub fn counts(&self) -> [u64; 2] {
-        self.foreign.counts
+        self.pairs.counts
     }
 
     /// Jumps of the cameras' clocks back in time.
     pub fn jumps(&self) -> u64 {
-        self.foreign.jumps.unwrap_or(0)
+        self.pairs.jumps.unwrap_or(0)
     }
 }
 

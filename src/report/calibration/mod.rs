@@ -46,7 +46,8 @@ impl CalibrationPage<'_> {
     /// [`Error::Invalid`] with the message of the template engine.
     pub fn render(&self) -> Result<String> {
         let view = view::CalibrationView::new(self);
-        fill(include_str!("page.html"), include_str!("page.css"), view)
+        let (page, style) = (include_str!("page.html"), include_str!("page.css"));
+        fill(page, style, &[], view)
     }
 }
 

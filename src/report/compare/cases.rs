@@ -26,10 +26,8 @@ impl Comparison {
                 result: change.test(own.blocks, self.method.fewest_blocks),
             }));
         }
-        let things = self
-            .algorithms
-            .first()
-            .map_or("pair", AlgorithmChange::things);
+        let things = self.algorithms.first();
+        let things = things.map_or("pair", AlgorithmChange::things);
         let gone = self.only_in_base.iter();
         cases.extend(gone.map(|label| TestCase {
             name: format!("{label}: {things}s"),

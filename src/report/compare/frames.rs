@@ -64,10 +64,8 @@ impl<'a> BothImages<'a> {
     /// The errors of reading the pictures.
     pub fn new(join: &Join<'a>, find: &'a FindLeft<'a>) -> Result<Self> {
         let runs = join.runs;
-        let images = [
-            LeftImages::find(&runs[0].folder)?,
-            LeftImages::find(&runs[1].folder)?,
-        ];
+        let [a, b] = runs.map(|run| LeftImages::find(&run.folder));
+        let images = [a?, b?];
         Ok(Self { runs, images, find })
     }
 
@@ -100,17 +98,17 @@ pub(super) fn changed_frames(
 ) -> Result<Vec<ChangedFrame>> {
     let scored = own.pairs.iter().filter_map(|pair| {
         let [before, after] = pair.map(|row| &row.metrics);
-        Some((*pair, harm(before, after)?))
+        Some((*pair, harm(before, after).filter(|harm| *harm != NO_HARM)?))
     });
     let mut scored: Vec<ScoredPair<'_>> = scored.collect();
-    // Equal changes: those with an image come first. The sort is stable.
+    // Equal changes: those with an image come first. The sorts are stable.
     scored.sort_by_key(|(pair, _)| !images.hold(*pair));
     let order = |a: &FrameHarm, b: &FrameHarm| a.partial_cmp(b).unwrap_or(Ordering::Equal);
-    scored.sort_by(|a, b| order(&b.1, &a.1));
-    let mut chosen = spread(scored.iter().filter(|(_, harm)| *harm > NO_HARM));
-    scored.retain(|(_, harm)| *harm < NO_HARM);
-    scored.sort_by(|a, b| order(&a.1, &b.1));
-    chosen.extend(spread(scored.iter()));
+    let is_worse = |(_, harm): &ScoredPair<'_>| *harm > NO_HARM;
+    let (mut worse, mut better): (Vec<_>, Vec<_>) = scored.into_iter().partition(is_worse);
+    worse.sort_by(|(_, a), (_, b)| order(b, a));
+    better.sort_by(|(_, a), (_, b)| order(a, b));
+    let chosen = [spread(&worse), spread(&better)].concat();
     let mut cells: [Vec<Vec<CellRow>>; 2] = [0, 1].map(|_| vec![Vec::new(); chosen.len()]);
     for (side, cells) in cells.iter_mut().enumerate() {
         let rows: Vec<_> = chosen.iter().map(|(pair, _)| pair[side]).collect();
@@ -123,14 +121,12 @@ pub(super) fn changed_frames(
             let cells = std::mem::take(&mut cells[side][i]);
             shot(pair[side], cells, left.as_deref())
         };
+        let mut shots = [shot(0)?, shot(1)?];
         // The truth of both is shown once.
-        let before = FrameShot {
-            truth: None,
-            ..shot(0)?
-        };
+        shots[0].truth = None;
         Ok(ChangedFrame {
             is_worse: harm > NO_HARM,
-            shots: [before, shot(1)?],
+            shots,
             has_image: left.is_some(),
         })
     };
@@ -138,7 +134,7 @@ pub(super) fn changed_frames(
 }
 
 /// The first ones that are no neighbours of each other.
-fn spread<'a: 'b, 'b>(pairs: impl Iterator<Item = &'b ScoredPair<'a>>) -> Vec<ScoredPair<'a>> {
+fn spread<'a>(pairs: &[ScoredPair<'a>]) -> Vec<ScoredPair<'a>> {
     let mut chosen: Vec<ScoredPair<'_>> = Vec::new();
     for pair in pairs {
         let is_neighbour = |own: &ScoredPair<'_>| {
@@ -179,9 +175,11 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
         findings: Vec::new(),
         left: left.map_or_else(blank, |file| Ok(file.to_vec()))?,
         size,
-        estimate: marks(|cell| depth([cell.median_px, cell.p20_px, cell.p80_px])),
+        estimate: marks(CellRow::depth),
         // The table of cells has no percentiles of the truth.
-        truth: Some(marks(|cell| depth([cell.true_median_px; 3]))),
+        truth: Some(marks(|cell| {
+            Some(CellDepth::at(cell.true_median_px? as f32, None))
+        })),
         preview: None,
         true_preview: None,
         errors: None,
@@ -189,52 +187,37 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
     })
 }
 
-fn depth(disparities_px: [Option<f64>; 3]) -> Option<CellDepth> {
-    let [median_px, p20_px, p80_px] = disparities_px.map(|px| px.map(|px| px as f32));
-    Some(CellDepth::new([p20_px?, median_px?, p80_px?], None))
-}
-
 /// The scale of the squares: a true distance gives the disparity of [`NEAR_M`].
 fn nearness(cells: &[CellRow], width: usize) -> Nearness {
-    let mut px_m = cells
-        .iter()
-        .filter_map(|cell| Some(cell.true_median_px? * cell.true_distance_m?));
-    let nearest = || {
-        cells
-            .iter()
-            .filter_map(|cell| cell.true_median_px)
-            .reduce(f64::max)
-    };
+    let px_m = cells.iter();
+    let mut px_m = px_m.filter_map(|own| Some(own.true_median_px? * own.true_distance_m?));
+    let truths = cells.iter().filter_map(|cell| cell.true_median_px);
     let near_px = match px_m.next() {
         Some(px_m) => (px_m / NEAR_M).min(width as f64 / 4.0),
-        None => nearest().unwrap_or(1.0).max(1.0),
+        None => truths.fold(1.0, f64::max),
     };
     Nearness::new(near_px, 0.0)
 }
 
 /// The counts of a frame that changed, in words, the most important first.
 pub(super) fn changed_counts(shots: &[FrameShot; 2]) -> String {
-    let counts = ["missed", "false", "right", "wrong", "unknown"]
-        .iter()
-        .filter_map(|name| {
-            let [before, after] = shots.each_ref().map(|shot| shot.row.metrics.get(name));
-            let (before, after) = before
-                .zip(after)
-                .filter(|(before, after)| before != after)?;
-            Some(format!("{} {before} → {after}", Metric::find(name)?.words))
-        });
-    counts.collect::<Vec<_>>().join(", ")
+    let words = |name: &&str| {
+        let [before, after] = shots.each_ref().map(|shot| shot.row.metrics.get(name));
+        let (before, after) = (before?, after?);
+        let words = Metric::find(name)?.words;
+        (before != after).then(|| format!("{words} {before} → {after}"))
+    };
+    let names = ["missed", "false", "right", "wrong", "unknown"];
+    let names = names.iter().filter_map(words).collect::<Vec<_>>();
+    names.join(", ")
 }
 
 /// The cells with another verdict before and after, or another obstacle, these first.
 pub(super) fn changed_cells(shots: &[FrameShot; 2]) -> Vec<[&CellRow; 2]> {
     let place = |cell: &CellRow| (cell.column, cell.row);
     let obstacle = |cell: &CellRow| (cell.missed, cell.r#false);
-    let after: HashMap<_, _> = shots[1]
-        .cells
-        .iter()
-        .map(|cell| (place(cell), cell))
-        .collect();
+    let after = shots[1].cells.iter().map(|cell| (place(cell), cell));
+    let after: HashMap<_, _> = after.collect();
     let both = shots[0].cells.iter();
     let both = both.filter_map(|cell| Some([cell, *after.get(&place(cell))?]));
     let is_other = |[a, b]: &[&CellRow; 2]| a.verdict != b.verdict || obstacle(a) != obstacle(b);

@@ -4,12 +4,13 @@ use super::scored_run::ScoredRun;
 use crate::drives::DriveRow;
 use crate::rows::Row;
 use crate::samples::{RunKey, is_scene, run_key};
-use crate::words::shell_word;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::hash::{DefaultHasher, Hash, Hasher};
 use svl_core::{Error, Result};
 use svl_score::losses::Incomplete;
 use svl_score::manifest::Manifest;
+
+/// The cure for algorithms that only one report has.
+pub(super) const MAP: &str = "--map BASE=OTHER compares algorithms of other names";
 
 /// Two reports, the pairs of the second in the order of the first.
 pub struct Join<'a> {
@@ -75,9 +76,10 @@ impl<'a> Join<'a> {
         let has_any = |own: &JoinedAlgorithm<'_>| own.compared() > 0 || own.newly_failed > 0;
         if join.algorithms.is_empty() {
             let [ours, theirs] = runs.map(|run| run.labels().join(", "));
-            let words = format!("{}: no algorithm in common ({ours}; {theirs})", shown());
-            let parts: Vec<_> = [words].into_iter().chain(join.map_options()).collect();
-            return Err(Error::other(Incomplete(parts.join("; "))));
+            return Err(Error::other(Incomplete(format!(
+                "{}: no algorithm in common ({ours}; {theirs}); {MAP}",
+                shown()
+            ))));
         }
         if !join.algorithms.iter().any(has_any) {
             let things = if is_driven { "course" } else { "pair" };
@@ -110,26 +112,6 @@ impl<'a> Join<'a> {
         ours.retain(|label| theirs.contains(label) && !is_joined(label));
         ours
     }
-
-    /// The options that compare algorithms of one report alone with those of the other with other
-    /// parameters, where each has just one of a name.
-    pub(super) fn map_options(&self) -> Option<String> {
-        let record = |side: usize, label: &String| self.runs[side].record(label);
-        let only = [0, 1].map(|side| self.only_in(side));
-        let one = |side: usize, name: &str| {
-            let mut own = only[side]
-                .iter()
-                .filter(|own| record(side, own).is_some_and(|r| r.name == name));
-            own.next().filter(|_| own.next().is_none())
-        };
-        let maps = only[0].iter().filter_map(|label| {
-            let name = &record(0, label)?.name;
-            let map = format!("{}={}", one(0, name)?, one(1, name)?);
-            Some(format!("--map {}", shell_word(&map)))
-        });
-        let options = maps.collect::<Vec<_>>().join(" ");
-        (!options.is_empty()).then(|| format!("add `{options}` to compare other parameters"))
-    }
 }
 
 /// The algorithms that are compared, by their labels in the two reports.
@@ -142,9 +124,8 @@ fn matched_labels<'a>(
     let mut both = Vec::new();
     for text in map {
         // Either label may hold `=`.
-        let splits = text
-            .match_indices('=')
-            .map(|(i, _)| (&text[..i], &text[i + 1..]));
+        let splits = text.match_indices('=');
+        let splits = splits.map(|(i, _)| (&text[..i], &text[i + 1..]));
         let find = |labels: &[&'a str], label| labels.iter().find(|own| **own == label).copied();
         let mut known = splits.filter_map(|(a, b)| Some([find(&ours, a)?, find(&theirs, b)?]));
         both.push(known.next().ok_or_else(|| {
@@ -162,10 +143,8 @@ fn matched_labels<'a>(
         // parameters are equal.
         _ => {
             let is_free = |label: &&&str| both.iter().all(|pair| !pair.contains(label));
-            let equal = ours
-                .iter()
-                .filter(|label| theirs.contains(label))
-                .filter(is_free);
+            let equal = ours.iter().filter(|label| theirs.contains(label));
+            let equal = equal.filter(is_free);
             let equal: Vec<_> = equal.map(|label| [*label; 2]).collect();
             both.extend(equal);
         }
@@ -211,9 +190,8 @@ fn aligned_runs<'a>(base: &'a ScoredRun, other: &'a ScoredRun) -> BTreeMap<RunKe
         }
     }
     let names = common.iter().map(|(own, runs)| {
-        let best = runs
-            .iter()
-            .max_by_key(|(run, pairs)| (**pairs, *run == own));
+        let best = runs.iter();
+        let best = best.max_by_key(|(run, pairs)| (**pairs, *run == own));
         (*own, *best.map_or(own, |(run, _)| run))
     });
     let names: BTreeMap<_, _> = names.collect();
@@ -230,9 +208,8 @@ fn aligned_scenes(base: &ScoredRun, other: &ScoredRun) -> HashMap<u64, u64> {
     let behind = scenes.values().max().map_or(0, |last| last + 1);
     let number = |row: &Row| scenes.get(&(&row.name, &row.pair_hash)).copied();
     let others = other.rows.iter().filter(|row| is_scene(row));
-    others
-        .map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)))
-        .collect()
+    let others = others.map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)));
+    others.collect()
 }
 
 impl<'a> JoinedAlgorithm<'a> {
@@ -253,47 +230,42 @@ impl<'a> JoinedAlgorithm<'a> {
         labels: [&'a str; 2],
         alignment: &AlignedRuns<'a>,
     ) -> Self {
-        let rows =
-            |run: &'a ScoredRun, label, place: &dyn Fn(RunKey<'a>, u64) -> (RunKey<'a>, u64)| {
-                let own = run.rows.iter().filter(|row| row.algorithm == label);
-                let own = own.map(|row| {
-                    let (run, number) = place(run_key(row), row.sequence);
-                    ((run, number, row.name.as_str()), row)
-                });
-                own.collect::<PairRows<'a>>()
-            };
-        let ours = rows(base, labels[0], &|run, number| (run, number));
-        let theirs = rows(other, labels[1], &|run, number| {
-            alignment.place(run, number)
-        });
+        let mut sides = [PairRows::new(), PairRows::new()];
+        for row in base.rows.iter().filter(|row| row.algorithm == labels[0]) {
+            sides[0].insert((run_key(row), row.sequence, row.name.as_str()), row);
+        }
+        for row in other.rows.iter().filter(|row| row.algorithm == labels[1]) {
+            let (run, number) = alignment.place(run_key(row), row.sequence);
+            sides[1].insert((run, number, row.name.as_str()), row);
+        }
+        let [ours, theirs] = sides;
         let both = ours.iter().filter_map(|(key, a)| {
             let b = theirs.get(key).filter(|b| a.pair_hash == b.pair_hash);
             b.map(|b| [*a, *b])
         });
         let pairs: Vec<_> = both.collect();
         let has_results: BTreeSet<_> = ours.keys().map(|key| (key.0, key.1)).collect();
-        let failures = other
-            .failures
-            .iter()
-            .filter(|row| row.algorithm == labels[1]);
-        let failures = failures.filter(|row| {
-            let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
-            has_results.contains(&place)
-        });
-        let has_run_memory = [base, other].iter().zip(labels).any(|(run, label)| {
-            run.record(label)
-                .is_some_and(|record| record.has_run_memory)
-        });
+        let failures = other.failures.iter();
+        let failures = failures
+            .filter(|row| row.algorithm == labels[1])
+            .filter(|row| {
+                let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
+                has_results.contains(&place)
+            });
+        let whole_runs = whole_runs(&pairs, [&ours, &theirs]);
+        let records = [base, other].into_iter().zip(labels);
+        let mut records = records.filter_map(|(run, label)| run.record(label));
+        let other_past = if records.any(|record| record.has_run_memory) {
+            pairs.len() - equal_pasts(&ours, &theirs)
+        } else {
+            0
+        };
         Self {
             labels,
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             newly_failed: failures.count(),
-            other_past: if has_run_memory {
-                other_past(&ours, &theirs)
-            } else {
-                0
-            },
-            whole_runs: whole_runs(&pairs, [&ours, &theirs]),
+            other_past,
+            whole_runs,
             pairs,
             ..Self::default()
         }
@@ -302,16 +274,13 @@ impl<'a> JoinedAlgorithm<'a> {
     /// The courses of equal seed and obstacles.
     fn from_courses([base, other]: [&'a ScoredRun; 2], labels: [&'a str; 2]) -> Self {
         let drives = |run: &'a ScoredRun, label| {
-            let own = run
-                .drives
-                .iter()
-                .filter(|row| row.algorithm == label && row.stress.is_none());
+            let own = run.drives.iter();
+            let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
             own.map(|row| (row.seed, row)).collect::<BTreeMap<_, _>>()
         };
         let (ours, theirs) = (drives(base, labels[0]), drives(other, labels[1]));
-        let both = ours
-            .iter()
-            .filter(|(seed, _)| base.has_course_of(other, **seed));
+        let both = ours.iter();
+        let both = both.filter(|(seed, _)| base.has_course_of(other, **seed));
         let courses: Vec<_> = both
             .filter_map(|(seed, row)| Some([*row, *theirs.get(seed)?]))
             .collect();
@@ -329,40 +298,31 @@ fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKe
     let names = |pair: &[&'a Row; 2]| pair.map(run_key);
     let runs = pairs.chunk_by(|a, b| names(a) == names(b));
     let is_whole = |run: &&[[&'a Row; 2]]| {
-        (0..2).all(|side| {
+        let is_whole = |(side, all): (usize, &PairRows<'_>)| {
             let name = run_key(run[0][side]);
-            all[side]
-                .values()
-                .filter(|row| run_key(row) == name)
-                .count()
-                == run.len()
-        })
+            let own = all.values().filter(|row| run_key(row) == name);
+            own.count() == run.len()
+        };
+        all.into_iter().enumerate().all(is_whole)
     };
     let whole: Vec<_> = runs.filter(is_whole).map(|run| names(&run[0])).collect();
     [0, 1].map(|side| whole.iter().map(|names| names[side]).collect())
 }
 
-/// The number of common pairs before which the two reports have different pairs.
-fn other_past(ours: &PairRows<'_>, theirs: &PairRows<'_>) -> usize {
-    let (ours, theirs) = (pasts(ours), pasts(theirs));
-    let differs = |(key, (pair, past)): &(&PairKey<'_>, &(&str, u64))| {
-        let other = theirs.get(*key);
-        other.is_some_and(|(other, other_past)| other == pair && other_past != past)
+/// The number of common pairs before which the two reports have equal pairs.
+fn equal_pasts<'a>(ours: &PairRows<'a>, theirs: &PairRows<'a>) -> usize {
+    let in_run = |rows: &PairRows<'a>, run: RunKey<'a>| -> Vec<_> {
+        let own = rows.iter().filter(|(key, _)| key.0 == run);
+        own.map(|(key, row)| (*key, *row)).collect()
     };
-    ours.iter().filter(differs).count()
-}
-
-/// Per pair its hash, and that of all earlier pairs of its run.
-fn pasts<'a>(rows: &PairRows<'a>) -> BTreeMap<PairKey<'a>, (&'a str, u64)> {
-    let (mut run, mut past) = (None, DefaultHasher::new());
-    let pasts = rows.iter().map(|(key, row)| {
+    let equal = |run: RunKey<'a>| {
+        let both = in_run(ours, run).into_iter().zip(in_run(theirs, run));
         // Scenes of a data set are independent of each other.
-        if run.replace(key.0) != Some(key.0) || is_scene(row) {
-            past = DefaultHasher::new();
-        }
-        let before = past.finish();
-        row.pair_hash.hash(&mut past);
-        (*key, (row.pair_hash.as_str(), before))
-    });
-    pasts.collect()
+        let equal = both.take_while(|((_, a), (_, b))| is_scene(a) || a.pair_hash == b.pair_hash);
+        equal
+            .filter(|((key, a), (other, b))| key == other && a.pair_hash == b.pair_hash)
+            .count()
+    };
+    let runs: BTreeSet<_> = ours.keys().map(|key| key.0).collect();
+    runs.into_iter().map(equal).sum()
 }

@@ -194,10 +194,10 @@ impl Comparison {
         };
         if !comparison.is_judged() {
             let algorithms = comparison.algorithms.iter_mut();
-            let unequal = algorithms
-                .flat_map(AlgorithmChange::changes_mut)
-                .filter(|change| change.judgement != Judgement::Equal);
-            unequal.for_each(|change| change.judgement = Judgement::Unjudged);
+            let all = algorithms.flat_map(AlgorithmChange::changes_mut);
+            for change in all.filter(|change| change.judgement != Judgement::Equal) {
+                change.judgement = Judgement::Unjudged;
+            }
         }
         comparison.not_compared = comparison.why_not(join);
         comparison.cautions = comparison.doubts(join);
@@ -231,26 +231,19 @@ impl Comparison {
 
     /// A pair that the second report alone failed on is worse.
     fn conclude(&self) -> Conclusion {
-        let ranked: Vec<_> = self
-            .ranked()
-            .iter()
-            .map(|(_, change)| change.judgement)
-            .collect();
-        let has_failed = self.algorithms.iter().any(|own| own.newly_failed > 0);
-        let is_worse = has_failed || ranked.contains(&Judgement::Worse);
-        let mut unequal = ranked
-            .iter()
-            .filter(|own| **own != Judgement::Equal)
-            .peekable();
-        match (is_worse, ranked.contains(&Judgement::Better)) {
+        let ranked = self.ranked();
+        let is = |judgement| ranked.iter().any(|(_, own)| own.judgement == judgement);
+        let is_worse =
+            self.algorithms.iter().any(|own| own.newly_failed > 0) || is(Judgement::Worse);
+        let mut judgements = ranked.iter().map(|(_, own)| own.judgement);
+        let is_tested = |own| ![Judgement::Equal, Judgement::TooFew].contains(&own);
+        match (is_worse, is(Judgement::Better)) {
             _ if !self.is_judged() => Conclusion::NotComparable,
             (true, true) => Conclusion::Mixed,
             (true, false) => Conclusion::Worse,
             (false, true) => Conclusion::Better,
             _ if ranked.is_empty() => Conclusion::NotComparable,
-            _ if unequal.peek().is_none() || unequal.any(|own| *own != Judgement::TooFew) => {
-                Conclusion::NoChange
-            }
+            _ if !is(Judgement::TooFew) || judgements.any(is_tested) => Conclusion::NoChange,
             _ if self.is_driven() => Conclusion::TooFewCourses,
             _ => Conclusion::TooFewPairs,
         }
@@ -259,10 +252,8 @@ impl Comparison {
 
 /// The program and the machine that made a report.
 fn origin(manifest: &Manifest) -> String {
-    let revision = manifest
-        .git_revision
-        .as_deref()
-        .unwrap_or("revision unknown");
+    let revision = manifest.git_revision.as_deref();
+    let revision = revision.unwrap_or("revision unknown");
     let profile = match manifest.profile.as_deref() {
         None | Some("release") => String::new(),
         Some(name) => format!(", profile {name}"),
@@ -307,9 +298,10 @@ fn changes_over(
 ) -> Vec<Change> {
     let change = |metric: &'static Metric| {
         let samples = match metric.origin {
-            MetricOrigin::Cells { number, .. } => errors?
-                .each_ref()
-                .map(|pairs| Some(RangeErrors::sample(number, pairs, area))),
+            MetricOrigin::Cells { number, .. } => {
+                let sample = |pairs: &Vec<PairErrors>| RangeErrors::sample(number, pairs, area);
+                errors?.each_ref().map(|pairs| Some(sample(pairs)))
+            }
             _ => rows.map(|rows| sample_in(metric, rows, area)),
         };
         let [Some(base), Some(other)] = samples else {
@@ -356,10 +348,8 @@ impl AlgorithmChange {
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
-        let areas = AreaChoice::ALL
-            .into_iter()
-            .filter(|area| *area != base.area);
-        let areas = areas.map(|area| {
+        let areas = AreaChoice::ALL.into_iter();
+        let areas = areas.filter(|area| *area != base.area).map(|area| {
             let mut own = changes(area);
             own.retain(|change| change.metric.by_area);
             (area.name(), own)
@@ -379,13 +369,11 @@ impl AlgorithmChange {
         };
         if change.equal_results < change.pairs {
             // Equal numbers of unequal results are a coincidence, as wide as the interval.
-            let equal = change
-                .changes_mut()
-                .filter(|change| change.judgement == Judgement::Equal);
-            equal.for_each(|change| {
+            let all = change.changes_mut();
+            for change in all.filter(|change| change.judgement == Judgement::Equal) {
                 let unclear = change.interval.map(|_| Judgement::Unclear);
                 change.judgement = unclear.unwrap_or(Judgement::TooFew);
-            });
+            }
         }
         Ok(change)
     }
@@ -398,10 +386,8 @@ impl AlgorithmChange {
     /// All changes, those of other areas included.
     fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
         let areas = self.areas.values_mut().flatten();
-        self.metrics
-            .iter_mut()
-            .chain(areas)
-            .chain(&mut self.checkpoints)
+        let own = self.metrics.iter_mut().chain(&mut self.checkpoints);
+        own.chain(areas)
     }
 }
 
@@ -414,15 +400,11 @@ fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<C
         let [a, b] = [a, b].map(|[frames, passed]| (passed, frames));
         let share = |(passed, frames)| (frames > 0).then(|| passed as f64 / frames as f64);
         let values = [share(a)?, share(b)?];
-        let name = name.to_owned();
+        let (name, interval) = (name.to_owned(), bootstrap::shares(a, b));
+        let passed = Metric::find("passed")?;
         Some(Change {
             checkpoint: Some(CheckpointName { checkpoint, name }),
-            ..Change::new(
-                Metric::find("passed")?,
-                values,
-                values[1] - values[0],
-                bootstrap::shares(a, b),
-            )
+            ..Change::new(passed, values, values[1] - values[0], interval)
         })
     };
     base.into_iter().filter_map(change).collect()
@@ -463,12 +445,8 @@ impl Change {
         };
         let values = [base.total()?, other.total()?];
         let interval = Sample::interval_between(base, other, difference, resamples);
-        Some(Self::new(
-            metric,
-            values,
-            difference(values[0], values[1]),
-            interval,
-        ))
+        let change = difference(values[0], values[1]);
+        Some(Self::new(metric, values, change, interval))
     }
 
     fn new(

@@ -5,11 +5,11 @@ use super::frames::{
     BothImages, ChangedFrame, FindLeft, changed_cells, changed_counts, changed_frames,
 };
 use super::{AlgorithmChange, Comparison, CourseChanges, Join};
-use crate::html::Rank;
 use crate::html::frames::{cell_words, obstacle_words, shot_view, truth_words};
 use crate::page::{PageImages, fill};
+use crate::rows::CellRow;
 use minijinja::{Value, context};
-use svl_core::{Result, counted};
+use svl_core::Result;
 use svl_score::judge::ColumnChoice;
 
 /// Limit of the cells that a caption lists.
@@ -22,10 +22,8 @@ const MAX_LISTED: usize = 3;
 /// the error of the template engine.
 pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Result<String> {
     let stored = BothImages::new(join, find)?;
-    let frames = join
-        .algorithms
-        .iter()
-        .map(|own| changed_frames(own, &stored));
+    let frames = join.algorithms.iter();
+    let frames = frames.map(|own| changed_frames(own, &stored));
     let frames = frames.collect::<Result<Vec<_>>>()?;
     let mut images = PageImages::default();
     let algorithms = comparison.algorithms.iter().zip(&frames);
@@ -34,22 +32,15 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
     let (base, other) = (comparison.base.display(), comparison.other.display());
     let word = comparison.conclusion.word();
     let view = context! {
-        title => format!("{base} → {other}"),
-        scenario => comparison.scenario,
-        conclusion => comparison.conclusion,
-        word,
-        reason => comparison.verdict.strip_prefix(word),
-        cautions => comparison.remarks(),
-        overview => comparison.overview(&ColumnChoice::Headline),
-        algorithms,
-        method => comparison.method,
-        tested => comparison.tested,
-        is_driven => join.is_driven,
-        images => images.into_views(),
-        reports => [base, other].map(|report| report.to_string()),
-        origins => comparison.origins,
+        title => format!("{base} → {other}"), scenario => comparison.scenario,
+        conclusion => comparison.conclusion, word,
+        reason => comparison.verdict.strip_prefix(word), cautions => comparison.remarks(),
+        overview => comparison.overview(), algorithms, method => comparison.method,
+        tested => comparison.tested, is_driven => join.is_driven, images => images.into_views(),
+        reports => [base, other].map(|report| report.to_string()), origins => comparison.origins,
     };
-    fill(include_str!("page.html"), include_str!("page.css"), view)
+    let (page, style) = (include_str!("page.html"), include_str!("page.css"));
+    fill(page, style, &[], view)
 }
 
 fn algorithm_view<'a>(
@@ -63,78 +54,56 @@ fn algorithm_view<'a>(
         [&*own.algorithm, &*own.other_algorithm]
     };
     let views = frames.iter().map(|frame| frame_view(frame, names, images));
-    let views: Vec<_> = views.collect();
     context! {
-        title => own.title(),
-        extent => own.extent(),
-        headline => own.table(&ColumnChoice::Headline),
-        all => own.table(&ColumnChoice::All),
+        title => own.title(), extent => own.extent(), note => note(own, frames),
+        headline => own.table(&ColumnChoice::Headline), all => own.table(&ColumnChoice::All),
         course_words => own.course_words(),
         courses => own.courses.as_ref().map(CourseChanges::table),
-        frames => views,
-        note => note(own, frames),
+        frames => views.collect::<Vec<_>>(),
     }
 }
 
 /// A remark on what is missing of the frames, or why there are none.
-fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<String> {
+fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> {
     let has_cells = |frame: &ChangedFrame| frame.shots.iter().all(|shot| !shot.cells.is_empty());
-    let lacking = frames.iter().filter(|frame| !frame.has_image).count();
+    let lacks_image = frames.iter().any(|frame| !frame.has_image);
     let words = match own.courses {
         Some(_) => return None,
         None if own.equal_results == own.pairs => "The results of all frames are equal.",
         None if frames.is_empty() => "No frame is better or worse by a truth of cells.",
         None if !frames.iter().all(has_cells) => {
-            "A report has no table of cells, so the cells are not shown."
+            "A report has no table of cells, so its cells are not shown."
         }
-        None if lacking == 0 => return None,
-        None => {
-            return Some(format!(
-                "The cells of {} stand alone: their images are neither in the folders, nor \
-                 rendered by svl, nor in its own recordings.",
-                counted(lacking, "frame")
-            ));
+        None if lacks_image => {
+            "The cells of some frames stand alone: their images are neither in the folders, nor \
+             rendered by svl, nor in its own recordings."
         }
+        None => return None,
     };
-    Some(words.to_owned())
+    Some(words)
 }
 
 /// A frame before and after, with the cells that changed.
 fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageImages<'a>) -> Value {
     let changed = changed_cells(&frame.shots);
-    let places: Vec<_> = changed
-        .iter()
-        .map(|[cell, _]| (cell.column, cell.row))
-        .collect();
-    let has_cells = frame.shots.iter().all(|shot| !shot.cells.is_empty());
-    let shots = frame.shots.iter().map(|shot| {
-        let mut view = shot_view(Rank::Sample, shot, images);
-        view.pictures.retain(|_| has_cells);
-        view.pictures
-            .iter_mut()
-            .for_each(|picture| picture.outline(&places));
-        view
-    });
-    let shots: Vec<_> = names.into_iter().zip(shots).collect();
+    let place = |[cell, _]: &[&CellRow; 2]| (cell.column, cell.row);
+    let places: Vec<_> = changed.iter().map(place).collect();
+    let shots = frame.shots.iter();
+    let shots = shots.map(|shot| shot_view(shot, &places, images));
+    let cell = |own: &CellRow| cell_words(own) + obstacle_words(own);
     let words = changed.iter().take(MAX_LISTED).map(|[before, after]| {
+        let (column, row, truth) = (before.column, before.row, truth_words(before));
         format!(
-            "({}, {}) {}{} → {}{}, true {}",
-            before.column,
-            before.row,
-            cell_words(before),
-            obstacle_words(before),
-            cell_words(after),
-            obstacle_words(after),
-            truth_words(before)
+            "({column}, {row}) {} → {}, true {truth}",
+            cell(before),
+            cell(after)
         )
     });
     let more = changed.len().saturating_sub(MAX_LISTED);
     let words = words.chain((more > 0).then(|| format!("{more} more")));
     context! {
-        title => frame.shots[0].row.origin_words(),
-        reason => changed_counts(&frame.shots),
-        is_worse => frame.is_worse,
-        changed => words.collect::<Vec<_>>().join("; "),
-        shots,
+        title => frame.shots[0].row.origin_words(), reason => changed_counts(&frame.shots),
+        is_worse => frame.is_worse, changed => words.collect::<Vec<_>>().join("; "),
+        shots => names.into_iter().zip(shots).collect::<Vec<_>>(),
     }
 }

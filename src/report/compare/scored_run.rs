@@ -83,26 +83,24 @@ impl ScoredRun {
         }
         let summary = folder.join("summary.json");
         let courses = folder.join(COURSES);
+        let incomplete = if summary.is_file() {
+            let summary: serde_json::Value = read_json(&summary)?;
+            summary["incomplete"].as_str().map(str::to_owned)
+        } else {
+            Some("it was never finished".to_owned())
+        };
+        let courses = courses.is_file().then(|| read_json(&courses));
         let mut run = Self {
             name: folder.to_owned(),
             folder: folder.to_owned(),
             manifest: Manifest::read(folder)?,
             area: AreaChoice::default(),
-            incomplete: if summary.is_file() {
-                let summary: serde_json::Value = read_json(&summary)?;
-                summary["incomplete"].as_str().map(str::to_owned)
-            } else {
-                Some("it was never finished".to_owned())
-            },
+            incomplete,
             rows: read_rows(&folder.join("rows.csv"))?,
             failures: optional(folder, "failures.csv")?,
             checkpoints: optional(folder, "checkpoints.csv")?,
             drives: optional(folder, "drives.csv")?,
-            courses: if courses.is_file() {
-                read_json(&courses)?
-            } else {
-                Vec::new()
-            },
+            courses: courses.transpose()?.unwrap_or_default(),
             cells,
         };
         run.rows.retain(|row| row.stress.is_none());
@@ -165,9 +163,8 @@ impl ScoredRun {
             return Ok(());
         };
         let places = pairs.iter().enumerate();
-        let places: HashMap<(RunKey<'_>, u64), usize> = places
-            .map(|(i, row)| ((run_key(row), row.sequence), i))
-            .collect();
+        let places = places.map(|(i, row)| ((run_key(row), row.sequence), i));
+        let places: HashMap<(RunKey<'_>, u64), usize> = places.collect();
         let mut cells: Vec<CellRow> = Vec::new();
         let mut hand_on = |cells: &[CellRow]| {
             let key = |cell: &CellRow| places.get(&(cell_run(cell), cell.sequence)).copied();

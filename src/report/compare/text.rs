@@ -1,12 +1,14 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
+use super::join::MAP;
 use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement};
 use crate::results::caution;
-use crate::table::{
-    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
-};
+use crate::table::{NONE, Table, TableCell, TerminalStyle, escape, escape_prose, wrapped};
 use svl_core::{counted, joined};
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
+
+/// Limit of the changes of several algorithms on a screen: all columns have the others.
+const MAX_ROWS: usize = 12;
 
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
@@ -28,13 +30,11 @@ impl Conclusion {
 impl Comparison {
     /// The verdict: its word, then what changed, by how much, and whether that is real.
     pub(super) fn sentence(&self) -> String {
-        let ranked = self.ranked();
-        let pairs = self.pairs_words();
-        let tested = format!("at {} over {pairs}", self.method.level);
-        let fewest = self.method.fewest_blocks;
+        let (pairs, ranked) = (self.pairs_words(), self.ranked());
+        let (fewest, level) = (self.method.fewest_blocks, self.method.level);
+        let differences = self.differences.join("; ");
         let reason = match self.conclusion {
             Conclusion::NotComparable if !self.is_judged() => {
-                let differences = self.differences.join("; ");
                 format!("scored differently ({differences}): nothing is called better or worse")
             }
             Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
@@ -50,29 +50,25 @@ impl Comparison {
             }
             Conclusion::NoChange => {
                 let metrics = counted(ranked.len(), "headline metric");
-                format!("none of {metrics} differs {tested}")
+                format!("none of {metrics} differs at {level} over {pairs}")
             }
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
-                let is_mixed = self.conclusion == Conclusion::Mixed;
-                let list = |judgement, word: &str| {
-                    let list = listed(&ranked, judgement, if is_mixed { 1 } else { 2 });
-                    list.map(|list| {
-                        if is_mixed {
-                            format!("{word}: {list}")
-                        } else {
-                            list
-                        }
-                    })
+                let (limit, words) = match self.conclusion {
+                    Conclusion::Mixed => (1, ["worse: ", "better: "]),
+                    _ => (2, [""; 2]),
                 };
-                let failures = self.algorithms.iter();
-                let failures = failures
-                    .filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
-                let mut parts: Vec<_> = failures.collect();
-                let failed = parts.len();
-                parts.extend(list(Judgement::Worse, "worse"));
-                parts.extend(list(Judgement::Better, "better"));
-                parts.extend((parts.len() > failed).then(|| format!("real {tested}")));
-                parts.join("; ")
+                let lists = [Judgement::Worse, Judgement::Better].into_iter().zip(words);
+                let lists = lists.filter_map(|(judgement, word)| {
+                    Some(format!("{word}{}", listed(&ranked, judgement, limit)?))
+                });
+                let lists: Vec<_> = lists.collect();
+                let real = format!("real at {level} over {pairs}");
+                let real = (!lists.is_empty()).then_some(real);
+                let failed = self.algorithms.iter();
+                let failed =
+                    failed.filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
+                let failed = failed.chain(lists).chain(real).collect::<Vec<_>>();
+                failed.join("; ")
             }
         };
         let besides = self.named(AlgorithmChange::besides);
@@ -90,13 +86,10 @@ impl Comparison {
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
         let alone = sides
             .map(|(labels, folder)| format!("{}, only in {}", labels.join(", "), folder.display()));
-        let left_out = Some(join.left_out()).filter(|labels| !labels.is_empty());
-        let left_out =
-            left_out.map(|labels| format!("{}, whose namesake --map names", labels.join(", ")));
-        let cells = join
-            .runs
-            .iter()
-            .filter(|run| !join.is_driven && !run.has_cells());
+        let left_out = Some(join.left_out().join(", ")).filter(|labels| !labels.is_empty());
+        let left_out = left_out.map(|labels| format!("{labels}, whose namesake --map names"));
+        let cells = join.runs.iter();
+        let cells = cells.filter(|run| !join.is_driven && !run.has_cells());
         let cells = cells.map(|run| format!("errors of distances: {}", run.without_cells()));
         let mut algorithms = self.algorithms.iter();
         let is_partial = algorithms.any(|own| own.has_partial_checkpoints);
@@ -108,8 +101,11 @@ impl Comparison {
             let pairs = counted(own.unmatched, own.things());
             format!("{pairs} of {} in one report alone", own.labels())
         });
-        let parts = alone.chain(left_out).chain(cells).chain(checkpoints);
-        let mut parts: Vec<_> = parts.chain(unmatched).chain(join.map_options()).collect();
+        let are_both = !self.only_in_base.is_empty() && !self.only_in_other.is_empty();
+        let parts = alone.chain(are_both.then(|| MAP.to_owned()));
+        let parts = parts.chain(left_out);
+        let parts = parts.chain(cells).chain(checkpoints).chain(unmatched);
+        let mut parts: Vec<_> = parts.collect();
         parts.dedup();
         parts
     }
@@ -120,24 +116,21 @@ impl Comparison {
         let incomplete =
             incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display()));
         let with_past = self.algorithms.iter().filter(|own| own.other_past > 0);
-        let with_past: Vec<_> = with_past.map(AlgorithmChange::labels).collect();
+        let with_past = joined(with_past.map(AlgorithmChange::labels));
         let past = (!with_past.is_empty()).then(|| {
-            let labels = joined(&with_past);
             format!(
-                "the pairs before each pair differ, on which results of {labels} depend: score \
+                "the pairs before each pair differ, on which results of {with_past} depend: score \
                  both with equal --every, --from and --to"
             )
         });
-        let work = join
-            .runs
-            .map(|run| run.manifest.times.as_deref().unwrap_or("other work"));
-        let other = [
-            (self.origins[0] != self.origins[1]).then(|| "another program or machine".to_owned()),
-            (work[0] != work[1]).then(|| format!("{} and then of {}", work[0], work[1])),
-        ];
-        let other: Vec<_> = other.into_iter().flatten().collect();
-        let times = (!other.is_empty())
-            .then(|| format!("ratios of times are also those of {}", other.join(", ")));
+        let [base, other] = join.runs.map(|run| run.manifest.times.as_deref());
+        let [base, other] = [base, other].map(|work| work.unwrap_or("other work"));
+        let machine = (self.origins[0] != self.origins[1]).then_some("another program or machine");
+        let work = (base != other).then(|| format!("{base} and then of {other}"));
+        let other = machine.map(str::to_owned).into_iter().chain(work);
+        let other = other.collect::<Vec<_>>().join(", ");
+        let times =
+            (!other.is_empty()).then(|| format!("ratios of times are also those of {other}"));
         incomplete.chain(past).chain(times).collect()
     }
 
@@ -158,75 +151,55 @@ impl Comparison {
         let lines = [self.verdict.clone()].into_iter().chain(not_compared);
         let lines = lines.chain(self.origin_lines()).chain(caution);
         let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
-        let is_short = self.algorithms.len() > 1 && *columns != ColumnChoice::All;
-        if is_short {
-            text += &format!("\n{}", self.overview(columns).terminal(style));
-        }
-        for own in &self.algorithms {
-            let extent = format!("\n{}: {}", own.title(), own.extent());
-            let courses = own.course_words();
-            let courses = courses.map(|words| format!("{}: {words}", own.labels()));
-            let extent = (!is_short).then_some(extent);
-            let lines = extent.into_iter().chain(courses);
-            text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
-            if !is_short {
+        if self.algorithms.len() > 1 && *columns == ColumnChoice::Headline {
+            let overview = self.overview();
+            if !overview.rows.is_empty() {
+                text += &format!("\n{}", overview.terminal(style));
+            }
+            let courses = self.algorithms.iter();
+            let courses = courses
+                .filter_map(|own| Some(format!("\n{}: {}", own.labels(), own.course_words()?)));
+            text.extend(courses.map(|line| wrapped(&line, 2, style.width)));
+        } else {
+            for own in &self.algorithms {
+                let extent = format!("\n{}: {}", own.title(), own.extent());
+                let lines = [extent].into_iter().chain(own.course_words());
+                text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
                 text += &own.table(columns).terminal(style);
             }
         }
         text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
-    /// The differences of the algorithms, a row each.
-    pub(super) fn overview(&self, columns: &ColumnChoice) -> Table {
-        fn find<'a>(own: &'a AlgorithmChange, metric: &Metric) -> Option<&'a Change> {
-            own.metrics.iter().find(|change| change.metric == metric)
+    /// The headline changes of all algorithms that are told from chance, or, without any, the first
+    /// of the others.
+    pub(super) fn overview(&self) -> Table {
+        let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
+        changes.retain(|(_, own)| own.judgement != Judgement::Equal);
+        if changes.iter().any(|(_, own)| own.judgement.is_told()) {
+            changes.retain(|(_, own)| own.judgement.is_told());
         }
-        let mut metrics = columns.metrics(self.algorithms[0].kind());
-        metrics.retain(|metric| {
-            self.algorithms
-                .iter()
-                .any(|own| find(own, metric).is_some())
-        });
-        let mut table = Table::new("", "change");
-        table
-            .columns
-            .extend(metrics.iter().map(|metric| TableColumn {
-                is_optional: *columns == ColumnChoice::Headline && !is_ranked(metric),
-                ..TableColumn::text(metric.group, metric.head)
-            }));
-        table.columns.push(TableColumn {
-            is_optional: *columns == ColumnChoice::Headline,
-            ..TableColumn::new("", format!("{}s", self.algorithms[0].things()))
-        });
-        for own in &self.algorithms {
-            let cells = metrics.iter().map(|metric| match find(own, metric) {
-                Some(change) => change.cell(),
-                None => TableCell::Text(NONE.to_owned()),
-            });
-            let [name, pairs] = [own.title(), own.pairs.to_string()].map(TableCell::Text);
-            table
-                .rows
-                .push([name].into_iter().chain(cells).chain([pairs]).collect());
-        }
-        table
+        changes.truncate(MAX_ROWS);
+        change_table(&changes)
     }
 
     /// The origins of the two reports.
     fn origin_lines(&self) -> Vec<String> {
-        let caution = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
-        let [a, b] = [0, 1].map(|side| caution(side).unwrap_or_default());
-        let mut lines = vec![
-            format!("before {}{a}", self.base.display()),
-            format!("after  {}{b}", self.other.display()),
-        ];
+        let truth = |side: usize| caution(&self.truths[side]).map(|words| format!(": {words}"));
+        let [a, b] = [0, 1].map(|side| truth(side).unwrap_or_default());
+        let before = format!("before {}{a}", self.base.display());
+        let after = format!("after  {}{b}", self.other.display());
         let [base, other] = &self.origins;
         if base == other {
-            lines.push(format!("both   {base}"));
+            vec![before, after, format!("both   {base}")]
         } else {
-            lines.insert(1, format!("       {base}"));
-            lines.push(format!("       {other}"));
+            vec![
+                before,
+                format!("       {base}"),
+                after,
+                format!("       {other}"),
+            ]
         }
-        lines
     }
 
     /// The sentences, the changes that matter most, and the two reports: at most ten lines of
@@ -234,20 +207,15 @@ impl Comparison {
     pub fn markdown(&self) -> String {
         let word = self.conclusion.word();
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
-        let courses = self
-            .algorithms
-            .iter()
-            .filter_map(AlgorithmChange::course_words);
+        let courses = self.algorithms.iter();
+        let courses = courses.filter_map(AlgorithmChange::course_words);
         let courses = courses.collect::<Vec<_>>().join("; ");
         let [not_compared, caution] = self.remarks();
-        let notes = [
-            not_compared,
-            Some(courses).filter(|words| !words.is_empty()),
-        ];
-        let notes: Vec<_> = notes
-            .iter()
-            .flatten()
-            .map(|note| escape_prose(note))
+        let notes = [not_compared.unwrap_or_default(), courses].map(|note| escape_prose(&note));
+        let notes = notes.into_iter().filter(|note| !note.is_empty());
+        let said: Vec<_> = [format!("**{word}**{reason}")]
+            .into_iter()
+            .chain(notes)
             .collect();
         let mut changes = self.named(|own| own.rows(&ColumnChoice::Headline));
         // The sort is stable.
@@ -256,17 +224,18 @@ impl Comparison {
             Judgement::Better => 1,
             _ => 2,
         });
-        changes.truncate(MAX_LINES - notes.len());
-        let count = |judgement| {
-            let changes = self.algorithms.iter().flat_map(AlgorithmChange::changes);
-            changes.filter(|own| own.judgement == judgement).count()
+        changes.truncate(MAX_LINES + 1 - said.len());
+        let all = || self.algorithms.iter().flat_map(AlgorithmChange::changes);
+        let count = |judgement| all().filter(|own| own.judgement == judgement).count();
+        let things = if self.is_driven() {
+            "courses"
+        } else {
+            "frames"
         };
-        let said = [vec![format!("**{word}**{reason}")], notes]
-            .concat()
-            .join("  \n");
         format!(
-            "{said}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
-             shows {}{}\n",
+            "{}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
+             shows {things}{}\n",
+            said.join("  \n"),
             change_table(&changes).markdown(),
             escape(&self.scenario),
             self.base.display(),
@@ -274,11 +243,6 @@ impl Comparison {
             count(Judgement::Better),
             count(Judgement::Worse),
             self.tested,
-            if self.is_driven() {
-                "courses"
-            } else {
-                "frames"
-            },
             caution.map_or_else(String::new, |line| escape(&format!("; {line}"))),
         )
     }
@@ -301,23 +265,18 @@ impl Comparison {
 
     /// True if all pairs have equal results.
     fn are_equal(&self) -> bool {
-        self.algorithms
-            .iter()
-            .all(|own| own.equal_results == own.pairs)
+        let mut algorithms = self.algorithms.iter();
+        algorithms.all(|own| own.equal_results == own.pairs)
     }
 
     /// The numbers of pairs of the algorithms.
     fn pairs_words(&self) -> String {
         let pairs = || self.algorithms.iter().map(|own| own.pairs);
         let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
-        let things = self
-            .algorithms
-            .first()
-            .map_or("pair", AlgorithmChange::things);
-        if fewest == most {
-            counted(most, things)
-        } else {
-            format!("{fewest} to {most} {things}s")
+        let things = if self.is_driven() { "course" } else { "pair" };
+        match fewest == most {
+            true => counted(most, things),
+            false => format!("{fewest} to {most} {things}s"),
         }
     }
 }
@@ -330,9 +289,8 @@ pub(super) fn is_ranked(metric: &Metric) -> bool {
 /// The changes of that judgement, the first of them with their values: the surest change, but more
 /// missed obstacles and collisions before all others.
 fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> Option<String> {
-    let own = changes
-        .iter()
-        .filter(|(_, change)| change.judgement == judgement);
+    let own = changes.iter();
+    let own = own.filter(|(_, change)| change.judgement == judgement);
     let mut own: Vec<_> = own.collect();
     let is_other = |change: &Change| {
         judgement != Judgement::Worse || !["missed", "collisions"].contains(&change.metric.name)
@@ -360,31 +318,27 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
 }
 
 impl AlgorithmChange {
-    /// The kind of the runs by what was measured.
-    fn kind(&self) -> TruthLevel {
-        TruthLevel::from_measured(|name| {
-            self.metrics.iter().any(|change| change.metric.name == name)
-        })
+    /// The headline metrics, or those of a choice.
+    fn metrics(&self, columns: &ColumnChoice) -> Vec<&'static Metric> {
+        let has = |name: &str| self.metrics.iter().any(|change| change.metric.name == name);
+        columns.metrics(TruthLevel::from_measured(has))
     }
 
     /// The changes of these columns; of checkpoints where their column is one.
     pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<&Change> {
-        let metrics = columns.metrics(self.kind());
+        let metrics = self.metrics(columns);
         let changes = self.changes();
-        changes
-            .filter(|change| metrics.contains(&change.metric))
-            .collect()
+        let changes = changes.filter(|change| metrics.contains(&change.metric));
+        changes.collect()
     }
 
     /// The changes for the worse that are not in the headline.
     fn besides(&self) -> Vec<&Change> {
-        let headline = ColumnChoice::Headline.metrics(self.kind());
-        let worse = self
-            .changes()
-            .filter(|change| change.judgement == Judgement::Worse);
-        worse
-            .filter(|change| !headline.contains(&change.metric))
-            .collect()
+        let headline = self.metrics(&ColumnChoice::Headline);
+        let worse = self.changes();
+        let worse = worse.filter(|change| change.judgement == Judgement::Worse);
+        let worse = worse.filter(|change| !headline.contains(&change.metric));
+        worse.collect()
     }
 
     /// The changes that a table of these columns has: below those of the headline are others for
@@ -445,6 +399,11 @@ impl AlgorithmChange {
 }
 
 impl Judgement {
+    /// True for a change that is not chance.
+    fn is_told(self) -> bool {
+        matches!(self, Self::Better | Self::Worse | Self::Differs)
+    }
+
     /// The answer to whether a change is real.
     fn word(self) -> &'static str {
         match self {
@@ -469,22 +428,23 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
         let is_magnitude = metric.is_signed();
         let value = |value: f64| metric.show(if is_magnitude { value.abs() } else { value });
         // The unit is beside it.
-        let interval = change.interval;
-        let interval = interval.map(|own| [own.0, own.1].map(|bound| unitless(metric, bound)));
+        let bounds = change.interval.map(|(low, high)| [low, high]);
+        let bounds = bounds.map(|own| own.map(|bound| unitless(metric, bound)).join(" .. "));
+        let no_bounds = match change.judgement {
+            Judgement::TooFew => change.too_few_words(),
+            _ => NONE,
+        };
         let word = change.judgement.word();
+        let cells = [
+            value(change.base),
+            value(change.other),
+            signed(metric, change.difference),
+            bounds.unwrap_or_else(|| no_bounds.to_owned()),
+            word.to_owned(),
+        ];
         table.push(
             name.clone() + if is_magnitude { ", magnitude" } else { "" },
-            [
-                value(change.base),
-                value(change.other),
-                signed(metric, change.difference),
-                match (change.judgement, interval) {
-                    (_, Some(bounds)) => bounds.join(" .. "),
-                    (Judgement::TooFew, None) => change.too_few_words().to_owned(),
-                    (_, None) => NONE.to_owned(),
-                },
-                word.to_owned(),
-            ],
+            cells,
         );
         if let (Judgement::Worse, Some(row)) = (change.judgement, table.rows.last_mut()) {
             row[5] = TableCell::Alert(word.to_owned());
@@ -495,20 +455,6 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
 }
 
 impl Change {
-    /// The difference, and the word of one that has been told from chance.
-    fn cell(&self) -> TableCell {
-        let difference = unitless(self.metric, self.difference);
-        let word = self.judgement.word();
-        match self.judgement {
-            Judgement::Equal => TableCell::Text(word.to_owned()),
-            Judgement::Worse => TableCell::Alert(format!("{difference} {word}")),
-            Judgement::Better | Judgement::Differs => {
-                TableCell::Text(format!("{difference} {word}"))
-            }
-            _ => TableCell::Text(difference),
-        }
-    }
-
     /// The things of which there are too few for an interval.
     pub(super) fn too_few_words(&self) -> &'static str {
         match self.metric.origin {

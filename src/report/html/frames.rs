@@ -2,140 +2,98 @@
 
 use super::super::rows::{CellRow, Row};
 use super::super::words::ms;
-use super::{CheckpointFigure, FrameShot, Rank};
-use crate::page::{MarkView, PageImages, PictureView};
-use serde::Serialize;
+use super::{CheckpointFigure, FrameShot};
+use crate::page::{MarkView, PageImages};
+use minijinja::{Value, context};
 use svl_core::stereo::CellState;
 use svl_files::overlay::Mark;
 use svl_score::judge::{AreaChoice, CellFinding, METRICS, Metric, MetricTotal, Verdict};
 
-#[derive(Serialize)]
-pub(super) struct FigureView<'a> {
-    pub checkpoint: Option<u32>,
-    pub title: &'a str,
-    /// True for successive frames of one drive.
-    is_film: bool,
-    about: &'a str,
-    shots: Vec<ShotView<'a>>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct ShotView<'a> {
-    algorithm: &'a str,
-    rank: Rank,
-    /// Time of a frame of a film.
-    moment: String,
-    passed: Option<bool>,
-    origin: String,
-    cells: String,
-    failures: &'a [String],
-    wrong: Vec<String>,
-    missing: Vec<&'a str>,
-    numbers: String,
-    pub pictures: Vec<PictureView<'a>>,
-}
-
-impl<'a> FigureView<'a> {
-    /// `place`: that of an algorithm among all.
-    pub(super) fn new(
-        figure: &'a CheckpointFigure,
-        images: &mut PageImages<'a>,
-        place: impl Fn(&str) -> usize,
-    ) -> Self {
-        let shots = figure.shots.iter();
-        let shots = shots.map(|(rank, shot)| shot_view(*rank, shot, images));
-        let mut shots: Vec<_> = shots.collect();
-        let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
-        if let (true, Some((_, last))) = (is_film, figure.shots.last()) {
-            for ((_, shot), view) in figure.shots.iter().zip(&mut shots) {
-                let before_ns = last.row.stamp_ns.saturating_sub(shot.row.stamp_ns);
-                view.moment = match before_ns {
-                    0 => "collision".to_owned(),
-                    _ => format!("{:.1} s before", before_ns as f64 / 1e9),
-                };
-            }
-        }
-        shots.sort_by_key(|shot| place(shot.algorithm));
-        Self {
-            checkpoint: figure.checkpoint,
-            title: &figure.title,
-            is_film,
-            about: &figure.about,
-            shots,
-        }
-    }
-
-    /// True if the worst frame of an algorithm fails.
-    pub(super) fn fails(&self, algorithm: &str) -> bool {
-        let mut shots = self.shots.iter();
-        shots.any(|s| s.algorithm == algorithm && s.rank == Rank::Worst && s.passed == Some(false))
-    }
-}
-
-pub(crate) fn shot_view<'a>(
-    rank: Rank,
-    shot: &'a FrameShot,
+/// A figure for the template. `place`: that of an algorithm among all.
+pub(super) fn figure_view<'a>(
+    figure: &'a CheckpointFigure,
     images: &mut PageImages<'a>,
-) -> ShotView<'a> {
-    let mut picture = |label, file, marks| images.picture(label, file, shot.size, marks);
-    let marks = mark_views(shot, &shot.estimate, cell_words, true);
-    let mut pictures = vec![picture("estimate", &shot.left, marks)];
-    if let Some(marks) = &shot.truth {
-        pictures.push(picture(
-            "truth",
-            &shot.left,
-            mark_views(shot, marks, truth_words, false),
-        ));
-    }
-    let maps = [
-        ("disparity", &shot.preview),
-        ("true disparity", &shot.true_preview),
-        ("error", &shot.errors),
-    ];
-    for (label, file) in maps {
-        pictures.extend(file.iter().map(|file| picture(label, file, Vec::new())));
-    }
-    let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
-    ShotView {
-        algorithm: &shot.row.algorithm,
-        rank,
-        moment: String::new(),
-        passed: shot.passed,
-        origin: shot.row.origin_words(),
-        cells: cells(&shot.row),
-        failures: &shot.failures,
-        wrong: wrong_cells(shot),
-        missing: missing.map(|finding| finding.words.as_str()).collect(),
-        numbers: numbers(&shot.row),
-        pictures,
-    }
-}
-
-fn mark_views(
-    shot: &FrameShot,
-    marks: &[Mark],
-    words: impl Fn(&CellRow) -> String,
-    judged: bool,
-) -> Vec<MarkView> {
-    let view = |mark: &Mark| {
-        let at = (mark.column, mark.row);
-        let cell = shot
-            .cells
-            .iter()
-            .find(|c| (c.column as usize, c.row as usize) == at);
-        let words = cell.map_or_else(|| "unknown".to_owned(), &words);
-        let contradicts = |finding: &CellFinding| finding.is_wrong && finding.at == [at.0, at.1];
-        let wrong = judged
-            && (cell.is_some_and(|c| c.verdict == Verdict::Wrong)
-                || shot.findings.iter().any(contradicts));
-        MarkView::new(*mark, format!("({}, {}): {words}", at.0, at.1), wrong)
+    place: impl Fn(&str) -> usize,
+) -> Value {
+    // Successive frames of one drive.
+    let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
+    let last = figure.shots.last().filter(|_| is_film);
+    let last = last.map(|(_, last)| last.row.stamp_ns);
+    let moment = |row: &Row| match last?.saturating_sub(row.stamp_ns) {
+        0 => Some("collision".to_owned()),
+        before_ns => Some(format!("{:.1} s before", before_ns as f64 / 1e9)),
     };
-    marks.iter().map(view).collect()
+    let mut shots: Vec<_> = figure.shots.iter().collect();
+    shots.sort_by_key(|(_, shot)| place(&shot.row.algorithm));
+    let shots = shots.into_iter().map(|(rank, shot)| {
+        let view = shot_view(shot, &[], images);
+        context! { rank, moment => moment(&shot.row), ..view }
+    });
+    let shots: Vec<_> = shots.collect();
+    let CheckpointFigure {
+        checkpoint,
+        title,
+        about,
+        ..
+    } = figure;
+    context! { checkpoint, title, about, is_film, shots }
 }
 
-/// True for metrics that do not apply to a single frame.
-fn counts_filters(metric: &Metric) -> bool {
-    metric.group == "filters"
+/// A frame for the template; without its cells it is not shown. `changed`: the columns and rows of
+/// the cells that are outlined.
+pub(crate) fn shot_view<'a>(
+    shot: &'a FrameShot,
+    changed: &[(u32, u32)],
+    images: &mut PageImages<'a>,
+) -> Value {
+    let marks = |marks: &[Mark], words: fn(&CellRow) -> String, is_judged| {
+        let marks = marks.iter();
+        let marks = marks.map(|mark| mark_view(shot, mark, words, is_judged, changed));
+        marks.collect::<Vec<_>>()
+    };
+    let estimate = marks(&shot.estimate, cell_words, true);
+    let truth = shot.truth.as_ref();
+    let truth = truth.map(|truth| marks(truth, truth_words, false));
+    let pictures = [
+        ("estimate", Some(&shot.left), estimate),
+        (
+            "truth",
+            truth.as_ref().map(|_| &shot.left),
+            truth.unwrap_or_default(),
+        ),
+        ("disparity", shot.preview.as_ref(), Vec::new()),
+        ("true disparity", shot.true_preview.as_ref(), Vec::new()),
+        ("error", shot.errors.as_ref(), Vec::new()),
+    ];
+    let pictures = pictures.into_iter().filter(|_| !shot.cells.is_empty());
+    let pictures = pictures
+        .filter_map(|(label, file, marks)| Some(images.picture(label, file?, shot.size, marks)));
+    let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
+    context! {
+        algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin_words(),
+        cells => cells(&shot.row), failures => shot.failures, wrong => wrong_cells(shot),
+        missing => missing.map(|finding| &finding.words).collect::<Vec<_>>(),
+        numbers => numbers(&shot.row), pictures => pictures.collect::<Vec<_>>(),
+    }
+}
+
+fn mark_view(
+    shot: &FrameShot,
+    mark: &Mark,
+    words: fn(&CellRow) -> String,
+    is_judged: bool,
+    changed: &[(u32, u32)],
+) -> MarkView {
+    let at = (mark.column as u32, mark.row as u32);
+    let cell = shot.cells.iter().find(|cell| (cell.column, cell.row) == at);
+    let words = cell.map_or_else(|| "unknown".to_owned(), words);
+    let contradicts = |own: &CellFinding| own.is_wrong && own.at == [mark.column, mark.row];
+    let is_wrong = cell.is_some_and(|cell| cell.verdict == Verdict::Wrong)
+        || shot.findings.iter().any(contradicts);
+    let words = format!("({}, {}): {words}", at.0, at.1);
+    let mut view = MarkView::new(*mark, words, is_judged && is_wrong);
+    view.changed = changed.contains(&at);
+    view
 }
 
 /// Number of cells of each kind, by the rule of the headline, in all areas: a picture shows all.
@@ -225,8 +183,9 @@ fn probability(cell: &CellRow, value: Option<f64>) -> String {
 
 /// The metrics of the frame's pixels, and the time, in words.
 pub(super) fn numbers(row: &Row) -> String {
+    // Filters count over many frames.
     let is_mean = |metric: &&Metric| {
-        !counts_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::Mean)))
+        metric.group != "filters" && matches!(metric.column(), Some((_, MetricTotal::Mean)))
     };
     let words = |metric: &Metric| {
         let value = metric.show(row.metrics.get(metric.name)?);

@@ -10,12 +10,11 @@ pub(super) mod stored;
 mod view;
 
 use super::gate::GateState;
-use super::page::fill_with;
+use super::page::{PlotView, fill};
 use super::plot::{AlgorithmColors, CourseMap};
 use super::results::Results;
 use super::rows::{CellRow, Row};
 use super::table::Table;
-use heat::HeatMap;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::{Error, Result};
@@ -147,28 +146,32 @@ impl ReportPage {
     /// Writes each plot of the page as an SVG file into a folder.
     ///
     /// # Errors
-    /// The errors of [`ReportPage::render`]; [`Error::Io`] with the file.
+    /// [`Error::Io`] with the file.
     pub fn write_figures(&self, folder: &Path) -> Result<()> {
         let colors = self.colors();
         let plots = [
-            plots::trade_offs(self, &colors)?,
-            plots::speed(self, &colors)?,
-            plots::accuracy(self, &colors)?,
-            plots::reliability(self, &colors)?,
-            plots::maps(self, &colors, None)?,
+            plots::trade_offs,
+            plots::speed,
+            plots::accuracy,
+            plots::reliability,
         ];
-        for plot in plots.iter().flatten() {
-            plot.write(folder, "")?;
-        }
-        if let Some(heat) = HeatMap::new(self) {
-            heat.plot()?.write(folder, "heat map")?;
-        }
-        for stress in plots::stress(self, &colors)? {
-            for plot in &stress.plots {
-                plot.write(folder, stress.name)?;
-            }
+        let plots = plots.iter().flat_map(|plots| plots(self, &colors));
+        let plots = plots.chain(plots::maps(self, &colors, None));
+        let heat = heat::heat_map(self);
+        let heat = heat.map(|(grid, _)| PlotView::new(&grid.title, "", grid.svg()));
+        let stress = plots::stress(self, &colors).into_iter();
+        let groups = stress.map(|(name, _, plots)| (name, plots));
+        let groups = groups.chain([("", plots.collect()), ("heat map", Vec::from_iter(heat))]);
+        for (name, plots) in groups {
+            plots.iter().try_for_each(|plot| plot.write(folder, name))?;
         }
         Ok(())
+    }
+
+    /// True for an algorithm of a sweep.
+    fn is_swept(&self, label: &str) -> bool {
+        let mut points = self.sweeps.iter().flat_map(|sweep| &sweep.points);
+        points.any(|(_, own)| own == label)
     }
 
     /// The colours of the algorithms.
@@ -181,18 +184,13 @@ impl ReportPage {
     /// The page. All texts are escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the error of the template engine or of the plotting library.
+    /// [`Error::Invalid`] with the error of the template engine.
     pub fn render(&self) -> Result<String> {
-        let view = view::ReportPageView::new(self)?;
         let parts = [
             ("headline.html", include_str!("headline.html")),
             ("page.js", include_str!("page.js")),
         ];
-        fill_with(
-            include_str!("index.html"),
-            include_str!("page.css"),
-            &parts,
-            view,
-        )
+        let (page, style) = (include_str!("index.html"), include_str!("page.css"));
+        fill(page, style, &parts, view::view(self))
     }
 }

@@ -1,16 +1,12 @@
 //! The plots of the page.
 
-use super::super::accuracy::AccuracyRow;
 use super::super::page::PlotView;
-use super::super::plot::{
-    AlgorithmColors, Axis, Bars, Chart, CourseMap, Series, SeriesStyle, Strips,
-};
+use super::super::plot::{AlgorithmColors, Axis, Bars, Chart, Series, SeriesStyle, Strips};
 use super::super::reliability::{ABOUT, ReliabilityRow, reliability_chart};
 use super::super::results::{AlgorithmSummary, Results};
+use super::super::speed::STAGES;
 use super::super::stress::{NUMBERS, kinds};
 use super::{ParameterSweep, ReportPage};
-use serde::Serialize;
-use svl_core::Result;
 use svl_score::judge::{Metric, TruthLevel};
 use svl_sim::stress::StressKind;
 
@@ -43,10 +39,9 @@ struct TradeOff {
     y: PlotAxis,
     /// The area of a disc, of 100.
     area: Option<PlotNumber>,
-    /// The kind of run whose page begins with this plot.
-    leads: Option<TruthLevel>,
 }
 
+#[derive(Clone, Copy)]
 struct PlotAxis {
     label: &'static str,
     is_log: bool,
@@ -65,9 +60,8 @@ const BAD: PlotAxis = PlotAxis::cost("off by > 2 px, of the estimates, %", |_, a
 });
 const KNOWN: PlotAxis = PlotAxis::gain("known, of the cells, %", |_, a| known(a));
 const COVERED: PlotAxis = PlotAxis::gain("estimated, of the visible pixels, %", |_, a| {
-    a.totals
-        .get("invalid")
-        .map(|invalid| percent(1.0 - invalid))
+    let invalid = a.totals.get("invalid");
+    invalid.map(|invalid| percent(1.0 - invalid))
 });
 const FINISHED: PlotAxis = PlotAxis::gain("courses finished, %", |summary, a| {
     let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
@@ -80,73 +74,82 @@ const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a
     a.totals.get("unrivalled").map(percent)
 });
 
+/// The plots that pages of runs with distances, disparities, courses and no truth begin with, in
+/// that order, then others.
 const TRADE_OFFS: [TradeOff; 6] = [
-    TradeOff {
-        title: "Wrong against time",
-        about: "Down and left is better. The area of a disc is the fraction of cells that are \
-                known.",
-        x: TIME,
-        y: WRONG,
-        area: Some(|_, a| known(a)),
-        leads: Some(TruthLevel::Distances),
-    },
-    TradeOff {
-        title: "Wrong pixels against time",
-        about: "Down and left is better. The area of a disc is the fraction of visible pixels \
-                with a disparity.",
-        x: TIME,
-        y: BAD,
-        area: Some(COVERED.number),
-        leads: Some(TruthLevel::Disparities),
-    },
-    TradeOff {
-        title: "Collisions against courses finished",
-        about: "Down and right is better.",
-        x: FINISHED,
-        y: COLLISIONS,
-        area: None,
-        leads: Some(TruthLevel::Courses),
-    },
-    TradeOff {
-        title: "Unrivalled cells against time",
-        about: "Up and left is better.",
-        x: TIME,
-        y: UNRIVALLED,
-        area: None,
-        leads: Some(TruthLevel::NoTruth),
-    },
-    TradeOff {
-        title: "Wrong cells against known ones",
-        about: "Down and right is better.",
-        x: KNOWN,
-        y: WRONG,
-        area: None,
-        leads: None,
-    },
-    TradeOff {
-        title: "Wrong pixels against coverage",
-        about: "Down and right is better.",
-        x: COVERED,
-        y: BAD,
-        area: None,
-        leads: None,
-    },
+    trade_off(
+        "Wrong against time",
+        "Down and left is better. The area of a disc is the fraction of cells that are known.",
+        [TIME, WRONG],
+        Some(|_, a| known(a)),
+    ),
+    trade_off(
+        "Wrong pixels against time",
+        "Down and left is better. The area of a disc is the fraction of visible pixels with a \
+         disparity.",
+        [TIME, BAD],
+        Some(COVERED.number),
+    ),
+    trade_off(
+        "Collisions against courses finished",
+        "Down and right is better.",
+        [FINISHED, COLLISIONS],
+        None,
+    ),
+    trade_off(
+        "Unrivalled cells against time",
+        "Up and left is better.",
+        [TIME, UNRIVALLED],
+        None,
+    ),
+    trade_off(
+        "Wrong cells against known ones",
+        "Down and right is better.",
+        [KNOWN, WRONG],
+        None,
+    ),
+    trade_off(
+        "Wrong pixels against coverage",
+        "Down and right is better.",
+        [COVERED, BAD],
+        None,
+    ),
 ];
 
-/// The trade-offs that the run measures, that of its kind first.
-pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
-    let kind = page.summary.kind();
-    let mut shown: Vec<_> = TRADE_OFFS.iter().collect();
-    // Stable.
-    shown.sort_by_key(|trade_off| trade_off.leads != Some(kind));
-    let plots = shown
-        .into_iter()
-        .map(|trade_off| scatter(page, trade_off, colors));
-    plots.filter_map(Result::transpose).collect()
+const fn trade_off(
+    title: &'static str,
+    about: &'static str,
+    [x, y]: [PlotAxis; 2],
+    area: Option<PlotNumber>,
+) -> TradeOff {
+    TradeOff {
+        title,
+        about,
+        x,
+        y,
+        area,
+    }
 }
 
-/// Plots of a perturbation: one per metric, its value over the levels.
-pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<StressView>> {
+/// The trade-offs that the run measures, that of its kind first.
+pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
+    let lead = match page.summary.kind() {
+        TruthLevel::Distances => 0,
+        TruthLevel::Disparities => 1,
+        TruthLevel::Courses => 2,
+        TruthLevel::NoTruth => 3,
+    };
+    let mut shown: Vec<_> = TRADE_OFFS.iter().collect();
+    shown[..=lead].rotate_right(1);
+    let shown = shown.into_iter();
+    let plots = shown.filter_map(|trade_off| scatter(page, trade_off, colors));
+    plots.collect()
+}
+
+/// Plots of a perturbation: its name, its meaning, and per metric its value over the levels.
+pub(super) type StressPlots = (&'static str, &'static str, Vec<PlotView>);
+
+pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<StressPlots> {
     let all = &page.summary.stress;
     let view = |kind: &'static StressKind| {
         let own: Vec<_> = all.iter().filter(|s| s.kind == kind.name).collect();
@@ -154,50 +157,20 @@ pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<
         algorithms.sort_by_key(|name| own.iter().position(|s| s.algorithm == *name));
         algorithms.dedup();
         let plots = NUMBERS.iter().filter_map(|(title, axis, number)| {
-            let series: Vec<_> = algorithms
-                .iter()
-                .map(|algorithm| {
-                    let points = own.iter().filter(|s| s.algorithm == *algorithm);
-                    let mut points: Vec<_> =
-                        points.filter_map(|s| Some((s.level, number(s)?))).collect();
-                    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-                    Series {
-                        name: (*algorithm).to_owned(),
-                        form: SeriesStyle::Both,
-                        points,
-                    }
-                })
-                .filter(|series| !series.points.is_empty())
-                .collect();
-            let chart = Chart {
-                title: String::new(),
-                x: Axis::new(format!("{}, {}", kind.name, kind.unit)),
-                y: Axis::new(*axis),
-                series,
-            };
-            (!chart.series.is_empty()).then(|| {
-                Ok(PlotView {
-                    title: (*title).into(),
-                    about: "",
-                    svg: chart.svg_in(colors)?,
-                })
-            })
+            let series = algorithms.iter().map(|algorithm| {
+                let points = own.iter().filter(|s| s.algorithm == *algorithm);
+                let points = points.filter_map(|s| Some((s.level, number(s)?)));
+                let mut points: Vec<_> = points.collect();
+                points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                Series::new(algorithm, SeriesStyle::Both, points)
+            });
+            let x = Axis::new(format!("{}, {}", kind.name, kind.unit));
+            let chart = Chart::untitled(x, Axis::new(*axis), series);
+            (!chart.series.is_empty()).then(|| PlotView::new(title, "", chart.svg_in(colors)))
         });
-        Ok(StressView {
-            name: kind.name,
-            about: kind.summary,
-            plots: plots.collect::<Result<_>>()?,
-        })
+        (kind.name, kind.summary, plots.collect())
     };
     kinds(all).into_iter().map(view).collect()
-}
-
-/// A perturbation on the page.
-#[derive(Serialize)]
-pub(super) struct StressView {
-    pub name: &'static str,
-    about: &'static str,
-    pub plots: Vec<PlotView>,
 }
 
 /// The courses from above: all, or those that failed or did not.
@@ -205,16 +178,11 @@ pub(super) fn maps(
     page: &ReportPage,
     colors: &AlgorithmColors<'_>,
     failed: Option<bool>,
-) -> Result<Vec<PlotView>> {
-    let map = |map: &CourseMap| {
-        Ok(PlotView {
-            title: map.title.clone().into(),
-            about: "",
-            svg: map.svg(colors)?,
-        })
-    };
-    let shown = |map: &&CourseMap| failed.is_none_or(|failed| map.is_failed == failed);
-    page.maps.iter().filter(shown).map(map).collect()
+) -> Vec<PlotView> {
+    let shown = page.maps.iter();
+    let shown = shown.filter(|map| failed.is_none_or(|failed| map.is_failed == failed));
+    let shown = shown.map(|map| PlotView::new(&map.title, "", map.svg(colors)));
+    shown.collect()
 }
 
 /// The algorithms but the references as discs, those of a sweep joined, and the front of those that
@@ -223,61 +191,43 @@ fn scatter(
     page: &ReportPage,
     trade_off: &TradeOff,
     colors: &AlgorithmColors<'_>,
-) -> Result<Option<PlotView>> {
-    let algorithms = page.summary.algorithms.iter();
-    let algorithms: Vec<_> = algorithms
-        .filter(|a| !page.summary.is_reference(a))
-        .collect();
-    let place = |a: &AlgorithmSummary| {
-        let [x, y] = [&trade_off.x, &trade_off.y].map(|axis| (axis.number)(&page.summary, a));
+) -> Option<PlotView> {
+    let summary = &page.summary;
+    let algorithms = summary.algorithms.iter();
+    let algorithms = algorithms.filter(|a| !summary.is_reference(a));
+    let place = |a: &&AlgorithmSummary| {
+        let [x, y] = [&trade_off.x, &trade_off.y].map(|axis| (axis.number)(summary, a));
         x.zip(y)
     };
+    let placed: Vec<_> = algorithms.filter_map(|a| Some((a, place(&a)?))).collect();
+    if placed.is_empty() {
+        return None;
+    }
     let find = |label: &str| {
-        algorithms
-            .iter()
-            .find(|a| a.algorithm == label)
-            .and_then(|a| place(a))
-    };
-    let is_swept = |label: &str| {
-        let mut points = page.sweeps.iter().flat_map(|sweep| &sweep.points);
-        points.any(|(_, name)| name == label)
-    };
-    let one = |name: &str, form, point| Series {
-        name: name.to_owned(),
-        form,
-        points: vec![point],
+        let own = placed.iter().find(|(a, _)| a.algorithm == label);
+        own.map(|(_, point)| *point)
     };
     // The front says which is faster.
-    let has_time = trade_off.x.label == TIME.label;
-    let has_front = !has_time || page.summary.has_comparable_times();
-    let candidates = algorithms
+    let has_front = trade_off.x.label != TIME.label || summary.has_comparable_times();
+    let candidates = placed.iter();
+    let candidates = candidates.filter(|(a, _)| has_front && summary.is_candidate(a));
+    let points = front(trade_off, candidates.map(|(_, point)| *point).collect());
+    let mut series = vec![Series::new("", SeriesStyle::Front, points)];
+    let (swept, alone): (Vec<_>, Vec<_>) = placed
         .iter()
-        .filter(|a| has_front && page.summary.is_candidate(a));
-    let mut series = vec![Series {
-        name: String::new(),
-        form: SeriesStyle::Front,
-        points: front(trade_off, candidates.filter_map(|a| place(a)).collect()),
-    }];
-    let radius = |a: &AlgorithmSummary| {
-        let area = trade_off.area.and_then(|area| area(&page.summary, a));
-        disc_radius(area)
-    };
-    let alone = algorithms.iter().filter(|a| !is_swept(&a.algorithm));
-    let discs = alone.filter_map(|a| {
-        let form = SeriesStyle::Disc(radius(a));
-        Some(one(&a.algorithm, form, place(a)?))
-    });
-    series.extend(discs);
+        .partition(|(a, _)| page.is_swept(&a.algorithm));
+    series.extend(alone.iter().map(|(a, point)| {
+        let area = trade_off.area.and_then(|area| area(summary, a));
+        Series::new(
+            &a.algorithm,
+            SeriesStyle::Disc(disc_radius(area)),
+            vec![*point],
+        )
+    }));
     if page.sweeps.len() > MAX_LINES {
-        let swept = algorithms.iter().filter(|a| is_swept(&a.algorithm));
-        series.extend(swept.filter_map(|a| Some(shaded(&a.algorithm, place(a)?))));
+        series.extend(swept.iter().map(|(a, point)| shaded(&a.algorithm, *point)));
     } else {
-        for sweep in &page.sweeps {
-            series.extend(joined(sweep, find));
-        }
-    }
-    if series.iter().all(|s| s.points.is_empty()) {
-        return Ok(None);
+        series.extend(page.sweeps.iter().flat_map(|sweep| joined(sweep, find)));
     }
     let chart = Chart {
         title: String::new(),
@@ -287,15 +237,13 @@ fn scatter(
     };
     // Equal ones share a point.
     let name = |_: &Series, point| {
-        let own = algorithms.iter().filter(|a| place(a) == Some(point));
-        let labels: Vec<_> = own.map(|a| a.algorithm.as_str()).collect();
-        labels.join(", ")
+        let own = placed.iter().filter(|(_, own)| *own == point);
+        own.map(|(a, _)| a.algorithm.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
     };
-    Ok(Some(PlotView {
-        title: trade_off.title.into(),
-        about: trade_off.about,
-        svg: chart.svg_named(colors, &name)?,
-    }))
+    let svg = chart.svg_named(colors, &name);
+    Some(PlotView::new(trade_off.title, trade_off.about, svg))
 }
 
 /// Radius of a disc whose area stands for a percentage.
@@ -354,29 +302,18 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
     let places: Vec<_> = points
         .filter_map(|(value, label)| Some((value, label, find(label)?)))
         .collect();
-    let line = Series {
-        name: sweep.algorithm.clone(),
-        form: SeriesStyle::Joined,
-        points: places.iter().map(|(.., point)| *point).collect(),
-    };
+    let points = places.iter().map(|(.., point)| *point).collect();
+    let line = Series::new(&sweep.algorithm, SeriesStyle::Joined, points);
     let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
         // A label without settings is how the algorithm is called in the tables.
-        let value = if label.contains(':') {
-            (*value).clone()
-        } else {
-            format!("{value}, {label}")
+        let value = match label.contains(':') {
+            true => (*value).clone(),
+            false => format!("{value}, {label}"),
         };
-        let (name, form) = match i {
-            0 => {
-                let name = format!("{}: {} = {value}", sweep.algorithm, sweep.parameter);
-                (name, SeriesStyle::Caption)
-            }
-            _ => (value, SeriesStyle::Label),
-        };
-        Series {
-            name,
-            form,
-            points: vec![*point],
+        let first = format!("{}: {} = {value}", sweep.algorithm, sweep.parameter);
+        match i {
+            0 => Series::new(&first, SeriesStyle::Caption, vec![*point]),
+            _ => Series::new(&value, SeriesStyle::Label, vec![*point]),
         }
     };
     let labels = places.iter().enumerate().map(label);
@@ -386,84 +323,48 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
 
 /// A point in the colour of its algorithm.
 fn shaded(label: &str, point: (f64, f64)) -> Series {
-    Series {
-        name: label.to_owned(),
-        form: SeriesStyle::Unkeyed,
-        points: vec![point],
-    }
+    Series::new(label, SeriesStyle::Unkeyed, vec![point])
 }
 
 /// Most sweeps that are drawn as lines: those of a grid would cover each other.
 const MAX_LINES: usize = 6;
 
 /// The median error over the distance; nothing without distances.
-pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
     let summary = &page.summary;
     let algorithms = summary.algorithms.iter();
     let series = algorithms.filter(|a| !summary.is_reference(a)).map(|a| {
         let own = summary.accuracy.iter();
-        let is_own = |row: &&AccuracyRow| {
-            let is_range = row.area == summary.basis.area && !row.is_of_all();
-            row.algorithm == a.algorithm && is_range
-        };
-        let own = own.filter(is_own);
+        let own = own.filter(|row| row.algorithm == a.algorithm);
+        let own = own.filter(|row| row.area == summary.basis.area && !row.is_of_all());
         let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
-        Series {
-            name: a.algorithm.clone(),
-            form: SeriesStyle::Both,
-            points: points.filter(|(_, error_m)| *error_m > 0.0).collect(),
-        }
+        let points = points.filter(|(_, error_m)| *error_m > 0.0).collect();
+        Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
-    let series: Vec<_> = series.filter(|series| !series.points.is_empty()).collect();
-    if series.is_empty() {
-        return Ok(Vec::new());
-    }
-    let log = |label: &str| Axis {
-        log: true,
-        ..Axis::new(label)
-    };
-    let chart = Chart {
-        title: String::new(),
-        x: log("true distance, m"),
-        y: log("median error, m"),
-        series,
-    };
-    Ok(vec![PlotView {
-        title: "Error against distance".into(),
-        about: "Median absolute error of the cells in each range of true distances.",
-        svg: chart.svg_in(colors)?,
-    }])
+    let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
+    let chart = Some(Chart::untitled(x, y, series)).filter(|chart| !chart.series.is_empty());
+    let about = "Median absolute error of the cells in each range of true distances.";
+    let plot = |chart: Chart| PlotView::new("Error against distance", about, chart.svg_in(colors));
+    chart.map(plot).into_iter().collect()
 }
 
 /// Observed over predicted fractions of right cells; nothing without probabilities.
-pub(super) fn reliability(
-    page: &ReportPage,
-    colors: &AlgorithmColors<'_>,
-) -> Result<Vec<PlotView>> {
-    let rows = &page.summary.reliability;
+pub(super) fn reliability(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
     let algorithms = page.summary.algorithms.iter().map(|a| {
-        let own = rows.iter().filter(|row| row.algorithm == a.algorithm);
-        let bins = own.map(ReliabilityRow::bin).collect();
-        (a.algorithm.clone(), bins)
+        let rows = page.summary.reliability.iter();
+        let own = rows.filter(|row| row.algorithm == a.algorithm);
+        (a.algorithm.clone(), own.map(ReliabilityRow::bin).collect())
     });
-    let plot = |chart: Chart| {
-        Ok(PlotView {
-            title: "Reliability of probabilities".into(),
-            about: ABOUT,
-            svg: chart.svg_in(colors)?,
-        })
-    };
     let chart = reliability_chart(algorithms.collect());
-    chart.into_iter().map(plot).collect()
+    let title = "Reliability of probabilities";
+    let plot = chart.map(|chart| PlotView::new(title, ABOUT, chart.svg_in(colors)));
+    plot.into_iter().collect()
 }
 
-/// Time of a stage of an algorithm.
-type StageTime = fn(&AlgorithmSummary) -> Option<f64>;
-
 /// Latency, and where the time goes; nothing without pairs.
-pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
     if page.times_ms.is_empty() {
-        return Ok(Vec::new());
+        return Vec::new();
     }
     let ranked = page.summary.ranked_algorithms();
     let times = |a: &&AlgorithmSummary| {
@@ -480,52 +381,33 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
         label: "fractions; the number: ms per pair".into(),
         ..bars.clone()
     };
-    Ok(vec![
-        PlotView {
-            title: "Latency".into(),
-            about: "Histogram of the times per pair; each strip has its own height scale.",
-            svg: latency.svg(colors)?,
-        },
-        PlotView {
-            title: "Time by stage".into(),
-            about: "Mean over the half of the pairs nearest to the median.",
-            svg: bars.svg()?,
-        },
-        PlotView {
-            title: "Fraction of each stage".into(),
-            about: "As fractions of the same times.",
-            svg: shares.shares_svg()?,
-        },
-    ])
+    let histogram = "Histogram of the times per pair; each strip has its own height scale.";
+    let means = "Mean over the half of the pairs nearest to the median.";
+    let fractions = "As fractions of the same times.";
+    vec![
+        PlotView::new("Latency", histogram, latency.svg(colors)),
+        PlotView::new("Time by stage", means, bars.svg()),
+        PlotView::new("Fraction of each stage", fractions, shares.shares_svg()),
+    ]
 }
 
 /// The mean time of each stage.
 fn stage_bars(page: &ReportPage, ranked: &[&AlgorithmSummary]) -> Bars {
-    let stages: [(&str, StageTime); 6] = [
-        ("smoothing", |a| a.smoothing_ms),
-        ("texture", |a| a.texture_ms),
-        ("matching", |a| a.matching_ms),
-        ("checks", |a| a.checks_ms),
-        ("filters", |a| a.filters_ms),
-        ("other", |a| a.other_ms),
-    ];
     // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.
-    let counts = |stage: StageTime| {
-        page.summary
-            .algorithms
-            .iter()
-            .any(|a| stage(a) > a.p50_ms.map(|ms| 0.01 * ms))
+    let counts = |i: usize| {
+        let mut all = page.summary.algorithms.iter();
+        all.any(|a| a.stages_ms()[i] > a.p50_ms.map(|ms| 0.01 * ms))
     };
-    let counted = stages.map(|(_, stage)| counts(stage));
+    let counted: Vec<_> = (0..STAGES.len()).map(counts).collect();
     let times = |a: &&AlgorithmSummary| {
-        let times = stages.iter().zip(counted);
-        let times = times.map(|((_, stage), counts)| if counts { stage(a) } else { Some(0.0) });
+        let times = a.stages_ms().into_iter().zip(&counted);
+        let times = times.map(|(ms, counts)| if *counts { ms } else { Some(0.0) });
         Some((a.algorithm.clone(), times.collect::<Option<_>>()?))
     };
     Bars {
         title: String::new(),
         label: "ms per pair".into(),
-        parts: stages.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        parts: STAGES.map(str::to_owned).into(),
         bars: ranked.iter().filter_map(times).collect(),
     }
 }

@@ -1,224 +1,93 @@
 //! The values of the page's template: the domain's own types, and what it cannot compute.
 
-use super::super::gate::GateState;
-use super::super::plot::AlgorithmColors;
 use super::super::prior::PRIOR;
-use super::super::results::Results;
 use super::super::table::{Table, TableCell, TableColumn};
-use super::frames::FigureView;
-use super::heat::HeatMap;
-use super::plots::{StressView, accuracy, maps, reliability, speed, stress, trade_offs};
-use super::scenes::{ErrorKey, SceneView};
-use super::shades::{ParameterShade, ShadeView, parameter_shades, swept};
-use super::{CheckpointFigure, ReportPage};
-use crate::page::{ImageView, PageImages, PlotView, css_color};
-use serde::Serialize;
+use super::frames::figure_view;
+use super::heat::heat_map;
+use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
+use super::scenes::{error_key, scene_view};
+use super::shades::{parameter_shades, swept};
+use super::{CheckpointFigure, Rank, ReportPage, SceneFigure};
+use crate::page::{PageImages, css_color};
+use minijinja::{Value, context};
 use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
-use svl_core::{Result, matcher};
+use svl_core::matcher;
 use svl_files::overlay::{algorithm_color, viridis};
 use svl_score::judge::ColumnChoice;
-use svl_score::manifest::Manifest;
 
-#[derive(Serialize)]
-pub(super) struct ReportPageView<'a> {
-    manifest: &'a Manifest,
-    summary: &'a Results,
-    scope: String,
-    answer: Vec<String>,
-    order: Option<String>,
-    cautions: Vec<String>,
-    paragraphs: Vec<&'a str>,
-    identity: Vec<(String, String)>,
-    headline: Table,
-    overview: HeadlineView<'a>,
-    /// That of a sweep over two parameters.
-    heat: Option<HeatMap>,
-    metrics: Table,
-    checkpoints: Option<Table>,
-    speed: Option<Table>,
-    accuracy: Option<Table>,
-    accuracy_plot: Vec<PlotView>,
-    reliability: Vec<PlotView>,
-    reliability_table: Option<Table>,
-    latency: Option<Table>,
-    drives: Option<Table>,
-    cases: Option<&'a Table>,
-    stress_tables: Vec<Table>,
-    /// The first is shown, the others are folded.
-    trade_offs: Vec<PlotView>,
-    speed_plots: Vec<PlotView>,
-    stress: Vec<StressView>,
-    /// Courses that an algorithm did not finish, and the others, which are folded.
-    failed_maps: Vec<PlotView>,
-    finished_maps: Vec<PlotView>,
-    front: FrontView<'a>,
-    /// State, its word, and the result.
-    gate: Vec<(GateState, &'static str, &'a str)>,
-    /// Ids of the figures, or of the scenes, and the words of their buttons.
-    entries: Vec<(String, String)>,
-    /// The id of the figure that is shown first: the first algorithm's worst checkpoint.
-    first: Option<String>,
-    /// Columns and rows of the grid of cells, where a frame is shown.
-    grid: Option<(usize, usize)>,
-    /// Figures have worst and best frames.
-    is_ranked: bool,
-    /// Some frame has an error map.
-    has_errors: bool,
-    /// Some figure shows several algorithms.
-    has_choice: bool,
-    figures: Vec<FigureView<'a>>,
-    scenes: Vec<SceneView<'a>>,
-    errors: ErrorKey,
-    /// Stops of the disparities' colours, for a gradient.
-    ramp: String,
-    images: Vec<ImageView>,
-}
-
-/// Parts of the headline table besides its numbers.
-#[derive(Serialize)]
-struct HeadlineView<'a> {
-    /// Per label its name, place in the run and colour.
-    algorithms: BTreeMap<&'a str, AlgorithmView>,
-    /// Number and name.
-    checkpoints: Vec<(u32, &'a str)>,
-    /// Names of algorithms without parameters, and their descriptions.
-    about: Vec<(&'a str, &'static str)>,
-    /// Number of near obstacles in the truth.
-    near: Option<f64>,
-    /// The algorithm of the example citation: the first one that may be called best.
-    cited: Option<&'a str>,
-    /// The labels of algorithms with pictures, in the order of the table.
-    pictured: Vec<&'a str>,
-    /// The least and the greatest time, ms.
-    times: (f64, f64),
-    is_swept: bool,
-    /// Number of columns of parameters.
-    swept: usize,
-    shades: Vec<ShadeView>,
-    has_bars: bool,
-}
-
-#[derive(Serialize)]
-struct AlgorithmView {
-    /// Without the settings that are columns.
-    name: String,
-    place: usize,
-    color: String,
-    is_on_front: bool,
-    /// Per checkpoint the frames that pass, of all that show it.
-    passes: BTreeMap<u32, (u64, u64)>,
-}
-
-/// The algorithms that no other one dominates.
-#[derive(Serialize)]
-struct FrontView<'a> {
-    /// The words of the metrics.
-    by: Vec<&'static str>,
-    algorithms: Vec<&'a str>,
-}
-
-impl<'a> ReportPageView<'a> {
-    pub(super) fn new(page: &'a ReportPage) -> Result<Self> {
-        let ReportPage {
-            manifest, summary, ..
-        } = page;
-        let colors = page.colors();
-        let mut images = PageImages::default();
-        let ranked = summary.ranked_algorithms();
-        let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
-        let place = |label: &str| place(label).unwrap_or(ranked.len());
-        let figures = page.figures.iter();
-        let figures = figures.map(|figure| FigureView::new(figure, &mut images, place));
-        let figures: Vec<_> = figures.collect();
-        let scenes = page.scenes.iter();
-        let mut scenes: Vec<_> = scenes.map(|scene| SceneView::new(scene, place)).collect();
-        sort_by_case(&mut scenes, page);
-        let entries = entries(page, &scenes);
-        let shots = page.figures.iter().flat_map(|figure| &figure.shots);
-        let marks = shots.flat_map(|(_, shot)| &shot.estimate);
-        let grid = marks.map(|mark| (mark.column + 1, mark.row + 1)).max();
-        let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
-        let mut identity = manifest.entries();
-        let note = summary.ending.note();
-        identity.extend(note.map(|note| ("not scored".to_owned(), note)));
-        let (by, algorithms) = summary.front();
-        let front = FrontView {
-            by: by.iter().map(|metric| metric.words).collect(),
-            algorithms,
-        };
-        let headline = headline(page);
-        let overview = HeadlineView::new(page, &headline, &colors, &front.algorithms);
-        let gate = page.gate.iter();
-        Ok(Self {
-            manifest,
-            summary,
-            scope: summary.scope_words(),
-            answer: summary.answer(),
-            order: summary.order_words(),
-            cautions: summary.cautions(),
-            // An empty line ends a paragraph, as in Markdown.
-            paragraphs: (page.description.split("\n\n").map(str::trim))
-                .filter(|p| !p.is_empty())
-                .collect(),
-            identity,
-            first: overview.first_figure(&figures),
-            grid,
-            overview,
-            heat: HeatMap::new(page),
-            headline,
-            metrics: summary.all_metrics(),
-            checkpoints: summary.checkpoint_table(),
-            speed: summary.speed_table(),
-            accuracy: summary.accuracy_table(),
-            accuracy_plot: accuracy(page, &colors)?,
-            reliability: reliability(page, &colors)?,
-            reliability_table: summary.reliability_table(),
-            latency: summary.latency_table(),
-            drives: summary.drive_table(),
-            cases: page.cases.as_ref(),
-            stress_tables: summary.stress_tables(),
-            trade_offs: trade_offs(page, &colors)?,
-            speed_plots: speed(page, &colors)?,
-            stress: stress(page, &colors)?,
-            failed_maps: maps(page, &colors, Some(true))?,
-            finished_maps: maps(page, &colors, Some(false))?,
-            front,
-            gate: gate
-                .map(|(state, text)| (*state, state.words(), text.as_str()))
-                .collect(),
-            entries,
-            is_ranked: page
-                .figures
-                .iter()
-                .any(|figure| figure.checkpoint.is_some()),
-            has_errors: (page.figures.iter())
-                .any(|figure| figure.shots.iter().any(|(_, shot)| shot.errors.is_some())),
-            has_choice: page.figures.iter().any(has_choice),
-            figures,
-            scenes,
-            errors: ErrorKey::new(),
-            ramp: stops.collect::<Vec<_>>().join(", "),
-            images: images.into_views(),
-        })
+pub(super) fn view(page: &ReportPage) -> Value {
+    let ReportPage {
+        manifest, summary, ..
+    } = page;
+    let colors = page.colors();
+    let mut images = PageImages::default();
+    let ranked = summary.ranked_algorithms();
+    let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
+    let place = |label: &str| place(label).unwrap_or(ranked.len());
+    let figures = page.figures.iter();
+    let figures = figures.map(|figure| figure_view(figure, &mut images, place));
+    let figures: Vec<_> = figures.collect();
+    let scenes = scenes(page);
+    let mut identity = manifest.entries();
+    let note = summary.ending.note();
+    identity.extend(note.map(|note| ("not scored".to_owned(), note)));
+    let shots = || page.figures.iter().flat_map(|figure| &figure.shots);
+    let marks = shots().flat_map(|(_, shot)| &shot.estimate);
+    let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
+    let (by, front) = summary.front();
+    let headline = headline(page);
+    let heat = heat_map(page).map(|(grid, about)| context! { grid, about });
+    let gate = page.gate.iter();
+    let gate = gate.map(|(state, text)| (state, state.words(), text));
+    // An empty line ends a paragraph, as in Markdown.
+    let paragraphs = page.description.split("\n\n").map(str::trim);
+    context! {
+        manifest, summary, identity, scope => summary.scope_words(), answer => summary.answer(),
+        order => summary.order_words(), cautions => summary.cautions(),
+        paragraphs => paragraphs.filter(|p| !p.is_empty()).collect::<Vec<_>>(),
+        overview => overview(page, &headline, &front),
+        front => context! {
+            by => by.iter().map(|metric| metric.words).collect::<Vec<_>>(), algorithms => front,
+        },
+        headline, heat, metrics => summary.all_metrics(),
+        checkpoints => summary.checkpoint_table(), speed => summary.speed_table(),
+        accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
+        reliability => reliability(page, &colors),
+        reliability_table => summary.reliability_table(), latency => summary.latency_table(),
+        drives => summary.drive_table(), cases => page.cases,
+        stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
+        speed_plots => speed(page, &colors), stress => stress(page, &colors),
+        failed_maps => maps(page, &colors, Some(true)),
+        finished_maps => maps(page, &colors, Some(false)), gate => gate.collect::<Vec<_>>(),
+        entries => entries(page, &scenes), first => first_figure(page),
+        grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
+        is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
+        has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
+        has_choice => page.figures.iter().any(has_choice), figures,
+        scenes => scenes.iter().map(|scene| scene_view(scene, place)).collect::<Vec<_>>(),
+        errors => error_key(), ramp => stops.collect::<Vec<_>>().join(", "),
+        images => images.into_views(),
     }
 }
 
-/// Sorts scenes by their places in the table of cases, the worst first; those beyond the limit of
-/// the table last.
-fn sort_by_case(scenes: &mut [SceneView<'_>], page: &ReportPage) {
-    let case = |scene: &SceneView<'_>| {
+/// The scenes by their places in the table of cases, the worst first; those beyond the limit of the
+/// table last.
+fn scenes(page: &ReportPage) -> Vec<&SceneFigure> {
+    let case = |scene: &&SceneFigure| {
         let mut rows = page.cases.iter().flat_map(|cases| &cases.rows);
-        rows.position(|row| row[0] == TableCell::Text(scene.title.to_owned()))
+        rows.position(|row| row[0] == TableCell::Text(scene.title.clone()))
     };
+    let mut scenes: Vec<_> = page.scenes.iter().collect();
     scenes.sort_by_key(|scene| case(scene).unwrap_or(usize::MAX));
+    scenes
 }
 
 /// Ids of the figures and the scenes, and the words of their buttons.
-fn entries(page: &ReportPage, scenes: &[SceneView<'_>]) -> Vec<(String, String)> {
+fn entries(page: &ReportPage, scenes: &[&SceneFigure]) -> Vec<(String, String)> {
     let figures = page.figures.iter().zip(chips(&page.figures));
     let figures = figures.map(|(figure, chip)| (figure.checkpoint, chip));
-    let chips = figures.chain(scenes.iter().map(|scene| (None, scene.title.to_owned())));
+    let chips = figures.chain(scenes.iter().map(|scene| (None, scene.title.clone())));
     let entry = |(i, (checkpoint, chip)): (usize, (Option<u32>, String))| {
         let id = checkpoint.map_or_else(|| format!("f{i}"), |number| format!("cp{number}"));
         (id, chip)
@@ -243,113 +112,91 @@ fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
 
 /// True for a figure of several algorithms.
 fn has_choice(figure: &CheckpointFigure) -> bool {
-    let first = figure.shots.first().map(|(_, shot)| &shot.row.algorithm);
-    let mut shots = figure.shots.iter();
-    shots.any(|(_, shot)| Some(&shot.row.algorithm) != first)
+    let mut shots = figure.shots.windows(2);
+    shots.any(|two| two[0].1.row.algorithm != two[1].1.row.algorithm)
 }
 
-impl<'a> HeadlineView<'a> {
-    fn new(
-        page: &'a ReportPage,
-        table: &Table,
-        colors: &AlgorithmColors<'_>,
-        front: &[&str],
-    ) -> Self {
-        let swept = swept(page);
-        let view = |(place, label): (usize, &'a str)| {
-            let view = AlgorithmView {
-                name: name(label, &swept),
-                place,
-                color: css_color(colors.rgb(label).unwrap_or(algorithm_color(place))),
-                is_on_front: front.contains(&label),
-                passes: (page.summary.checkpoints.iter())
-                    .filter(|c| c.algorithm == label)
-                    .map(|c| (c.checkpoint, (c.passed, c.frames)))
-                    .collect(),
-            };
-            (label, view)
-        };
-        let ranked = page.summary.ranked_algorithms();
-        let times = || {
-            ranked
-                .iter()
-                .filter_map(|a| a.p50_ms)
-                .filter(|ms| *ms > 0.0)
-        };
-        let labels = ranked.iter().map(|a| a.algorithm.as_str());
-        Self {
-            algorithms: (page.manifest.labels())
-                .chain(page.summary.prior.as_ref().map(|_| PRIOR))
-                .enumerate()
-                .map(view)
-                .collect(),
-            checkpoints: page.summary.checkpoint_names(),
-            about: about(page, labels.clone()),
-            cited: ranked
-                .iter()
-                .find(|a| page.summary.is_candidate(a))
-                .or(ranked.first())
-                .map(|a| a.algorithm.as_str()),
-            near: ranked.iter().find_map(|a| a.totals.get("near")),
-            pictured: labels.filter(|label| is_pictured(page, label)).collect(),
-            times: (
-                times().fold(f64::INFINITY, f64::min),
-                times().fold(0.0, f64::max),
-            ),
-            is_swept: !swept.is_empty(),
-            swept: swept.len(),
-            shades: parameter_shades(page)
-                .iter()
-                .map(ParameterShade::view)
-                .collect(),
-            has_bars: (table.rows.iter().flatten())
-                .any(|cell| matches!(cell, TableCell::Bar { .. })),
-        }
-    }
+/// The id of the checkpoint that the first algorithm with pictures fails most.
+fn first_figure(page: &ReportPage) -> Option<String> {
+    let ranked = page.summary.ranked_algorithms();
+    let mut labels = ranked.iter().map(|a| &a.algorithm);
+    let label = labels.find(|label| is_pictured(page, label))?;
+    let fails = |figure: &&CheckpointFigure| {
+        let own = figure.shots.iter();
+        let mut own = own.filter(|(_, shot)| shot.row.algorithm == *label);
+        own.any(|(rank, shot)| *rank == Rank::Worst && shot.passed == Some(false))
+    };
+    let failed = page.figures.iter().filter(fails);
+    let failed = failed.filter_map(|figure| figure.checkpoint);
+    let share = |number: &u32| {
+        let (passed, frames) = page.summary.passes(label, Some(*number));
+        passed as f64 / frames as f64
+    };
+    let worst = failed.min_by(|a, b| share(a).partial_cmp(&share(b)).unwrap_or(Equal));
+    worst.map(|number| format!("cp{number}"))
 }
 
-impl HeadlineView<'_> {
-    /// The id of the checkpoint that the first algorithm fails most.
-    fn first_figure(&self, figures: &[FigureView<'_>]) -> Option<String> {
-        let label = self.pictured.first()?;
-        let passes = &self.algorithms.get(label)?.passes;
-        let share = |number: &u32| {
-            let (passed, frames) = passes.get(number)?;
-            Some(*passed as f64 / *frames as f64)
-        };
-        let failed = figures.iter().filter(|figure| figure.fails(label));
-        let failed = failed.filter_map(|figure| figure.checkpoint);
-        let worst = failed.min_by(|a, b| share(a).partial_cmp(&share(b)).unwrap_or(Equal));
-        worst.map(|number| format!("cp{number}"))
+/// Parts of the headline table besides its numbers.
+fn overview(page: &ReportPage, table: &Table, front: &[&str]) -> Value {
+    let (summary, swept, colors) = (&page.summary, swept(page), page.colors());
+    let view = |(place, label)| {
+        let color = css_color(colors.rgb(label).unwrap_or(algorithm_color(place)));
+        let own = summary.checkpoints.iter().filter(|c| c.algorithm == label);
+        let passes = own.map(|c| (c.checkpoint, (c.passed, c.frames)));
+        let (passes, is_on_front) = (passes.collect::<BTreeMap<_, _>>(), front.contains(&label));
+        // The name is without the settings that are columns.
+        (
+            label,
+            context! { name => name(label, &swept), place, color, is_on_front, passes },
+        )
+    };
+    let ranked = summary.ranked_algorithms();
+    let labels = ranked.iter().map(|a| a.algorithm.as_str());
+    let times = || {
+        let ranked = ranked.iter().filter_map(|a| a.p50_ms);
+        ranked.filter(|ms| *ms > 0.0)
+    };
+    let all = page.manifest.labels();
+    let all = all.chain(summary.prior.as_ref().map(|_| PRIOR));
+    let cited = ranked.iter().find(|a| summary.is_candidate(a));
+    let cited = cited.or(ranked.first());
+    context! {
+        algorithms => all.enumerate().map(view).collect::<BTreeMap<_, _>>(),
+        checkpoints => summary.checkpoint_names(), about => about(page, labels.clone()),
+        // The first one that may be called best.
+        cited => cited.map(|a| &a.algorithm),
+        near => ranked.iter().find_map(|a| a.totals.get("near")),
+        pictured => labels.filter(|label| is_pictured(page, label)).collect::<Vec<_>>(),
+        times => (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max)),
+        is_swept => !swept.is_empty(), swept => swept.len(), shades => parameter_shades(page),
+        has_bars => table.rows.iter().flatten().any(|cell| matches!(cell, TableCell::Bar { .. })),
     }
 }
 
 /// The headline table, with a column for each parameter that is swept.
 fn headline(page: &ReportPage) -> Table {
-    let mut table = match page.summary.shown.columns {
+    let summary = &page.summary;
+    let mut table = match summary.shown.columns {
         ColumnChoice::Headline => {
-            let metrics = ColumnChoice::Headline.metrics(page.summary.kind());
-            let mut wide = page.summary.metric_table(&ColumnChoice::Named(metrics));
+            let metrics = ColumnChoice::Headline.metrics(summary.kind());
+            let mut wide = summary.metric_table(&ColumnChoice::Named(metrics));
             wide.remove_optional_columns();
             wide
         }
-        _ => page.summary.headline(),
+        _ => summary.headline(),
     };
     for parameter in swept(page).into_iter().rev() {
-        let value = |label: &str| {
-            let sweeps = page.sweeps.iter().filter(|s| s.parameter == parameter);
-            let mut points = sweeps.flat_map(|sweep| &sweep.points);
-            let own = points.find(|(_, name)| name == label);
-            own.map_or_else(String::new, |(value, _)| value.clone())
+        let sweeps = || {
+            let sweeps = page.sweeps.iter();
+            sweeps.filter(|sweep| sweep.parameter == parameter)
         };
         table
             .columns
             .insert(1, TableColumn::new("parameters", parameter));
         for row in &mut table.rows {
-            let value = match &row[0] {
-                TableCell::Text(label) => value(label),
-                _ => String::new(),
-            };
+            let mut points = sweeps().flat_map(|sweep| &sweep.points);
+            let own = points.find(|(_, name)| row[0] == TableCell::Text(name.clone()));
+            let value = own.map_or_else(String::new, |(value, _)| value.clone());
             row.insert(1, TableCell::Text(value));
         }
     }
@@ -379,12 +226,13 @@ fn about<'a>(
 ) -> Vec<(&'static str, &'static str)> {
     let mut about: Vec<(&str, &str)> = Vec::new();
     for label in labels {
-        let records = &page.manifest.algorithms;
-        let name = records.iter().find(|a| a.label == label).map(|a| &*a.name);
-        let spec = name.and_then(|name| matcher::find(name).ok());
-        if let Some(spec) = spec.filter(|spec| about.iter().all(|(name, _)| *name != spec.name)) {
-            about.push((spec.name, spec.summary));
-        }
+        let mut records = page.manifest.algorithms.iter();
+        let spec = records.find(|a| a.label == label);
+        let spec = spec.and_then(|a| matcher::find(&a.name).ok());
+        about.extend(
+            spec.map(|spec| (spec.name, spec.summary))
+                .filter(|own| !about.contains(own)),
+        );
     }
     about
 }

@@ -9,7 +9,8 @@ pub use plot_view::PlotView;
 
 use super::words::{ms, percent};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use minijinja::{HtmlEscape, Value};
+pub use minijinja::Value;
+use minijinja::{HtmlEscape, context};
 use serde::Serialize;
 use svl_core::{Error, Result};
 use svl_files::overlay::Mark;
@@ -21,20 +22,13 @@ const PARTS: [(&str, &str); 4] = [
     ("style.css", include_str!("style.css")),
 ];
 
-/// The template `page` with the values of `view`; `style` is its own CSS, `page.css`. All texts are
-/// escaped, and a name that `view` does not have is an error.
+/// The template `page` with the values of `view`; `style` is its own CSS, `page.css`, and `parts`
+/// are further templates that it includes, by their names. All texts are escaped, and a name that
+/// `view` does not have is an error.
 ///
 /// # Errors
 /// [`Error::Invalid`] with the error of the template engine.
-pub fn fill(page: &'static str, style: &'static str, view: impl Serialize) -> Result<String> {
-    fill_with(page, style, &[], view)
-}
-
-/// [`fill`] with further templates that the page includes, by their names.
-///
-/// # Errors
-/// The errors of [`fill`].
-pub(crate) fn fill_with(
+pub fn fill(
     page: &'static str,
     style: &'static str,
     parts: &[(&'static str, &'static str)],
@@ -110,24 +104,6 @@ pub fn data_url(file: &[u8]) -> String {
 #[derive(Default)]
 pub struct PageImages<'a>(Vec<(&'a [u8], (usize, usize))>);
 
-/// An image file as the template sees it.
-#[derive(Serialize)]
-pub struct ImageView {
-    url: String,
-    width: usize,
-    height: usize,
-}
-
-/// An image shown with marks over it.
-#[derive(Serialize)]
-pub struct PictureView<'a> {
-    label: &'a str,
-    image: usize,
-    width: usize,
-    height: usize,
-    marks: Vec<MarkView>,
-}
-
 /// A cell of a depth grid, drawn.
 #[derive(Serialize)]
 pub struct MarkView {
@@ -140,62 +116,38 @@ pub struct MarkView {
     /// True if it is crossed out.
     wrong: bool,
     /// True if it is outlined: it is not as it was before.
-    changed: bool,
+    pub(crate) changed: bool,
 }
 
 impl<'a> PageImages<'a> {
     /// The file, drawn at `size`, with marks over it.
     pub fn picture(
         &mut self,
-        label: &'a str,
+        label: &str,
         file: &'a [u8],
         size: (usize, usize),
         marks: Vec<MarkView>,
-    ) -> PictureView<'a> {
+    ) -> Value {
         let known = self.0.iter().position(|image| *image == (file, size));
-        let image = known.unwrap_or_else(|| {
-            self.0.push((file, size));
-            self.0.len() - 1
-        });
-        let (width, height) = size;
-        PictureView {
-            label,
-            image,
-            width,
-            height,
-            marks,
-        }
+        let image = known.unwrap_or(self.0.len());
+        self.0.extend(known.is_none().then_some((file, size)));
+        context! { label, image, width => size.0, height => size.1, marks }
     }
 
-    pub fn into_views(self) -> Vec<ImageView> {
-        let view = |(file, (width, height))| ImageView {
-            url: data_url(file),
-            width,
-            height,
-        };
-        self.0.into_iter().map(view).collect()
-    }
-}
-
-impl PictureView<'_> {
-    /// Outlines the cells at these columns and rows.
-    pub(crate) fn outline(&mut self, cells: &[(u32, u32)]) {
-        for own in &mut self.marks {
-            own.changed = cells.contains(&(own.mark.column as u32, own.mark.row as u32));
-        }
+    /// The images for the template.
+    pub fn into_views(self) -> Vec<Value> {
+        let images = self.0.into_iter();
+        let view = |(file, (width, height))| context! { url => data_url(file), width, height };
+        images.map(view).collect()
     }
 }
 
 impl MarkView {
     pub fn new(mark: Mark, words: String, wrong: bool) -> Self {
-        let (center, radius) = (
-            mark.cell.center(),
-            mark.cell.width.min(mark.cell.height) / 16.0,
-        );
         Self {
             mark,
-            center,
-            radius,
+            center: mark.cell.center(),
+            radius: mark.cell.width.min(mark.cell.height) / 16.0,
             words,
             wrong,
             changed: false,

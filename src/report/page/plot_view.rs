@@ -1,7 +1,6 @@
 //! Plots of pages, on the page and as files of their own.
 
 use serde::Serialize;
-use std::borrow::Cow;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -10,12 +9,20 @@ use svl_core::{Error, Result};
 /// A plot of a page, with its heading and caption.
 #[derive(Serialize)]
 pub struct PlotView {
-    pub title: Cow<'static, str>,
+    pub title: String,
     pub about: &'static str,
     pub svg: String,
 }
 
 impl PlotView {
+    pub fn new(title: &str, about: &'static str, svg: String) -> Self {
+        Self {
+            title: title.to_owned(),
+            about,
+            svg,
+        }
+    }
+
     /// Writes it as an SVG document on white. The file has the name of `group`, which may be empty,
     /// and of the title.
     ///
@@ -31,7 +38,7 @@ impl PlotView {
     }
 
     fn document(&self) -> String {
-        let title = quick_xml::escape::escape(&*self.title);
+        let title = quick_xml::escape::escape(&self.title);
         let head = format!(
             ">\n<title>{title}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#FFFFFF\"/>"
         );

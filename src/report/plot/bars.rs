@@ -1,12 +1,7 @@
 //! Horizontal bars of several parts.
 
-use super::key::PlotKey;
-use super::{
-    AXIS, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, rgb, svg, text, text_width,
-};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use svl_core::Result;
+use super::canvas::{Canvas, Color, LEFT, PlotKey, RIGHT, fill, line, title_height};
+use super::{AXIS, TEXT, WIDTH, text_width};
 use svl_files::overlay::viridis;
 
 /// A bar for every category, made of parts one after another.
@@ -32,120 +27,78 @@ const SIZE: u32 = TEXT - 2;
 
 impl Bars {
     /// The plot as an SVG document.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
-    pub fn svg(&self) -> Result<String> {
+    pub fn svg(&self) -> String {
         self.drawn(|sum| sum)
     }
 
     /// [`Bars::svg`] with every bar as long as the plot is wide, to show the fractions of the
     /// parts. The sums are printed behind them.
-    ///
-    /// # Errors
-    /// The errors of [`Bars::svg`].
-    pub fn shares_svg(&self) -> Result<String> {
+    pub fn shares_svg(&self) -> String {
         self.drawn(|_| 1.0)
     }
 
     /// `length` of a bar, of its sum.
-    fn drawn(&self, length: impl Fn(f64) -> f64) -> Result<String> {
+    fn drawn(&self, length: impl Fn(f64) -> f64) -> String {
         let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
         let parts = self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i));
         let parts = parts.map(|(i, part)| (part.as_str(), self.color(i)));
         let key = PlotKey::new(parts.filter(|_| self.parts.len() > 1));
-        let title = if self.title.is_empty() { 12 } else { TITLE };
+        let title = title_height(&self.title, 12);
         let head = key.height + title;
-        let height = head + FOOT + BAR * self.bars.len() as i32;
-        svg(height as u32, &self.title, |canvas| {
-            draw_title(canvas, &self.title)?;
-            key.draw(canvas, title)?;
-            self.draw(canvas, head, length)
-        })
+        let foot = head + BAR * self.bars.len() as i32;
+        let mut canvas = Canvas::titled(&self.title);
+        key.draw(&mut canvas, title);
+        self.draw(&mut canvas, head, length);
+        let names = self.names();
+        canvas.path([(names, head), (names, foot)], line(AXIS, 1), "");
+        canvas.text(&self.label, (names, foot + 36), SIZE, LEFT);
+        canvas.svg(foot + FOOT)
     }
 
     /// Colour of a part, different from those of algorithms.
-    fn color(&self, part: usize) -> RGBColor {
+    fn color(&self, part: usize) -> Color {
         let last = self.parts.len().saturating_sub(1).max(1);
-        rgb(viridis(0.2 + 0.75 * part as f32 / last as f32))
+        viridis(0.2 + 0.75 * part as f32 / last as f32)
     }
 
-    fn draw(
-        &self,
-        canvas: &PlotCanvas,
-        head: i32,
-        length: impl Fn(f64) -> f64,
-    ) -> std::result::Result<(), DrawError> {
-        let names = self
-            .bars
-            .iter()
-            .map(|(name, _)| text_width(name, SIZE) + 16)
-            .max()
-            .unwrap_or(0)
-            .min(NAMES);
+    /// Room for the names.
+    fn names(&self) -> i32 {
+        let names = self.bars.iter();
+        let names = names.map(|(name, _)| text_width(name, SIZE) + 16);
+        names.max().unwrap_or(0).min(NAMES)
+    }
+
+    fn draw(&self, canvas: &mut Canvas, head: i32, length: impl Fn(f64) -> f64) {
+        let names = self.names();
         let sum = |parts: &[f64]| parts.iter().sum::<f64>();
-        let longest = self
-            .bars
-            .iter()
-            .map(|(_, parts)| length(sum(parts)))
-            .fold(0.0, f64::max);
-        let scale = if longest > 0.0 {
-            f64::from(WIDTH as i32 - names - SUM) / longest
-        } else {
-            0.0
-        };
+        let lengths = self.bars.iter().map(|(_, parts)| length(sum(parts)));
+        let longest = lengths.fold(f64::MIN_POSITIVE, f64::max);
+        let scale = f64::from(WIDTH as i32 - names - SUM) / longest;
         // Counts have no decimals.
-        let digits = if self
-            .bars
-            .iter()
-            .flat_map(|(_, parts)| parts)
-            .all(|v| v.fract() == 0.0)
-        {
+        let mut values = self.bars.iter().flat_map(|(_, parts)| parts);
+        let digits = if values.all(|v| v.fract() == 0.0) {
             0
         } else {
             2
         };
         for (i, (name, parts)) in self.bars.iter().enumerate() {
             let y = head + BAR * i as i32;
-            canvas.draw(&Text::new(
-                name.clone(),
-                (names - 16, y + BAR / 2),
-                at(HPos::Right),
-            ))?;
+            canvas.text(name, (names - 16, y + BAR / 2), SIZE, RIGHT);
             let total = sum(parts);
             // Stretched so that the whole bar gets `length`; its parts keep their proportions.
-            let unit = if total > 0.0 {
-                length(total) / total * scale
-            } else {
-                0.0
-            };
+            let unit = length(total) * scale / total.max(f64::MIN_POSITIVE);
             // Ends are rounded, not lengths: neighbouring parts meet without gaps.
             let place = |v: f64| names + (v * unit).round() as i32;
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {
                 let corners = [(place(from), y + 8), (place(from + part), y + BAR - 8)];
-                canvas.draw(&Rectangle::new(corners, self.color(k).filled()))?;
+                canvas.rectangle(corners, fill(self.color(k), 1.0));
                 from += part;
             }
-            canvas.draw(&Text::new(
-                format!("{total:.digits$}"),
-                (place(total) + 12, y + BAR / 2),
-                at(HPos::Left),
-            ))?;
+            let behind = (place(total) + 12, y + BAR / 2);
+            canvas.text(&format!("{total:.digits$}"), behind, SIZE, LEFT);
         }
-        let foot = head + BAR * self.bars.len() as i32;
-        canvas.draw(&PathElement::new([(names, head), (names, foot)], AXIS))?;
-        canvas.draw(&Text::new(
-            self.label.clone(),
-            (names, foot + 36),
-            at(HPos::Left),
-        ))
     }
-}
-
-/// Texts beside a point, in the middle of its height.
-fn at<'a>(h: HPos) -> TextStyle<'a> {
-    text(SIZE).pos(Pos::new(h, VPos::Center))
 }
 
 #[cfg(test)]
@@ -165,12 +118,11 @@ mod tests {
             parts: parts.into(),
             bars,
         };
-        let svg = bars.svg().unwrap();
+        let svg = bars.svg();
         // A part that no bar has is not in the key, and leaves the others their colours.
         let rects = |part: usize| {
-            let RGBColor(r, g, b) = bars.color(part);
-            svg.matches(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\""))
-                .count()
+            let color = super::super::canvas::hex(bars.color(part));
+            svg.matches(&format!("fill=\"{color}\"")).count()
         };
         assert_eq!((rects(1), rects(2)), (3, 3), "{svg}");
         assert!(svg.contains("\n1.50\n"), "{svg}");
@@ -186,8 +138,7 @@ mod tests {
             bars,
             ..Bars::default()
         }
-        .shares_svg()
-        .unwrap();
+        .shares_svg();
         let ends = |svg: &str| svg.matches("x=\"862\"").count();
         // Both sums are printed behind bars that end at 850.
         assert_eq!((ends(&svg), svg.contains("\n0.50\n")), (2, true), "{svg}");
@@ -195,12 +146,11 @@ mod tests {
 
     #[test]
     fn no_bars_and_empty_bars_are_drawn() {
-        Bars::default().svg().unwrap();
+        Bars::default().svg();
         Bars {
             bars: vec![("v1".into(), vec![0.0]), ("v2".into(), vec![])],
             ..Bars::default()
         }
-        .svg()
-        .unwrap();
+        .svg();
     }
 }

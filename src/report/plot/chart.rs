@@ -1,14 +1,9 @@
 //! Lines and points over two axes.
 
-use super::key::PlotKey;
+use super::canvas::{BELOW, Canvas, Color, PlotKey, Point, RIGHT, fill, line, title_height};
 use super::ticks::{linear_ticks, log_ticks};
-use super::{
-    AXIS, AlgorithmColors, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, TITLE, WIDTH, color,
-    draw_title, labels, svg, text,
-};
-use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
-use plotters::prelude::*;
-use svl_core::Result;
+use super::{AXIS, AlgorithmColors, Series, SeriesStyle, TEXT, WIDTH, labels};
+use svl_files::overlay::algorithm_color;
 
 /// A plot of series over common axes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,7 +26,7 @@ pub struct Axis {
     pub bounds: Option<(f64, f64)>,
 }
 
-pub(super) const HEIGHT: u32 = 640;
+const HEIGHT: u32 = 640;
 
 impl Axis {
     /// A linear axis over what the data span.
@@ -39,6 +34,14 @@ impl Axis {
         Self {
             label: label.into(),
             ..Self::default()
+        }
+    }
+
+    /// A logarithmic axis over what the data span.
+    pub fn log(label: &str) -> Self {
+        Self {
+            log: true,
+            ..Self::new(label)
         }
     }
 
@@ -88,158 +91,147 @@ impl Axis {
 }
 
 impl Chart {
+    /// A chart without a title, of the series that have points.
+    pub fn untitled(x: Axis, y: Axis, series: impl IntoIterator<Item = Series>) -> Self {
+        let series = series.into_iter();
+        Self {
+            x,
+            y,
+            series: series.filter(|series| !series.points.is_empty()).collect(),
+            ..Self::default()
+        }
+    }
+
     /// The plot as an SVG document.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
-    pub fn svg(&self) -> Result<String> {
+    pub fn svg(&self) -> String {
         self.svg_in(&AlgorithmColors::new([]))
     }
 
     /// [`Chart::svg`] with the algorithms' colours for series named after them.
-    ///
-    /// # Errors
-    /// The errors of [`Chart::svg`].
-    pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
+    pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> String {
         self.svg_named(colors, &|series, _| series.name.clone())
     }
 
     /// [`Chart::svg_in`] where the tooltip of a point begins with the name that `name` returns.
-    ///
-    /// # Errors
-    /// The errors of [`Chart::svg`].
     pub fn svg_named(
         &self,
         colors: &AlgorithmColors<'_>,
         name: &dyn Fn(&Series, (f64, f64)) -> String,
-    ) -> Result<String> {
-        let points = || self.series.iter().flat_map(|s| &s.points);
-        let x = TickedAxis::new(&self.x, || points().map(|p| p.0));
-        let y = TickedAxis::new(&self.y, || points().map(|p| p.1));
-        let key = PlotKey::new(
-            self.series
-                .iter()
-                .zip(self.colors(colors))
-                .filter(|(series, _)| series.is_keyed())
-                .map(|(series, color)| (series.name.as_str(), color)),
+    ) -> String {
+        let series = || self.series.iter().zip(self.colors(colors));
+        let keyed = series().filter(|(series, _)| series.is_keyed());
+        let key = PlotKey::new(keyed.map(|(series, color)| (series.name.as_str(), color)));
+        let title = title_height(&self.title, 0);
+        let height = HEIGHT as i32 + key.height;
+        let (down, across) = (
+            [height - 97, 12 + title + key.height],
+            [122, WIDTH as i32 - 37],
         );
-        let svg = svg(HEIGHT + key.height as u32, &self.title, |canvas| {
-            let colors = self.colors(colors);
-            let drawing = Drawing {
-                canvas,
-                key: &key,
-                colors,
-            };
-            self.draw(drawing, x, y)
-        })?;
-        Ok(self.with_tips(&svg, name))
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let x = TickedAxis::new(&self.x, across, || points().map(|p| p.0));
+        let y = TickedAxis::new(&self.y, down, || points().map(|p| p.1));
+        let mut canvas = Canvas::titled(&self.title);
+        self.draw_axes(&mut canvas, &x, &y);
+        for (series, color) in series() {
+            self.draw_series(&mut canvas, series, color, (&x, &y), name);
+        }
+        let bounds = [across[0] + 6, down[1], WIDTH as i32, down[0] + 1];
+        labels::write(&mut canvas, &self.series, bounds, |p| {
+            self.shows(p).then(|| (x.place(p.0), y.place(p.1)))
+        });
+        key.draw(&mut canvas, title);
+        canvas.svg(height)
     }
 
     /// True if the point has a place.
-    pub(super) fn shows(&self, (x, y): &(f64, f64)) -> bool {
+    fn shows(&self, (x, y): &(f64, f64)) -> bool {
         self.x.shows(*x) && self.y.shows(*y)
     }
 
     /// A colour per series: that of its algorithm, else by its place. Named series without an
     /// algorithm share the first.
-    fn colors(&self, colors: &AlgorithmColors<'_>) -> Vec<RGBColor> {
+    fn colors(&self, colors: &AlgorithmColors<'_>) -> Vec<Color> {
         let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
-        let mut others = (named..).map(color);
+        let mut others = (named..).map(algorithm_color);
         let own = |series: &Series| match series.form {
             SeriesStyle::Caption | SeriesStyle::Label | SeriesStyle::Front => AXIS,
-            form => colors.color(&series.name).unwrap_or_else(|| match form {
-                SeriesStyle::Named => color(0),
+            form => colors.rgb(&series.name).unwrap_or_else(|| match form {
+                SeriesStyle::Named => algorithm_color(0),
                 _ => others.next().unwrap_or(AXIS),
             }),
         };
         self.series.iter().map(own).collect()
     }
 
-    fn draw(
-        &self,
-        drawing: Drawing<'_, '_>,
-        x: TickedAxis,
-        y: TickedAxis,
-    ) -> std::result::Result<(), DrawError> {
-        let Drawing {
-            canvas,
-            key,
-            colors,
-        } = drawing;
-        let mut builder = ChartBuilder::on(canvas);
-        draw_title(canvas, &self.title)?;
-        let title = if self.title.is_empty() { 0 } else { TITLE };
-        let mut chart = builder
-            .margin(12)
-            .margin_top(12 + title + key.height)
-            .margin_right(36)
-            .x_label_area_size(84)
-            .y_label_area_size(110)
-            .build_cartesian_2d(x, y)?;
-        chart
-            .configure_mesh()
-            .x_desc(&self.x.label)
-            .y_desc(&self.y.label)
-            .label_style(text(TEXT - 4))
-            .axis_desc_style(text(TEXT))
-            .axis_style(AXIS.stroke_width(2))
-            .set_all_tick_mark_size(8)
-            .bold_line_style(AXIS.mix(0.25))
-            // No minor grid lines: they would be invisible at the size of a page.
-            .light_line_style(AXIS.mix(0.0))
-            .draw()?;
-        for (series, color) in self.series.iter().zip(colors) {
-            self.draw_series(&mut chart, series, color)?;
+    /// Axes with ticks and grid lines at their numbers.
+    fn draw_axes(&self, canvas: &mut Canvas, x: &TickedAxis, y: &TickedAxis) {
+        let ([left, right], [bottom, top]) = (x.ends, y.ends);
+        let (grid, axis) = (line(AXIS, 1).faint(), line(AXIS, 2));
+        canvas.upward_text(&self.y.label, (12, (top + bottom + 1) / 2), TEXT);
+        canvas.text(
+            &self.x.label,
+            ((left + right + 1) / 2, bottom + 62),
+            TEXT,
+            BELOW,
+        );
+        canvas.path([(left - 1, top), (left - 1, bottom)], axis, "");
+        canvas.path([(left, bottom + 1), (right, bottom + 1)], axis, "");
+        for (tick, at) in x.ticks() {
+            canvas.path([(at, bottom), (at, top)], grid, "");
+            canvas.path([(at, bottom + 1), (at, bottom + 9)], axis, "");
+            canvas.text(&tick, (at, bottom + 17), TEXT - 4, BELOW);
         }
-        let shown = |p: &&(f64, f64)| self.shows(p);
-        let place = |p: &(f64, f64)| chart.backend_coord(p);
-        let (across, down) = chart.plotting_area().get_pixel_range();
-        let bounds = [across.start + 6, down.start, WIDTH as i32, down.end];
-        labels::write(canvas, &self.series, bounds, |p| {
-            Some(p).filter(shown).map(place)
-        })?;
-        key.draw(canvas, title)
+        for (tick, at) in y.ticks() {
+            canvas.path([(left, at), (right, at)], grid, "");
+            canvas.path([(left - 9, at), (left - 1, at)], axis, "");
+            canvas.text(&tick, (left - 16, at), TEXT - 4, RIGHT);
+        }
     }
 
     fn draw_series(
         &self,
-        chart: &mut ChartContext<'_, SVGBackend<'_>, Cartesian2d<TickedAxis, TickedAxis>>,
+        canvas: &mut Canvas,
         series: &Series,
-        color: RGBColor,
-    ) -> std::result::Result<(), DrawError> {
-        let points = || series.points.iter().copied().filter(|p| self.shows(p));
-        match series.form {
-            SeriesStyle::Line | SeriesStyle::Both | SeriesStyle::Joined => {
-                // A value without a place interrupts the line: joining its neighbours would invent
-                // data.
-                for run in series.points.split(|p| !self.shows(p)) {
-                    let run = run.iter().copied();
-                    chart.draw_series(LineSeries::new(run, color.stroke_width(4)))?;
-                }
-            }
-            SeriesStyle::Front => {
-                let line = DashedLineSeries::new(points(), 12, 10, color.stroke_width(3));
-                chart.draw_series(line)?;
-            }
-            _ => {}
+        color: Color,
+        (x, y): (&TickedAxis, &TickedAxis),
+        name: &dyn Fn(&Series, (f64, f64)) -> String,
+    ) {
+        let place = |p: &(f64, f64)| -> Point { (x.place(p.0), y.place(p.1)) };
+        let (paint, dashes) = match series.form {
+            SeriesStyle::Line | SeriesStyle::Both | SeriesStyle::Joined => (line(color, 4), ""),
+            SeriesStyle::Front => (line(color, 3), "12 10"),
+            _ => (line(color, 0), ""),
+        };
+        // A value without a place interrupts the line: joining its neighbours would invent data.
+        let runs = series.points.split(|p| !self.shows(p));
+        for run in runs.filter(|run| paint.draws() && run.len() > 1) {
+            canvas.path(run.iter().map(place), paint, dashes);
         }
-        if let Some(radius) = series.form.radius() {
-            chart.draw_series(points().map(|p| Circle::new(p, radius, color.filled())))?;
+        let Some(radius) = series.form.radius() else {
+            return;
+        };
+        for point in series.points.iter().filter(|p| self.shows(p)) {
+            let values = [(&self.x, point.0), (&self.y, point.1)];
+            let values = values.map(|(axis, v)| format!("{}: {}", axis.label, number(v)));
+            let tip = format!("{}\n{}", name(series, *point), values.join("\n"));
+            canvas.circle(place(point), radius, fill(color, 1.0), &tip);
         }
-        Ok(())
     }
 }
 
-/// An axis with its ends and its ticks. Plotters has a type per kind of axis.
+/// An axis with its ends, as values and as places, and its ticks.
 struct TickedAxis {
-    low: f64,
-    high: f64,
-    log: bool,
+    span: [f64; 2],
+    ends: [i32; 2],
+    is_log: bool,
     ticks: Vec<f64>,
 }
 
 impl TickedAxis {
-    fn new<I: Iterator<Item = f64>>(axis: &Axis, values: impl Fn() -> I) -> Self {
+    fn new<I>(axis: &Axis, ends: [i32; 2], values: impl Fn() -> I) -> Self
+    where
+        I: Iterator<Item = f64>,
+    {
         let (low, high) = axis.span(values());
         let is_whole = || {
             values()
@@ -252,45 +244,44 @@ impl TickedAxis {
             linear_ticks(low, high, is_whole())
         };
         Self {
-            low,
-            high,
-            log: axis.log,
+            span: [low, high],
+            ends,
+            is_log: axis.log,
             ticks,
         }
     }
-}
 
-impl Ranged for TickedAxis {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
-        let scaled = |v: f64| if self.log { v.ln() } else { v };
-        let share = (scaled(*value) - scaled(self.low)) / (scaled(self.high) - scaled(self.low));
+    fn place(&self, value: f64) -> i32 {
+        let scaled = |v: f64| if self.is_log { v.ln() } else { v };
+        let ([low, high], [from, to]) = (self.span.map(scaled), self.ends);
+        let share = (scaled(value) - low) / (high - low);
         from + (share * f64::from(to - from)).round() as i32
     }
 
-    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
-        self.ticks.clone()
-    }
-
-    fn range(&self) -> std::ops::Range<f64> {
-        self.low..self.high
+    /// Numbers and their places.
+    fn ticks(&self) -> impl Iterator<Item = (String, i32)> {
+        let ticks = self.ticks.iter();
+        ticks.map(|tick| (number(*tick), self.place(*tick)))
     }
 }
 
-impl ValueFormatter<f64> for TickedAxis {
-    fn format_ext(&self, value: &f64) -> String {
-        number(*value)
+/// Charts as one picture on white, in two columns.
+pub fn two_columns(charts: &[String]) -> String {
+    let (width, height) = (WIDTH, HEIGHT);
+    let rows = charts.len().div_ceil(2) as u32;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n<rect width=\"100%\" \
+         height=\"100%\" fill=\"#FFFFFF\"/>\n",
+        2 * width,
+        rows * height
+    );
+    for (chart, i) in charts.iter().zip(0..) {
+        let (x, y) = (i % 2 * width, i / 2 * height);
+        let place = format!("<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" ");
+        svg.push_str(&chart.replacen("<svg ", &place, 1));
+        svg.push('\n');
     }
-}
-
-/// Canvas, key and colours of a chart.
-struct Drawing<'a, 'b> {
-    canvas: &'a PlotCanvas<'b>,
-    key: &'a PlotKey<'a>,
-    /// Colours of the series.
-    colors: Vec<RGBColor>,
+    svg + "</svg>\n"
 }
 
 /// A tick's number, no longer than it must be.
@@ -340,11 +331,11 @@ mod tests {
             (3.0, 4.0),
             (4.0, -1.0),
         ]);
-        let circles = |chart: &Chart| chart.svg().unwrap().matches("<circle").count();
+        let circles = |chart: &Chart| chart.svg().matches("<circle").count();
         assert_eq!(circles(&chart), 4);
         chart.y.log = true;
         assert_eq!(circles(&chart), 3);
-        let svg = chart.svg().unwrap();
+        let svg = chart.svg();
         assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
         assert!(
             svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 684\""),
@@ -368,8 +359,7 @@ mod tests {
             series,
             ..Chart::default()
         }
-        .svg()
-        .unwrap();
+        .svg();
         assert_eq!(
             ["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"].map(|t| svg.matches(t).count()),
             [2, 1, 1, 1]
@@ -387,15 +377,15 @@ mod tests {
     #[test]
     fn counts_begin_at_zero_and_have_whole_ticks() {
         for values in [[0.0, 0.0], [0.0, 3.0]] {
-            let axis = TickedAxis::new(&Axis::new("count"), || values.into_iter());
-            assert_eq!(axis.low, 0.0);
+            let axis = TickedAxis::new(&Axis::new("count"), [0, 1], || values.into_iter());
+            assert_eq!(axis.span[0], 0.0);
             assert!(axis.ticks.len() > 1 && axis.ticks.iter().all(|t| t.fract() == 0.0));
         }
     }
 
     #[test]
     fn a_key_is_above_the_points() {
-        let svg = chart(vec![(0.0, 1.0), (1.0, 2.0)]).svg().unwrap();
+        let svg = chart(vec![(0.0, 1.0), (1.0, 2.0)]).svg();
         let top = |text: &str| {
             let y = svg
                 .split(text)
@@ -426,8 +416,7 @@ mod tests {
             series: (0..60).map(label).collect(),
             ..Chart::default()
         }
-        .svg()
-        .unwrap();
+        .svg();
         assert!((2..9).contains(&svg.matches("\nvalue ").count()), "{svg}");
     }
 
@@ -442,7 +431,7 @@ mod tests {
             for log in [false, true] {
                 let mut chart = chart(points.clone());
                 (chart.x.log, chart.y.log) = (log, log);
-                chart.svg().unwrap();
+                chart.svg();
             }
         }
     }
@@ -453,5 +442,38 @@ mod tests {
             [0.0, -0.0, 0.25, 3.5, 12.0, 1500.0, 0.00001].map(number),
             ["0", "0", "0.25", "3.5", "12", "1500", "0"]
         );
+    }
+
+    #[test]
+    fn each_point_has_its_name_and_both_values() {
+        let series = |name: &str, form, points| Series {
+            name: name.to_owned(),
+            form,
+            points,
+        };
+        let chart = Chart {
+            x: Axis {
+                log: true,
+                ..Axis::new("ms")
+            },
+            y: Axis::share("wrong, %"),
+            series: vec![
+                series("", SeriesStyle::Front, vec![(1.0, 2.0), (2.0, 1.0)]),
+                series("v5", SeriesStyle::Disc(12), vec![(1.0, 2.0)]),
+                // The first has no place on a logarithmic axis.
+                series("<sgm>", SeriesStyle::Both, vec![(0.0, 3.0), (2.0, 1.0)]),
+            ],
+            ..Chart::default()
+        };
+        let tips = |svg: &str| {
+            let tips = svg.split("<title>").skip(1);
+            let tips = tips.map(|tip| tip.split_once("</title></circle>").unwrap().0.to_owned());
+            tips.collect::<Vec<_>>()
+        };
+        let svg = chart.svg();
+        let expected = ["v5\nms: 1\nwrong, %: 2", "&lt;sgm&gt;\nms: 2\nwrong, %: 1"];
+        assert_eq!(tips(&svg), expected);
+        let svg = chart.svg_named(&AlgorithmColors::new([]), &|_, (x, _)| format!("at {x}"));
+        assert!(tips(&svg)[1].starts_with("at 2\n"));
     }
 }

@@ -10,29 +10,24 @@ pub fn distance_chart(
     measured: Vec<(String, Vec<(f64, f64)>)>,
 ) -> Chart {
     let largest = |coordinate: fn(&(f64, f64)) -> f64| {
-        measured
-            .iter()
-            .flat_map(|(_, pairs)| pairs)
-            .map(coordinate)
-            .fold(0.0, f64::max)
+        let measured = measured.iter().flat_map(|(_, pairs)| pairs);
+        measured.map(coordinate).fold(0.0, f64::max)
     };
     let (most_cm, most_px) = (
         round_up(1.15 * largest(|p| p.0)),
         round_up(1.1 * largest(|p| p.1)),
     );
     let inside = |p: &(f64, f64)| (0.0..=most_px).contains(&p.0) && (0.0..=most_cm).contains(&p.1);
-    let line = |(name, points): (String, Vec<_>)| Series {
-        name,
-        form: SeriesStyle::Line,
-        points: points.into_iter().filter(inside).collect(),
+    let line = |(name, points): (String, Vec<_>)| {
+        let points = points.into_iter().filter(inside).collect();
+        Series::new(&name, SeriesStyle::Line, points)
     };
-    let points = |(name, pairs): (String, Vec<(f64, f64)>)| Series {
-        name,
-        form: SeriesStyle::Points,
-        points: pairs.into_iter().map(|(cm, px)| (px, cm)).collect(),
+    let points = |(name, pairs): &(String, Vec<(f64, f64)>)| {
+        let points = pairs.iter().map(|(cm, px)| (*px, *cm)).collect();
+        Series::new(name, SeriesStyle::Points, points)
     };
     let mut lines: Vec<_> = curves.into_iter().map(line).collect();
-    let points = measured.iter().cloned().map(points);
+    let points = measured.iter().map(points);
     // The pinhole's curve, the last, above the points that it is compared with.
     let last = lines.pop();
     Chart {

@@ -1,10 +1,8 @@
 //! A heat map: a number over the values of two parameters.
 
-use super::{DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, svg, text, text_width};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use super::canvas::{Anchor, BLACK, Canvas, Color, MIDDLE, RIGHT, fill, line};
+use super::{TEXT, TITLE, WIDTH, text_width};
 use serde::Serialize;
-use svl_core::Result;
 
 /// Cells by the values of two parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -38,72 +36,54 @@ const SIZE: u32 = TEXT - 2;
 
 impl HeatGrid {
     /// The plot as an SVG document.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
-    pub fn svg(&self) -> Result<String> {
-        let height = TITLE + ROW * (2 + self.rows.len() as i32) + GAP;
-        svg(height as u32, &self.title, |canvas| {
-            draw_title(canvas, &self.title)?;
-            self.draw(canvas)
-        })
-    }
-
-    fn draw(&self, canvas: &PlotCanvas) -> std::result::Result<(), DrawError> {
+    pub fn svg(&self) -> String {
         let names = self.rows.iter().map(|(name, _)| name).chain([&self.down]);
         let names = names.map(|name| text_width(name, SIZE)).max();
         let names = names.unwrap_or(0).min(MAX_NAMES) + 24;
         let width = (WIDTH as i32 - names - GAP) / self.columns.len().max(1) as i32;
         // Many columns have small texts.
-        let texts = self
-            .rows
-            .iter()
-            .flat_map(|(_, cells)| cells.iter().flatten());
-        let texts = texts.map(|cell| &cell.text).chain(&self.columns);
+        let cells = self.rows.iter();
+        let cells = cells.flat_map(|(_, cells)| cells.iter().flatten());
+        let texts = cells.map(|cell| &cell.text).chain(&self.columns);
         let widest = texts.map(|text| text_width(text, SIZE)).max().unwrap_or(0) + 8;
         let size = (SIZE as i32 * width.min(widest) / widest) as u32;
-        let write = |words: &str, (x, y): (i32, i32), h: HPos, size: u32| {
-            let style = text(size).pos(Pos::new(h, VPos::Center));
-            canvas.draw(&Text::new(words.to_owned(), (x, y), style))
+        let mut canvas = Canvas::titled(&self.title);
+        let mut write = |words: &str, x: i32, row: i32, size: u32, anchor: Anchor| {
+            canvas.text(words, (x, TITLE + ROW * row + ROW / 2), size, anchor);
         };
-        let middle = names + width * self.columns.len() as i32 / 2;
-        write(&self.across, (middle, TITLE + ROW / 2), HPos::Center, SIZE)?;
-        let head = TITLE + ROW;
-        write(&self.down, (names - 16, head + ROW / 2), HPos::Right, SIZE)?;
         let left = |column: usize| names + width * column as i32;
+        let middle = (names + left(self.columns.len())) / 2;
+        write(&self.across, middle, 0, SIZE, MIDDLE);
+        write(&self.down, names - 16, 1, SIZE, RIGHT);
         for (column, value) in self.columns.iter().enumerate() {
-            let place = (left(column) + width / 2, head + ROW / 2);
-            write(value, place, HPos::Center, size)?;
+            write(value, left(column) + width / 2, 1, size, MIDDLE);
         }
-        for (row, (value, cells)) in self.rows.iter().enumerate() {
-            let top = head + ROW * (row as i32 + 1);
-            write(value, (names - 16, top + ROW / 2), HPos::Right, SIZE)?;
-            for (column, cell) in cells.iter().enumerate() {
-                let Some(cell) = cell else { continue };
-                let x = left(column);
+        for ((value, cells), row) in self.rows.iter().zip(2..) {
+            let top = TITLE + ROW * row;
+            canvas.text(value, (names - 16, top + ROW / 2), SIZE, RIGHT);
+            let cells = cells.iter().enumerate();
+            for (x, cell) in cells.filter_map(|(i, cell)| Some((left(i), cell.as_ref()?))) {
                 let corners = [(x, top), (x + width - GAP, top + ROW - GAP)];
-                let color = cell_color(cell.place);
-                canvas.draw(&Rectangle::new(corners, color.filled()))?;
+                canvas.rectangle(corners, fill(cell_color(cell.place), 1.0));
                 if cell.is_best {
-                    canvas.draw(&Rectangle::new(corners, BLACK.stroke_width(3)))?;
+                    canvas.rectangle(corners, line(BLACK, 3));
                 }
                 let place = (x + (width - GAP) / 2, top + (ROW - GAP) / 2);
-                write(&cell.text, place, HPos::Center, size)?;
+                canvas.text(&cell.text, place, size, MIDDLE);
             }
         }
-        Ok(())
+        canvas.svg(TITLE + ROW * (2 + self.rows.len() as i32) + GAP)
     }
 }
 
 /// The colour of a cell, as the page mixes it.
-fn cell_color(place: f64) -> RGBColor {
+fn cell_color(place: f64) -> Color {
     let mixed = |color: [f64; 3], share: f64, base: [f64; 3]| {
         [0, 1, 2].map(|i| share * color[i] + (1.0 - share) * base[i])
     };
     let (right, wrong) = ([59.0, 130.0, 196.0], [217.0, 84.0, 30.0]);
     let base = mixed(wrong, 0.45 * (1.0 - place), [255.0; 3]);
-    let [r, g, b] = mixed(right, 0.7 * place, base).map(|v| v.round() as u8);
-    RGBColor(r, g, b)
+    mixed(right, 0.7 * place, base).map(|v| v.round() as u8)
 }
 
 #[cfg(test)]
@@ -133,20 +113,17 @@ mod tests {
                 ("2".into(), vec![None, cell("c", 0.5, false)]),
             ],
         };
-        let svg = grid.svg().unwrap();
+        let svg = grid.svg();
         let frames = svg.matches("fill=\"none\"").count();
         assert_eq!((svg.matches("<rect ").count(), frames), (4, 1), "{svg}");
         for place in [0.0, 0.5, 1.0] {
-            let RGBColor(r, g, b) = cell_color(place);
-            assert!(
-                svg.contains(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\"")),
-                "{svg}"
-            );
+            let color = super::super::canvas::hex(cell_color(place));
+            assert!(svg.contains(&format!("fill=\"{color}\"")), "{svg}");
         }
         assert!(svg.contains("\np1\n") && svg.contains("\n0.5\n"), "{svg}");
         // Many columns fit.
         let columns: Vec<_> = (0..100).map(|i| i.to_string()).collect();
-        HeatGrid { columns, ..grid }.svg().unwrap();
-        HeatGrid::default().svg().unwrap();
+        HeatGrid { columns, ..grid }.svg();
+        HeatGrid::default().svg();
     }
 }

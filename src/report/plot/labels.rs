@@ -1,18 +1,17 @@
 //! Texts beside points, placed where they cover least.
 
-use super::{DrawError, PlotCanvas, Series, SeriesStyle, TEXT, text, text_width};
-use plotters::element::Text;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use super::canvas::{Canvas, LEFT};
+use super::{Series, SeriesStyle, TEXT, text_width};
 
 const SIZE: u32 = TEXT - 4;
 
 /// Writes the names beside points within `bounds`. `place`: the position of a point, if it has one.
 pub(super) fn write(
-    canvas: &PlotCanvas,
+    canvas: &mut Canvas,
     series: &[Series],
     bounds: Area,
     place: impl Fn(&(f64, f64)) -> Option<(i32, i32)>,
-) -> Result<(), DrawError> {
+) {
     let mut labels = Labels::new(bounds, SIZE);
     for series in series {
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
@@ -32,7 +31,6 @@ pub(super) fn write(
                 .for_each(|p| labels.avoid(p, 4));
         }
     }
-    let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
     // In the order of importance: an algorithm's name is always drawn, the label of a sweep's value
     // only where nothing is covered.
     let turn = |form| match form {
@@ -41,10 +39,9 @@ pub(super) fn write(
         SeriesStyle::Label => Some((2, 1)),
         _ => None,
     };
-    let mut turns: Vec<_> = series
-        .iter()
-        .filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)))
-        .collect();
+    let turns = series.iter();
+    let turns = turns.filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)));
+    let mut turns: Vec<_> = turns.collect();
     turns.sort_by_key(|(turn, ..)| *turn);
     for (_, away, series) in turns {
         for point in series.points.iter().filter_map(&place) {
@@ -52,11 +49,10 @@ pub(super) fn write(
             if series.form == SeriesStyle::Label && hidden > 0 {
                 labels.withdraw();
             } else {
-                canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
+                canvas.text(&series.name, at, SIZE, LEFT);
             }
         }
     }
-    Ok(())
 }
 
 /// Radius of a point; that of another series' point is that of most.

@@ -1,8 +1,7 @@
 //! A course from above, with the ways that algorithms took through it.
 
-use super::{AXIS, AlgorithmColors, DrawError, PlotCanvas, TEXT, WIDTH, svg, text, text_width};
-use plotters::prelude::*;
-use svl_core::Result;
+use super::canvas::{Canvas, TOP_LEFT, fill, line};
+use super::{AXIS, AlgorithmColors, TEXT, WIDTH, text_width};
 
 /// Content of a map. The course's `y` runs to the right. Points are metres.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,16 +50,18 @@ impl CourseMap {
     /// The map as an SVG element: obstacles in grey, ways in the colours of their algorithms, a
     /// cross for each collision, the camera's field of view at the first, a ring where the robot
     /// was stuck.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of the plotting library.
-    pub fn svg(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
+    pub fn svg(&self, colors: &AlgorithmColors<'_>) -> String {
         let scale = f64::from(WIDTH as i32 - 2 * MARGIN) / self.size_m.1;
-        let bottom = self.top() + (scale * self.size_m.0) as i32;
-        let height = bottom + TEXT as i32 + 2 * MARGIN;
-        svg(height as u32, &self.title, |canvas| {
-            self.draw(canvas, colors, (scale, bottom))
-        })
+        let top = TEXT as i32 + 2 * MARGIN;
+        let bottom = top + (scale * self.size_m.0) as i32;
+        let mut canvas = Canvas::default();
+        canvas.text(&self.title, (MARGIN, MARGIN), TEXT, TOP_LEFT);
+        self.draw(&mut canvas, colors, |[x, y]| {
+            let across = MARGIN + (scale * y).round() as i32;
+            (across, top + (scale * (self.size_m.0 - x)).round() as i32)
+        });
+        self.draw_key(&mut canvas, colors, bottom + MARGIN);
+        canvas.svg(bottom + top)
     }
 
     /// The corners of a sector, those outside the room moved to its walls.
@@ -74,67 +75,58 @@ impl CourseMap {
         std::iter::once(*at).chain(arc).collect()
     }
 
-    fn top(&self) -> i32 {
-        TEXT as i32 + 2 * MARGIN
-    }
-
     fn draw(
         &self,
-        canvas: &PlotCanvas,
+        canvas: &mut Canvas,
         colors: &AlgorithmColors<'_>,
-        (scale, bottom): (f64, i32),
-    ) -> std::result::Result<(), DrawError> {
-        let place = |[x, y]: [f64; 2]| {
-            let across = MARGIN + (scale * y).round() as i32;
-            (
-                across,
-                self.top() + (scale * (self.size_m.0 - x)).round() as i32,
-            )
-        };
+        place: impl Fn([f64; 2]) -> (i32, i32),
+    ) {
         let places = |points: &[[f64; 2]]| points.iter().map(|p| place(*p)).collect::<Vec<_>>();
-        canvas.draw(&Text::new(self.title.clone(), (MARGIN, MARGIN), text(TEXT)))?;
+        let color = |way: &MapWay| colors.rgb(&way.name).unwrap_or(AXIS);
         for outline in &self.outlines {
-            canvas.draw(&Polygon::new(places(outline), AXIS.filled()))?;
+            canvas.path(places(outline), fill(AXIS, 1.0), "");
         }
         for way in &self.ways {
             if let Some(sector) = &way.sector {
-                let color = colors.color(&way.name).unwrap_or(AXIS);
                 let corners = places(&self.sector(sector));
-                canvas.draw(&Polygon::new(corners, color.mix(0.25).filled()))?;
+                canvas.path(corners, fill(color(way), 1.0).faint(), "");
             }
         }
         let goal = [[0.0, self.goal_m], [self.size_m.0, self.goal_m]];
-        canvas.draw(&PathElement::new(places(&goal), AXIS.stroke_width(2)))?;
-        let mut key = MARGIN;
+        canvas.path(places(&goal), line(AXIS, 2), "");
         for way in &self.ways {
-            let color = colors.color(&way.name).unwrap_or(AXIS);
             for stretch in &way.stretches {
-                canvas.draw(&PathElement::new(places(stretch), color.stroke_width(3)))?;
+                canvas.path(places(stretch), line(color(way), 3), "");
             }
-            for at in &way.collisions {
-                let (x, y) = place(*at);
+            for (x, y) in places(&way.collisions) {
                 for down in [CROSS, -CROSS] {
-                    let line = vec![(x - CROSS, y - down), (x + CROSS, y + down)];
-                    canvas.draw(&PathElement::new(line, color.stroke_width(5)))?;
+                    let ends = [(x - CROSS, y - down), (x + CROSS, y + down)];
+                    canvas.path(ends, line(color(way), 5), "");
                 }
             }
-            for at in &way.stuck {
-                canvas.draw(&Circle::new(place(*at), CROSS, color.stroke_width(3)))?;
+            for at in places(&way.stuck) {
+                canvas.circle(at, CROSS as u32, line(color(way), 3), "");
             }
+        }
+    }
+
+    /// The names of the ways, with the numbers of their marks.
+    fn draw_key(&self, canvas: &mut Canvas, colors: &AlgorithmColors<'_>, top: i32) {
+        let (mut x, side) = (MARGIN, TEXT as i32 - 8);
+        for way in &self.ways {
             let count = |sign: char, places: &[[f64; 2]]| match places.len() {
                 0 => String::new(),
                 n => format!(" {sign}{n}"),
             };
             let marks = count('×', &way.collisions) + &count('○', &way.stuck);
             let name = format!("{}{marks}", way.name);
-            let (top, side) = (bottom + MARGIN, TEXT as i32 - 8);
-            let swatch = [(key, top + 6), (key + side, top + 6 + side)];
-            canvas.draw(&Rectangle::new(swatch, color.filled()))?;
-            key += side + 8;
-            canvas.draw(&Text::new(name.clone(), (key, top), text(TEXT)))?;
-            key += text_width(&name, TEXT) + 2 * MARGIN;
+            let color = colors.rgb(&way.name).unwrap_or(AXIS);
+            let swatch = [(x, top + 6), (x + side, top + 6 + side)];
+            canvas.rectangle(swatch, fill(color, 1.0));
+            x += side + 8;
+            canvas.text(&name, (x, top), TEXT, TOP_LEFT);
+            x += text_width(&name, TEXT) + 2 * MARGIN;
         }
-        Ok(())
     }
 }
 

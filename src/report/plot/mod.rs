@@ -4,30 +4,23 @@
 //! `plot`.
 
 mod bars;
+mod canvas;
 mod chart;
-mod columns;
 mod distance;
 mod heat;
-mod key;
 mod labels;
 mod map;
 mod strips;
 mod ticks;
-mod tips;
 
 pub use bars::Bars;
-pub use chart::{Axis, Chart};
-pub use columns::two_columns;
+pub use chart::{Axis, Chart, two_columns};
 pub use distance::distance_chart;
 pub use heat::{HeatCell, HeatGrid};
 pub use map::{CameraSector, CourseMap, MapWay};
 pub use strips::Strips;
 
-use plotters::prelude::*;
-use plotters::style::FontFamily;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::collections::BTreeMap;
-use svl_core::{Error, Result};
 use svl_files::overlay::{COLOR_COUNT, algorithm_color};
 
 /// Points under one name. Non-finite points are omitted and interrupt a line.
@@ -73,10 +66,6 @@ impl<'a> AlgorithmColors<'a> {
         let shade = self.shades.get(label).copied();
         shade.or_else(|| place().map(algorithm_color))
     }
-
-    fn color(&self, label: &str) -> Option<RGBColor> {
-        self.rgb(label).map(rgb)
-    }
 }
 
 /// The kind of an algorithm, by its label.
@@ -85,6 +74,14 @@ fn kind(label: &str) -> &str {
 }
 
 impl Series {
+    pub fn new(name: &str, form: SeriesStyle, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name: name.to_owned(),
+            form,
+            points,
+        }
+    }
+
     /// True if the series is in the key.
     fn is_keyed(&self) -> bool {
         let form = self.form;
@@ -142,51 +139,9 @@ const TEXT: u32 = 30;
 const TITLE: i32 = 52;
 
 /// Grid and axes; the page's style replaces it.
-const AXIS: RGBColor = RGBColor(0x80, 0x80, 0x80);
-
-/// Colour of the `i`-th series, or of the algorithm at that place in its run.
-fn color(i: usize) -> RGBColor {
-    rgb(algorithm_color(i))
-}
-
-fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
-    RGBColor(r, g, b)
-}
-
-fn text<'a>(size: u32) -> TextStyle<'a> {
-    (FontFamily::SansSerif, size).into_font().color(&BLACK)
-}
+const AXIS: [u8; 3] = [0x80; 3];
 
 /// Approximate width of a text in sans-serif fonts; the browser picks the font.
 fn text_width(text: &str, size: u32) -> i32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
 }
-
-/// A title in the middle of the top.
-fn draw_title(canvas: &PlotCanvas, title: &str) -> std::result::Result<(), DrawError> {
-    let style = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
-    canvas.draw(&Text::new(title, (WIDTH as i32 / 2, 16), style))
-}
-
-/// Draws on an empty canvas of `height` and returns the SVG.
-fn svg(
-    height: u32,
-    title: &str,
-    draw: impl FnOnce(&PlotCanvas) -> std::result::Result<(), DrawError>,
-) -> Result<String> {
-    let mut svg = String::new();
-    let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
-    let drawn = draw(&canvas).and_then(|()| canvas.present());
-    // The canvas borrows the text that it draws into.
-    drop(canvas);
-    drawn.map_err(|e| Error::Invalid(format!("plot '{title}': {e}")))?;
-    // Sizes in percent let the page decide; `viewBox` keeps the proportions.
-    Ok(svg.replacen(
-        &format!("width=\"{WIDTH}\" height=\"{height}\""),
-        "class=\"plot\" role=\"img\"",
-        1,
-    ))
-}
-
-type PlotCanvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type DrawError = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;

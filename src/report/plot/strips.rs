@@ -1,14 +1,9 @@
 //! Distributions, one below the other.
 
+use super::canvas::{BELOW, BLACK, Canvas, LEFT, RIGHT as END, fill, line, title_height};
 use super::chart::number;
 use super::ticks::log_ticks;
-use super::{
-    AXIS, AlgorithmColors, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, svg, text,
-    text_width,
-};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use svl_core::Result;
+use super::{AXIS, AlgorithmColors, TEXT, WIDTH, text_width};
 use svl_core::statistics::nearest_rank;
 
 /// A histogram for every algorithm of a run, in its colour, over one common logarithmic axis, with
@@ -43,122 +38,75 @@ const MARKS: [(&str, f64, i32); 4] = [
 
 impl Strips {
     /// The plot as an SVG document.
-    ///
-    /// # Errors
-    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
-    pub fn svg(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
-        let head = KEY + if self.title.is_empty() { 12 } else { TITLE };
-        let height = head + STRIP * self.strips.len() as i32 + FOOT;
-        svg(height as u32, &self.title, |canvas| {
-            draw_title(canvas, &self.title)?;
-            let mut x = 4;
-            for (k, (name, ..)) in MARKS.iter().enumerate() {
-                mark(canvas, k, (x, head - KEY + 32))?;
-                canvas.draw(&Text::new(
-                    *name,
-                    (x + 14, head - KEY + 12),
-                    beside(HPos::Left),
-                ))?;
-                x += 52 + text_width(name, SIZE);
-            }
-            self.draw(canvas, colors, head)
-        })
-    }
-
-    fn draw(
-        &self,
-        canvas: &PlotCanvas,
-        colors: &AlgorithmColors<'_>,
-        head: i32,
-    ) -> std::result::Result<(), DrawError> {
-        let names = self
-            .strips
-            .iter()
-            .map(|(name, _)| text_width(name, SIZE) + 16)
-            .max()
-            .unwrap_or(0)
-            .min(NAMES);
-        let values = || {
-            self.strips
-                .iter()
-                .flat_map(|(_, values)| values)
-                .copied()
-                .filter(|v| *v > 0.0)
-        };
-        let low = values().fold(f64::INFINITY, f64::min) / 1.15;
-        let high = values().fold(0.0, f64::max) * 1.15;
+    pub fn svg(&self, colors: &AlgorithmColors<'_>) -> String {
+        let head = KEY + title_height(&self.title, 12);
+        let foot = head + STRIP * self.strips.len() as i32;
+        let mut canvas = Canvas::titled(&self.title);
+        let mut x = 4;
+        for (k, (name, ..)) in MARKS.iter().enumerate() {
+            mark(&mut canvas, k, (x, head - KEY + 32));
+            canvas.text(name, (x + 14, head - KEY + 12), SIZE, LEFT);
+            x += 52 + text_width(name, SIZE);
+        }
+        let names = self.strips.iter();
+        let names = names.map(|(name, _)| text_width(name, SIZE) + 16);
+        let names = names.max().unwrap_or(0).min(NAMES);
+        let values = || self.strips.iter().flat_map(|(_, values)| values);
+        let positive = || values().copied().filter(|v| *v > 0.0);
+        let low = positive().fold(f64::INFINITY, f64::min) / 1.15;
+        let high = positive().fold(0.0, f64::max) * 1.15;
         // Without positive values any range will do.
         let (low, high) = if low < high { (low, high) } else { (0.1, 1.0) };
         let scale = f64::from(WIDTH as i32 - RIGHT - names) / (high / low).ln();
         let place = |v: f64| names + ((v / low).ln() * scale).round() as i32;
-        let foot = head + STRIP * self.strips.len() as i32;
-
         for tick in log_ticks(low, high) {
             let x = place(tick);
-            canvas.draw(&PathElement::new(
-                [(x, head), (x, foot + 8)],
-                AXIS.mix(0.25),
-            ))?;
-            let below = text(SIZE - 2).pos(Pos::new(HPos::Center, VPos::Top));
-            canvas.draw(&Text::new(number(tick), (x, foot + 14), below))?;
+            canvas.path([(x, head), (x, foot + 8)], line(AXIS, 1).faint(), "");
+            canvas.text(&number(tick), (x, foot + 14), SIZE - 2, BELOW);
         }
         for (i, (name, values)) in self.strips.iter().enumerate() {
-            let color = colors.color(name).unwrap_or(AXIS);
             let base = head + STRIP * (i as i32 + 1) - 4;
-            canvas.draw(&Text::new(
-                name.clone(),
-                (names - 16, base - STRIP / 2 + 4),
-                beside(HPos::Right),
-            ))?;
-            canvas.draw(&PathElement::new(
-                [(names, base), (WIDTH as i32 - RIGHT, base)],
-                AXIS.mix(0.5),
-            ))?;
-            let mut sorted: Vec<f64> = values.iter().copied().filter(|v| *v > 0.0).collect();
-            sorted.sort_by(f64::total_cmp);
-            // All bins have one width on the page, so this is the histogram of the log of time.
-            let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
-            // Each strip is scaled to its fullest bin: a spread distribution would otherwise
-            // vanish.
-            let fullest = bins.clone().map(<[_]>::len).max().unwrap_or(1);
-            for bin in bins {
-                let x = place(bin[0]) / BIN * BIN;
-                let height =
-                    (f64::from(STRIP - 10) * bin.len() as f64 / fullest as f64).ceil() as i32;
-                canvas.draw(&Rectangle::new(
-                    [(x, base - height), (x + BIN, base)],
-                    color.mix(0.6).filled(),
-                ))?;
-            }
-            for (k, (_, share, _)) in MARKS.iter().enumerate() {
-                if let Some(value) = nearest_rank(&sorted, *share) {
-                    mark(canvas, k, (place(value), base))?;
-                }
-            }
+            canvas.text(name, (names - 16, base - STRIP / 2 + 4), SIZE, END);
+            let ground = [(names, base), (WIDTH as i32 - RIGHT, base)];
+            canvas.path(ground, line(AXIS, 1).faint(), "");
+            let color = colors.rgb(name).unwrap_or(AXIS);
+            draw_strip(&mut canvas, values, color, base, place);
         }
-        let middle = text(TEXT).pos(Pos::new(HPos::Center, VPos::Top));
-        canvas.draw(&Text::new(
-            self.label.clone(),
-            ((names + WIDTH as i32 - RIGHT) / 2, foot + 56),
-            middle,
-        ))
+        let middle = (names + WIDTH as i32 - RIGHT) / 2;
+        canvas.text(&self.label, (middle, foot + 56), TEXT, BELOW);
+        canvas.svg(foot + FOOT)
+    }
+}
+
+fn draw_strip(
+    canvas: &mut Canvas,
+    values: &[f64],
+    color: [u8; 3],
+    base: i32,
+    place: impl Fn(f64) -> i32,
+) {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| *v > 0.0).collect();
+    sorted.sort_by(f64::total_cmp);
+    // All bins have one width on the page, so this is the histogram of the log of time.
+    let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
+    // Each strip is scaled to its fullest bin: a spread distribution would otherwise vanish.
+    let fullest = bins.clone().map(<[_]>::len).max().unwrap_or(1) as f64;
+    for bin in bins {
+        let x = place(bin[0]) / BIN * BIN;
+        let height = (f64::from(STRIP - 10) * bin.len() as f64 / fullest).ceil() as i32;
+        canvas.rectangle([(x, base - height), (x + BIN, base)], fill(color, 0.6));
+    }
+    for (k, (_, share, _)) in MARKS.iter().enumerate() {
+        if let Some(value) = nearest_rank(&sorted, *share) {
+            mark(canvas, k, (place(value), base));
+        }
     }
 }
 
 /// Draws mark `k` of [`MARKS`] with its foot at that place.
-fn mark(
-    canvas: &PlotCanvas,
-    k: usize,
-    (x, base): (i32, i32),
-) -> std::result::Result<(), DrawError> {
-    canvas.draw(&Rectangle::new(
-        [(x - 3, base - MARKS[k].2), (x + 3, base)],
-        BLACK.filled(),
-    ))
-}
-
-fn beside<'a>(h: HPos) -> TextStyle<'a> {
-    text(SIZE).pos(Pos::new(h, VPos::Center))
+fn mark(canvas: &mut Canvas, k: usize, (x, base): (i32, i32)) {
+    let corners = [(x - 3, base - MARKS[k].2), (x + 3, base)];
+    canvas.rectangle(corners, fill(BLACK, 1.0));
 }
 
 #[cfg(test)]
@@ -176,8 +124,7 @@ mod tests {
             label: "ms".into(),
             strips,
         }
-        .svg(&AlgorithmColors::new([]))
-        .unwrap();
+        .svg(&AlgorithmColors::new([]));
         assert!(svg.contains("\nv3\n") && svg.contains("\nms\n"));
         let rectangles = svg.split("<rect").skip(1);
         let marks = rectangles
@@ -189,12 +136,11 @@ mod tests {
 
     #[test]
     fn nothing_and_one_value_are_drawn() {
-        Strips::default().svg(&AlgorithmColors::new([])).unwrap();
+        Strips::default().svg(&AlgorithmColors::new([]));
         Strips {
             strips: vec![("a".into(), vec![]), ("b".into(), vec![3.0])],
             ..Strips::default()
         }
-        .svg(&AlgorithmColors::new([]))
-        .unwrap();
+        .svg(&AlgorithmColors::new([]));
     }
 }

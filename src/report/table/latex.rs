@@ -6,11 +6,7 @@ impl Table {
     /// The table as a `tabular` of booktabs, without a float around it. Bars are left out; marks of
     /// checkpoints are the per cent that pass.
     pub fn latex(&self) -> String {
-        let is_bar = |i: usize| {
-            let mut cells = self.rows.iter().map(|row| &row[i]);
-            cells.any(|cell| matches!(cell, TableCell::Bar { .. }))
-        };
-        let shown: Vec<_> = (0..self.columns.len()).filter(|&i| !is_bar(i)).collect();
+        let shown = self.text_columns();
         let columns = || shown.iter().map(|&i| &self.columns[i]);
         let forms = columns().map(|column| if column.is_text { 'l' } else { 'r' });
         let mut text = format!(

@@ -1,36 +1,28 @@
 //! A table as Markdown.
 
-use super::{Table, TableCell};
+use super::Table;
 
 impl Table {
     /// The table with its notes as a list below; the title is the caller's.
     pub fn markdown(&self) -> String {
-        let has_text = |i: &usize| {
-            let mut cells = self.rows.iter().map(|row| &row[*i]);
-            !cells.any(|cell| matches!(cell, TableCell::Bar { .. }))
-        };
-        let shown: Vec<_> = (0..self.columns.len()).filter(has_text).collect();
+        let shown = self.text_columns();
         let head = |i: &usize| {
             let column = &self.columns[*i];
             let both = [column.group.as_str(), column.head.as_str()];
             let words: Vec<_> = both.into_iter().filter(|word| !word.is_empty()).collect();
             escape(&words.join(": "))
         };
-        let rule = |i: &usize| {
-            if self.columns[*i].is_text {
-                "---"
-            } else {
-                "---:"
-            }
+        let rule = |i: &usize| match self.columns[*i].is_text {
+            true => "---",
+            false => "---:",
         };
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let mut text = line(shown.iter().map(head).collect());
         let rules: Vec<_> = shown.iter().map(rule).collect();
         text.push_str(&format!("|{}|\n", rules.join("|")));
         for row in &self.rows {
-            text.push_str(&line(
-                shown.iter().map(|i| escape(&row[*i].text())).collect(),
-            ));
+            let cells = shown.iter().map(|i| escape(&row[*i].text()));
+            text.push_str(&line(cells.collect()));
         }
         if !self.notes.is_empty() {
             text.push('\n');

@@ -29,6 +29,9 @@ pub struct Table {
     pub notes: Vec<(String, String)>,
 }
 
+/// A column of a kind of items: its group, its head, and its text of an item.
+pub type TextColumn<T> = (&'static str, &'static str, fn(&T) -> String);
+
 /// The head of a column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TableColumn {
@@ -90,6 +93,28 @@ impl Table {
         self
     }
 
+    /// A table with a row per item; the first column has their names.
+    pub fn from_items<'a, T: 'a>(
+        title: &str,
+        columns: &[TextColumn<T>],
+        items: impl IntoIterator<Item = &'a T>,
+    ) -> Self {
+        let heads = columns.iter();
+        let heads = heads.map(|(group, head, _)| TableColumn::new(*group, *head));
+        let row = |item: &T| {
+            let cells = columns.iter().map(|(.., cell)| cell(item));
+            cells.map(TableCell::Text).collect()
+        };
+        let mut table = Self {
+            title: title.to_owned(),
+            columns: heads.collect(),
+            rows: items.into_iter().map(row).collect(),
+            notes: Vec::new(),
+        };
+        table.columns[0].is_text = true;
+        table
+    }
+
     /// Adds a row of texts.
     pub fn push(&mut self, name: impl Into<String>, cells: impl IntoIterator<Item = String>) {
         let name = TableCell::Text(name.into());
@@ -102,6 +127,19 @@ impl Table {
         self.notes.push((term.into(), meaning.into()));
     }
 
+    /// Adds notes, each as `term: meaning`.
+    #[must_use]
+    pub fn with_notes(mut self, notes: &[&str]) -> Self {
+        let notes = notes.iter().filter_map(|note| note.split_once(": "));
+        notes.for_each(|(term, meaning)| self.note(term, meaning));
+        self
+    }
+
+    /// The table, if it has rows.
+    pub fn if_any(self) -> Option<Self> {
+        (!self.rows.is_empty()).then_some(self)
+    }
+
     /// Removes the columns in which no row has a number.
     pub fn remove_empty_columns(&mut self) {
         let is_shown = |i: usize| i == 0 || self.rows.iter().any(|row| !row[i].is_none());
@@ -112,12 +150,18 @@ impl Table {
     /// Removes the optional columns if bars show the essential numbers.
     pub fn remove_optional_columns(&mut self) {
         let cells = self.rows.iter().flatten();
-        let has_bars = cells
-            .into_iter()
-            .any(|c| matches!(c, TableCell::Bar { .. }));
+        let mut cells = cells.into_iter();
+        let has_bars = cells.any(|c| matches!(c, TableCell::Bar { .. }));
         let columns = self.columns.iter();
         let shown: Vec<_> = columns.map(|c| !(has_bars && c.is_optional)).collect();
         self.keep(&shown);
+    }
+
+    /// The places of the columns without bars.
+    fn text_columns(&self) -> Vec<usize> {
+        let is_bar = |row: &Vec<TableCell>, i: usize| matches!(row[i], TableCell::Bar { .. });
+        let has_text = |i: &usize| !self.rows.iter().any(|row| is_bar(row, *i));
+        (0..self.columns.len()).filter(has_text).collect()
     }
 
     /// Removes the columns that are not `shown`.

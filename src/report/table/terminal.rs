@@ -41,24 +41,21 @@ impl Table {
     /// groups undivided.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let mut table = self.clone();
-        let has_bar = |row: &[TableCell], i: usize| matches!(row[i], TableCell::Bar { .. });
+        let texts = table.text_columns();
         let columns = 0..table.columns.len();
-        let is_bar: Vec<_> = columns
-            .map(|i| table.rows.iter().any(|row| has_bar(row, i)))
-            .collect();
+        let is_text: Vec<_> = columns.map(|i| texts.contains(&i)).collect();
         let names = table.rows.iter().map(|row| row[0].text());
         let longest = names.map(|name| name.chars().count()).max().unwrap_or(0);
         let name = longest.max(table.columns[0].head.chars().count());
         let mut bar = if style.is_rich { MAX_BAR } else { 0 };
-        let without_bars: Vec<_> = is_bar.iter().map(|is_bar| !is_bar).collect();
         let excess = |table: &Self, bar: usize| {
             let width = name + table.width(1..table.columns.len(), bar);
             width.saturating_sub(style.width)
         };
-        if is_bar.contains(&true) {
+        if is_text.contains(&false) {
             bar = bar.saturating_sub(excess(&table, bar));
             if bar < MIN_BAR {
-                table.keep(&without_bars);
+                table.keep(&is_text);
             }
         }
         while excess(&table, bar) > 0
@@ -173,16 +170,13 @@ impl Table {
         let own = cells.chain([head]).max().unwrap_or(0);
         // A group's words need room: its last column gives it.
         let group = &self.columns[i].group;
-        let is_last = self
-            .columns
-            .get(i + 1)
-            .is_none_or(|next| next.group != *group);
+        let is_last = self.columns.get(i + 1);
+        let is_last = is_last.is_none_or(|next| next.group != *group);
         if group.is_empty() || !is_last {
             return own;
         }
-        let first = self.columns[..i]
-            .iter()
-            .rposition(|column| column.group != *group);
+        let mut before = self.columns[..i].iter();
+        let first = before.rposition(|column| column.group != *group);
         let first = first.map_or(0, |before| before + 1);
         let others = (first..i)
             .map(|i| self.column_width(i, bar) + 1)
@@ -192,9 +186,8 @@ impl Table {
 
     /// Characters of columns with the gaps before them.
     fn width(&self, columns: std::ops::Range<usize>, bar: usize) -> usize {
-        columns
-            .map(|i| self.gap(i) + self.column_width(i, bar))
-            .sum()
+        let columns = columns.map(|i| self.gap(i) + self.column_width(i, bar));
+        columns.sum()
     }
 }
 

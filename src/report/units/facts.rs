@@ -67,10 +67,8 @@ impl RunFacts {
     /// Adds the warnings of algorithms on the same pairs. Those of the run itself are known to all
     /// who read it.
     pub fn join(&mut self, other: &Self) {
-        let of_algorithms = other
-            .warnings
-            .iter()
-            .filter(|own| !own.algorithms.is_empty());
+        let of_algorithms = other.warnings.iter();
+        let of_algorithms = of_algorithms.filter(|own| !own.algorithms.is_empty());
         of_algorithms.for_each(|warning| warning.clone().add_to(&mut self.warnings));
     }
 }

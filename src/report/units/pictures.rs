@@ -27,9 +27,8 @@ impl BlockPictures {
         let samples = self.samples.iter().flat_map(|(_, figure)| &figure.shots);
         let scenes = self.scenes.iter().flat_map(|(_, scene)| &scene.shots);
         let checkpoints = self.checkpoints.iter().map(|shot| shot.sequence);
-        checkpoints
-            .chain(samples.map(|(_, shot)| shot.row.sequence))
-            .chain(scenes.map(|shot| shot.row.sequence))
+        let checkpoints = checkpoints.chain(samples.map(|(_, shot)| shot.row.sequence));
+        checkpoints.chain(scenes.map(|shot| shot.row.sequence))
     }
 
     /// The left image of the row's pair, if they show it: the file, and the size of the image.
@@ -48,10 +47,8 @@ impl BlockPictures {
                 return Ok(Some((shot.left, shot.size)));
             }
         }
-        let samples = self
-            .samples
-            .into_iter()
-            .flat_map(|(_, figure)| figure.shots);
+        let samples = self.samples.into_iter();
+        let samples = samples.flat_map(|(_, figure)| figure.shots);
         let mut samples = samples.filter(|(_, shot)| is_own(&shot.row));
         if let Some((_, shot)) = samples.next() {
             return Ok(Some((shot.left, shot.size)));

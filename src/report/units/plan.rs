@@ -89,9 +89,8 @@ impl ReportPlan {
     /// The digests of all algorithms.
     pub fn digests(&self) -> Vec<String> {
         let records = self.manifest.algorithms.iter();
-        records
-            .map(|own| PlannedAlgorithm::new(own).digest)
-            .collect()
+        let records = records.map(|own| PlannedAlgorithm::new(own).digest);
+        records.collect()
     }
 
     /// Digest of all runs and algorithms.

@@ -76,9 +76,8 @@ impl RunUnits {
                         continue;
                     }
                 };
-                let has_session = sessions
-                    .iter()
-                    .any(|own| own.manifest.run_id == unit.session);
+                let mut all = sessions.iter();
+                let has_session = all.any(|own| own.manifest.run_id == unit.session);
                 if has_session && (unit.has_pictures || !is_pictured) {
                     let own = found.units.entry(algorithm.label.to_owned()).or_default();
                     own.insert(block, unit);

@@ -163,9 +163,8 @@ impl Units {
     /// [`Error::Io`].
     pub fn facts(&self, run: &ReportRun) -> Result<Option<RunFacts>> {
         let path = self.folder.join(run.folder()).join(RUN);
-        let stored = path
-            .exists()
-            .then(|| read_or_warn::<StoredFacts<RunFacts>>(&path));
+        let stored = path.exists();
+        let stored = stored.then(|| read_or_warn::<StoredFacts<RunFacts>>(&path));
         let stored = stored.flatten().filter(|stored| stored.run == run.digest);
         Ok(stored.map(|stored| stored.facts))
     }
@@ -194,9 +193,8 @@ impl Units {
 
     /// The file of a unit.
     pub fn unit_path(&self, run: &ReportRun, name: &str) -> PathBuf {
-        self.folder
-            .join(run.folder())
-            .join(format!("{name}.{UNIT}"))
+        let folder = self.folder.join(run.folder());
+        folder.join(format!("{name}.{UNIT}"))
     }
 
     /// The pairs of a run as its units have them, up to the first that none has: what is known of a
@@ -232,9 +230,8 @@ impl Units {
         runs: &[ReportRun],
         units: impl Iterator<Item = &'a StoredUnit>,
     ) -> Result<()> {
-        let facts = runs
-            .iter()
-            .map(|run| self.folder.join(run.folder()).join(RUN));
+        let facts = runs.iter();
+        let facts = facts.map(|run| self.folder.join(run.folder()).join(RUN));
         let mut kept: BTreeSet<PathBuf> = facts.collect();
         for unit in units {
             kept.insert(unit.path().to_owned());
@@ -294,12 +291,10 @@ impl Units {
         for folder in entries(&self.folder)? {
             paths.extend(entries(&folder)?);
         }
-        let known = sessions
-            .iter()
-            .map(|own| format!("{}.json", own.manifest.run_id));
-        let known: BTreeSet<_> = known
-            .map(|name| self.sessions_folder().join(name))
-            .collect();
+        let known = sessions.iter();
+        let known = known.map(|own| format!("{}.json", own.manifest.run_id));
+        let known = known.map(|name| self.sessions_folder().join(name));
+        let known: BTreeSet<_> = known.collect();
         let is_session = |path: &PathBuf| path.parent() == Some(&*self.sessions_folder());
         paths.retain(|path| is_part(path) || is_session(path) && !known.contains(path));
         Ok(paths)

@@ -12,8 +12,8 @@ use crate::csv_rows::read_rows;
 use crate::prior::{PRIOR, PriorTally};
 use crate::reliability::ReliabilityTallies;
 use crate::results::ReportTables;
-use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use crate::table_writer::TableWriter;
+use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
+use crate::table_writer::{TableWriter, write_table};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
@@ -155,10 +155,8 @@ pub fn collect_tables(
             _ => true,
         };
         for block in 0..run.blocks(plan) {
-            let units = plan
-                .labels()
-                .into_iter()
-                .filter_map(|label| run.unit(label, block));
+            let units = plan.labels().into_iter();
+            let units = units.filter_map(|label| run.unit(label, block));
             let readers = units
                 .enumerate()
                 .map(|(n, unit)| UnitReader::open(unit, scenario, |table| is_read(n == 0, table)));
@@ -192,10 +190,4 @@ pub fn collect_tables(
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.prior = prior.into_rows(rule.cells);
     Ok(tables)
-}
-
-fn write_table<R: Record + Clone>(folder: &Path, name: &str, rows: &[R]) -> Result<()> {
-    let mut table = TableWriter::create_both(folder, name)?;
-    table.push(rows.iter().cloned())?;
-    table.finish()
 }

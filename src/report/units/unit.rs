@@ -6,7 +6,7 @@
 use super::facts::PairFacts;
 use super::io::{json, read, write_whole};
 use super::pictures::BlockPictures;
-use crate::csv_rows::{RowReader, csv_error};
+use crate::csv_rows::{RowReader, csv_error, row_writer};
 use crate::drives::{CoursePlan, DriveRow, TrackRow};
 use crate::prior::TruthRow;
 use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
@@ -58,17 +58,14 @@ const FORM: &str = "units with checksums, pictures with truth and errors";
 type TableText = Option<csv::Writer<Vec<u8>>>;
 
 fn push_rows<R: Record>(text: &mut TableText, rows: &[R]) -> csv::Result<()> {
-    let is_new = text.is_none();
-    let mut builder = csv::WriterBuilder::new();
-    let new = || builder.has_headers(false).from_writer(Vec::new());
-    if let Some(writer) = (!rows.is_empty()).then(|| text.get_or_insert_with(new)) {
-        if is_new {
-            writer.write_record(R::columns().iter().map(|column| column.name))?;
-        }
-        rows.iter()
-            .try_for_each(|row| writer.serialize(row.values()))?;
+    if text.is_none() && !rows.is_empty() {
+        *text = Some(row_writer::<R, _>(Vec::new())?);
     }
-    Ok(())
+    let mut writer = text.iter_mut();
+    writer.try_for_each(|writer| {
+        rows.iter()
+            .try_for_each(|row| writer.serialize(row.values()))
+    })
 }
 
 /// A row of a unit.
@@ -326,9 +323,8 @@ impl StoredUnit {
     /// [`Error::Io`], [`Error::Format`].
     pub fn pictures(&self) -> Result<Option<BlockPictures>> {
         let pictures = self.parts(|part| part == PICTURES)?.remove(PICTURES);
-        let parsed = pictures
-            .map(|text| serde_json::from_slice(&text))
-            .transpose();
+        let parsed = pictures.map(|text| serde_json::from_slice(&text));
+        let parsed = parsed.transpose();
         parsed.map_err(|e| Error::format(&self.path, e.to_string()))
     }
 

@@ -271,7 +271,7 @@ const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
 }
 
 /// A number of the errors of all cells.
-const fn of_cells(column: &'static str, number: CellNumber) -> MetricOrigin {
+const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin {
     MetricOrigin::Cells { column, number }
 }
 
@@ -314,7 +314,7 @@ const fn metric(
 }
 
 impl Metric {
-    const fn is(self, unit: MetricUnit, better: Better) -> Self {
+    const fn unit(self, unit: MetricUnit, better: Better) -> Self {
         Self {
             unit,
             better,
@@ -322,7 +322,7 @@ impl Metric {
         }
     }
 
-    const fn of(self, origin: MetricOrigin) -> Self {
+    const fn origin(self, origin: MetricOrigin) -> Self {
         Self { origin, ..self }
     }
 
@@ -375,8 +375,8 @@ const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 /// All metrics, in the order of tables and comparisons.
 pub const METRICS: &[Metric] = &[
     metric("right", "right cells", "cells, %", "right")
-        .is(Share, More)
-        .of(part(SCORED_CELLS, "cells_right", |facts| {
+        .unit(Share, More)
+        .origin(part(SCORED_CELLS, "cells_right", |facts| {
             facts.cells(|cells| cells.right)
         }))
         .by_area()
@@ -390,23 +390,23 @@ pub const METRICS: &[Metric] = &[
         })
         .headline(&[Distances]),
     metric("wrong", "wrong cells", "cells, %", "wrong")
-        .is(Share, Less)
-        .of(part(SCORED_CELLS, "cells_wrong", |facts| {
+        .unit(Share, Less)
+        .origin(part(SCORED_CELLS, "cells_wrong", |facts| {
             facts.cells(|cells| cells.wrong)
         }))
         .by_area()
         .plotted_at("wrong_cells")
         .headline(&[Distances]),
     metric("unknown", "unknown cells", "cells, %", "unknown")
-        .is(Share, Neither)
-        .of(part(SCORED_CELLS, "cells_unknown", |facts| {
+        .unit(Share, Neither)
+        .origin(part(SCORED_CELLS, "cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
         }))
         .by_area()
         .headline(&[Distances]),
     metric("known", "known cells", "cells, %", "known")
-        .is(Share, Neither)
-        .of(mean("known_share", |facts| {
+        .unit(Share, Neither)
+        .origin(mean("known_share", |facts| {
             Some(facts.estimate.grid.known_share())
         }))
         .without_truth()
@@ -423,8 +423,8 @@ pub const METRICS: &[Metric] = &[
         "by surface, %",
         "right",
     )
-    .is(Share, More)
-    .of(part(SCORED_CELLS, "cells_right_surface", |facts| {
+    .unit(Share, More)
+    .origin(part(SCORED_CELLS, "cells_right_surface", |facts| {
         facts.cells(|cells| cells.right_surface)
     }))
     .by_area()
@@ -439,8 +439,8 @@ pub const METRICS: &[Metric] = &[
         "by surface, %",
         "wrong",
     )
-    .is(Share, Less)
-    .of(part(SCORED_CELLS, "cells_wrong_surface", |facts| {
+    .unit(Share, Less)
+    .origin(part(SCORED_CELLS, "cells_wrong_surface", |facts| {
         facts.cells(|cells| cells.wrong_surface)
     }))
     .by_area(),
@@ -450,8 +450,8 @@ pub const METRICS: &[Metric] = &[
         "near obstacles",
         "missed",
     )
-    .is(Count, Less)
-    .of(sum("missed", |facts| {
+    .unit(Count, Less)
+    .origin(sum("missed", |facts| {
         facts.near_obstacles(|cells| cells.missed)
     }))
     .note_by_rule(|rule| {
@@ -465,14 +465,14 @@ pub const METRICS: &[Metric] = &[
     })
     .headline(&[Distances]),
     metric("false", "false near obstacles", "near obstacles", "false")
-        .is(Count, Less)
-        .of(sum("false", |facts| {
+        .unit(Count, Less)
+        .origin(sum("false", |facts| {
             facts.near_obstacles(|cells| cells.falsely)
         }))
         .headline(&[Distances]),
     metric("found", "found near obstacles", "near obstacles", "found %")
-        .is(Share, More)
-        .of(part(&["near"], "found", |facts| {
+        .unit(Share, More)
+        .origin(part(&["near"], "found", |facts| {
             facts.near_obstacles(|cells| cells.found)
         }))
         .note_by_rule(|rule| {
@@ -486,8 +486,8 @@ pub const METRICS: &[Metric] = &[
         })
         .headline(&[Distances]),
     metric("floor", "floor obstacles", "near obstacles", "floor")
-        .is(Count, Less)
-        .of(sum("floor_obstacles", |facts| {
+        .unit(Count, Less)
+        .origin(sum("floor_obstacles", |facts| {
             let floor = facts.near_obstacles(|cells| cells.floor);
             floor.filter(|_| facts.knows_floor())
         }))
@@ -502,8 +502,8 @@ pub const METRICS: &[Metric] = &[
         })
         .headline(&[Distances]),
     metric("near", "near obstacles", "near obstacles", "all")
-        .is(Count, Neither)
-        .of(sum("near", |facts| {
+        .unit(Count, Neither)
+        .origin(sum("near", |facts| {
             facts.near_obstacles(|cells| cells.near)
         }))
         .note_by_rule(|rule| {
@@ -520,13 +520,13 @@ pub const METRICS: &[Metric] = &[
         "near obstacles",
         "unknown, %",
     )
-    .is(Share, Less)
-    .of(part(&["near"], "near_unknown", |facts| {
+    .unit(Share, Less)
+    .origin(part(&["near"], "near_unknown", |facts| {
         facts.near_obstacles(|cells| cells.near_unknown)
     })),
     metric("coverage", "coverage", "pixels, %", "cover")
-        .is(Share, Neither)
-        .of(mean("coverage", |facts| {
+        .unit(Share, Neither)
+        .origin(mean("coverage", |facts| {
             Some(facts.estimate.disparity.coverage())
         }))
         .without_truth()
@@ -537,8 +537,8 @@ pub const METRICS: &[Metric] = &[
         )
         .headline(&[Disparities]),
     metric("invalid", "invalid pixels", "pixels, %", "invalid")
-        .is(Share, Neither)
-        .of(mean("invalid", |facts| facts.pixels?.invalid()))
+        .unit(Share, Neither)
+        .origin(mean("invalid", |facts| facts.pixels?.invalid()))
         .note(
             "invalid",
             "pixels without a disparity, of those with truth that both cameras see",
@@ -549,8 +549,8 @@ pub const METRICS: &[Metric] = &[
         "pixels, %",
         ">2 or none",
     )
-    .is(Share, Less)
-    .of(mean("total_bad2", |facts| facts.pixels?.total_bad2()))
+    .unit(Share, Less)
+    .origin(mean("total_bad2", |facts| facts.pixels?.total_bad2()))
     .note(
         ">2 or none",
         "pixels off by more than 2 px or without a disparity, of those with truth \
@@ -559,16 +559,16 @@ pub const METRICS: &[Metric] = &[
     )
     .headline(&[Disparities]),
     metric("bad1", "pixels off > 1 px", "pixels, %", ">1 px")
-        .is(Share, Less)
-        .of(mean("bad1", |facts| facts.pixels?.bad1()))
+        .unit(Share, Less)
+        .origin(mean("bad1", |facts| facts.pixels?.bad1()))
         .note(
             ">1 px, >2 px",
             "pixels with a larger error, of those with a disparity and with truth that \
              both cameras see",
         ),
     metric("bad2", "pixels off > 2 px", "pixels, %", ">2 px")
-        .is(Share, Less)
-        .of(mean("bad2", |facts| facts.pixels?.bad2()))
+        .unit(Share, Less)
+        .origin(mean("bad2", |facts| facts.pixels?.bad2()))
         .headline(&[Disparities]),
     metric(
         "row_offset",
@@ -576,8 +576,8 @@ pub const METRICS: &[Metric] = &[
         "misalignment, px",
         "vertical",
     )
-    .is(Px, Neither)
-    .of(mean("row_offset", |facts| {
+    .unit(Px, Neither)
+    .origin(mean("row_offset", |facts| {
         facts.estimate.disparity.median_row_offset().map(f64::from)
     }))
     .without_truth()
@@ -594,8 +594,8 @@ pub const METRICS: &[Metric] = &[
         "no truth, %",
         "unrivalled",
     )
-    .is(Share, More)
-    .of(mean("unrivalled", |facts| facts.support.unrivalled))
+    .unit(Share, More)
+    .origin(mean("unrivalled", |facts| facts.support.unrivalled))
     .without_truth()
     .note(
         "unrivalled",
@@ -604,8 +604,8 @@ pub const METRICS: &[Metric] = &[
     )
     .headline(&[NoTruth]),
     metric("agreed", "agreed cells", "no truth, %", "agreed")
-        .is(Share, More)
-        .of(mean("agreed", |facts| facts.support.agreed))
+        .unit(Share, More)
+        .origin(mean("agreed", |facts| facts.support.agreed))
         .without_truth()
         .plotted_at("agreed_cells")
         .note(
@@ -615,13 +615,13 @@ pub const METRICS: &[Metric] = &[
         )
         .headline(&[NoTruth]),
     metric("kept", "obstacles kept behind filters", "filters", "kept")
-        .is(Count, More)
-        .of(sum("kept_obstacles", |facts| {
+        .unit(Count, More)
+        .origin(sum("kept_obstacles", |facts| {
             facts.filtered(|cells| cells.kept)
         })),
     metric("lost", "obstacles lost to filters", "filters", "lost %")
-        .is(Share, Less)
-        .of(part(&["kept", "lost"], "lost_obstacles", |facts| {
+        .unit(Share, Less)
+        .origin(part(&["kept", "lost"], "lost_obstacles", |facts| {
             facts.filtered(|cells| cells.lost)
         }))
         .note_by_rule(|rule| {
@@ -638,8 +638,8 @@ pub const METRICS: &[Metric] = &[
         "filters",
         "close %",
     )
-    .is(Share, More)
-    .of(part(&["close", "blind"], "close_cells", |facts| {
+    .unit(Share, More)
+    .origin(part(&["close", "blind"], "close_cells", |facts| {
         facts.filtered(|cells| cells.close)
     }))
     .note(
@@ -653,8 +653,8 @@ pub const METRICS: &[Metric] = &[
         "filters",
         "blind",
     )
-    .is(Count, Less)
-    .of(sum("blind_cells", |facts| {
+    .unit(Count, Less)
+    .origin(sum("blind_cells", |facts| {
         facts.filtered(|cells| cells.blind)
     })),
     metric(
@@ -663,8 +663,8 @@ pub const METRICS: &[Metric] = &[
         "filters",
         "alarms %",
     )
-    .is(Share, Less)
-    .of(mean("false_alarms", |facts| {
+    .unit(Share, Less)
+    .origin(mean("false_alarms", |facts| {
         facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
     }))
     .note_by_rule(|rule| {
@@ -676,8 +676,8 @@ pub const METRICS: &[Metric] = &[
         ("alarms", words)
     }),
     metric("bias", "bias of distances", "distance error", "bias m")
-        .is(M, Zero)
-        .of(of_cells("bias_m", CellNumber::Bias))
+        .unit(M, Zero)
+        .origin(error_number("bias_m", CellNumber::Bias))
         .by_area()
         .note(
             "distance error",
@@ -687,8 +687,8 @@ pub const METRICS: &[Metric] = &[
              (AbsRel); accuracy.csv has them by range",
         ),
     metric("rmse", "RMSE of distances", "distance error", "RMSE m")
-        .is(M, Less)
-        .of(of_cells("rmse_m", CellNumber::Rmse))
+        .unit(M, Less)
+        .origin(error_number("rmse_m", CellNumber::Rmse))
         .by_area(),
     metric(
         "median_error",
@@ -696,8 +696,8 @@ pub const METRICS: &[Metric] = &[
         "distance error",
         "median m",
     )
-    .is(M, Less)
-    .of(of_cells("median_error_m", CellNumber::MedianError))
+    .unit(M, Less)
+    .origin(error_number("median_error_m", CellNumber::MedianError))
     .by_area(),
     metric(
         "abs_rel",
@@ -705,8 +705,8 @@ pub const METRICS: &[Metric] = &[
         "distance error",
         "AbsRel %",
     )
-    .is(Share, Less)
-    .of(of_cells("abs_rel", CellNumber::AbsRel))
+    .unit(Share, Less)
+    .origin(error_number("abs_rel", CellNumber::AbsRel))
     .by_area(),
     metric(
         "error_cells",
@@ -714,8 +714,8 @@ pub const METRICS: &[Metric] = &[
         "distance error",
         "cells",
     )
-    .is(Count, Neither)
-    .of(of_cells("error_cells", CellNumber::ErrorCells))
+    .unit(Count, Neither)
+    .origin(error_number("error_cells", CellNumber::ErrorCells))
     .by_area(),
     metric(
         "noise",
@@ -723,8 +723,8 @@ pub const METRICS: &[Metric] = &[
         "over time",
         "noise m",
     )
-    .is(M, Less)
-    .of(of_cells("noise_m", CellNumber::Noise))
+    .unit(M, Less)
+    .origin(error_number("noise_m", CellNumber::Noise))
     .by_area()
     .note(
         "over time",
@@ -733,16 +733,16 @@ pub const METRICS: &[Metric] = &[
          changes between known and unknown or by more than the tolerance (flicker)",
     ),
     metric("flicker", "flickering cells", "over time", "flicker %")
-        .is(Share, Less)
-        .of(of_cells("flicker", CellNumber::Flicker))
+        .unit(Share, Less)
+        .origin(error_number("flicker", CellNumber::Flicker))
         .by_area(),
     metric("resting_cells", "cells at rest", "over time", "resting")
-        .is(Count, Neither)
-        .of(of_cells("resting_cells", CellNumber::RestingCells))
+        .unit(Count, Neither)
+        .origin(error_number("resting_cells", CellNumber::RestingCells))
         .by_area(),
     metric("scored_pairs", "scored pairs", "scored", "scored pairs")
-        .is(Count, Neither)
-        .of(sum("scored_pairs", |facts| {
+        .unit(Count, Neither)
+        .origin(sum("scored_pairs", |facts| {
             Some(f64::from(u8::from(
                 facts.scored()? > 0 || facts.has_scored_pixels(),
             )))
@@ -753,23 +753,23 @@ pub const METRICS: &[Metric] = &[
              are of these",
         ),
     metric("scored_cells", "scored cells", "scored", "scored cells")
-        .is(Count, Neither)
-        .of(sum("scored_cells", |facts| {
+        .unit(Count, Neither)
+        .origin(sum("scored_cells", |facts| {
             facts.scored().map(|cells| cells as f64)
         })),
     metric("passed", "frames passed", "", "passed")
-        .is(Share, More)
-        .of(MetricOrigin::Checkpoints)
+        .unit(Share, More)
+        .origin(MetricOrigin::Checkpoints)
         .without_truth()
         .headline(SCORED),
     metric("time", "median time", "ms per pair", "p50")
-        .is(Ms, Less)
-        .of(MetricOrigin::Time)
+        .unit(Ms, Less)
+        .origin(MetricOrigin::Time)
         .without_truth()
         .headline(SCORED),
     metric("finished", "courses finished", "", "finished")
-        .is(Share, More)
-        .of(MetricOrigin::Drives(DriveNumber::Finished))
+        .unit(Share, More)
+        .origin(MetricOrigin::Drives(DriveNumber::Finished))
         .without_truth()
         .note(
             "finished",
@@ -777,8 +777,8 @@ pub const METRICS: &[Metric] = &[
         )
         .headline(&[Courses]),
     metric("collisions", "collisions", "", "hits/100 m")
-        .is(Per100M, Less)
-        .of(MetricOrigin::Drives(DriveNumber::Collisions))
+        .unit(Per100M, Less)
+        .origin(MetricOrigin::Drives(DriveNumber::Collisions))
         .without_truth()
         .note(
             "hits/100 m",
@@ -786,8 +786,8 @@ pub const METRICS: &[Metric] = &[
         )
         .headline(&[Courses]),
     metric("near_misses", "near misses", "", "near/100 m")
-        .is(Per100M, Less)
-        .of(MetricOrigin::Drives(DriveNumber::NearMisses))
+        .unit(Per100M, Less)
+        .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
         .without_truth()
         .note(
             "near/100 m",
@@ -795,8 +795,8 @@ pub const METRICS: &[Metric] = &[
         )
         .headline(&[Courses]),
     metric("driven", "metres driven", "", "driven m")
-        .is(M, Neither)
-        .of(MetricOrigin::Drives(DriveNumber::Driven))
+        .unit(M, Neither)
+        .origin(MetricOrigin::Drives(DriveNumber::Driven))
         .without_truth()
         .note(
             "driven m",

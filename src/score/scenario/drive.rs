@@ -4,9 +4,9 @@
 use super::DriveLatency;
 use serde::{Deserialize, Serialize};
 use svl_core::matcher::Algorithm;
-use svl_core::ranges::{NumberRange, check_range, check_ranges, number_ranges};
 use svl_core::stereo::{CellState, GridShape};
 use svl_core::{Error, Result};
+use svl_sim::arena::{NumberRange, check_range, check_ranges, number_ranges};
 
 /// The robot, its courses and its steering rule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -29,6 +29,7 @@ mod view;
 mod wireframe;
 mod worlds;
 
+pub use check::{NumberRange, check_range, check_ranges, number_ranges};
 pub use config::{
     ArenaConfig, Ball, Block, FloorPattern, RandomScenes, RigConfig, RobotConfig, SensorConfig,
     Waypoint, WorldConfig,

@@ -6,7 +6,7 @@ use super::{
 use serde::Serialize;
 use std::fmt::Write;
 use svl_core::{Error, Result, joined};
-use svl_report::page::{ImageView, MarkView, PageImages, PictureView, fill};
+use svl_report::page::{MarkView, PageImages, Value, fill};
 use svl_report::table::{NONE, Table};
 
 /// Contents of the report.
@@ -52,7 +52,7 @@ struct SectionView<'a> {
     words: &'static str,
     numbers: Vec<Table>,
     plots: Vec<&'a str>,
-    pictures: Vec<PictureView<'a>>,
+    pictures: Vec<Value>,
     #[serde(flatten)]
     entry: EntryView<'a>,
 }
@@ -64,7 +64,7 @@ struct PageView<'a> {
     scenes: String,
     tally: String,
     sections: Vec<SectionView<'a>>,
-    images: Vec<ImageView>,
+    images: Vec<Value>,
 }
 
 impl FindingsPage<'_> {
@@ -135,7 +135,8 @@ impl FindingsPage<'_> {
             sections: sections.collect(),
             images: images.into_views(),
         };
-        fill(include_str!("page.html"), include_str!("page.css"), view)
+        let (page, style) = (include_str!("page.html"), include_str!("page.css"));
+        fill(page, style, &[], view)
     }
 }
 

@@ -20,7 +20,7 @@ fn says_what_a_recording_holds() {
     );
     let json = fixture.json("info a.mcap --json");
     assert!(json["damage"].is_null());
-    assert_eq!(json["geometry"], serde_json::json!(["rectified"]));
+    assert_eq!(json["first_pairs"]["geometry"], "rectified");
     assert_eq!(json["misalignment"], serde_json::json!([]));
 }
 

@@ -276,7 +276,7 @@ fn options_are_for_what_takes_them() {
         .failed(2, &["--fps is for"]);
     fixture
         .svl("replay p.mcap --bits 12")
-        .failed(2, &["recordings of svl have 8 bits"]);
+        .failed(2, &["these have 8 bits"]);
 }
 
 /// Bags of rosbags, in each storage and compression.

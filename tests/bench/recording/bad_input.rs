@@ -100,15 +100,17 @@ fn recordings_without_pairs_are_refused() {
         complaint(&mcap_of(&[left])).contains("/stereo/left/image is its only topic of images")
     );
     assert!(complaint(&mcap_of(&[sync])).contains("ended before the first"));
-    assert!(
-        complaint(&mcap_of(&[left, left, sync]))
-            .contains("2 images of the left camera, none of the right")
-    );
-    assert!(
-        complaint(&mcap_of(&[right, sync]))
-            .contains("1 image of the right camera, none of the left")
-    );
-    assert!(complaint(&mcap_of(&[left, right, sync])).contains("no /stereo/sync says which"));
+    for (messages, lefts, rights) in [
+        (&[left, left, sync][..], "2 images", 0),
+        (&[right, sync], "0 images", 1),
+        (&[left, right, sync], "1 image", 1),
+    ] {
+        let counts = format!("{lefts} of /stereo/left/image and {rights} of /stereo/right/image");
+        assert_says(
+            &complaint(&mcap_of(messages)),
+            &["no /stereo/sync says which", &counts],
+        );
+    }
 }
 
 #[test]
@@ -116,18 +118,18 @@ fn invalid_pairs_are_refused() {
     let good = raw_image(4, 2, "mono8", 8);
     let says = |left: &[u8], what: &str| {
         let text = complaint(&pair_of(left, &good));
-        assert!(text.contains(what) && text.contains("/stereo/"), "{text}");
+        assert!(text.contains(what), "{text}");
     };
     says(
         &raw_image(5, 2, "mono8", 10),
         "left image is 5x2, right image is 4x2",
     );
-    says(&raw_image(4, 2, "rgb8", 24), "'rgb8', svl reads mono8");
-    says(&raw_image(4, 2, "mono8", 7), "needs 8 bytes, got 7");
-    says(&raw_image(0, 2, "mono8", 8), "0x2 pixels");
+    says(&raw_image(4, 2, "hsv8", 24), "'hsv8', svl reads mono8");
+    says(&raw_image(4, 2, "mono8", 7), "does not fit its 7 bytes");
+    says(&raw_image(0, 2, "mono8", 8), "0x2");
     says(
         &raw_image(u32::MAX, u32::MAX, "mono8", 8),
-        "4294967295x4294967295 pixels",
+        "4294967295x4294967295",
     );
     says(b"\xff\xff\xff", "");
     let sync = ("/stereo/sync", "svl.StereoSync", 9, SYNC);
@@ -135,9 +137,7 @@ fn invalid_pairs_are_refused() {
         ("/stereo/left/image", "sensor_msgs/msg/Image", 9, &good),
         sync,
     ]);
-    assert!(
-        complaint(&foreign).contains("it is a sensor_msgs/msg/Image, svl reads foxglove.RawImage")
-    );
+    assert!(complaint(&foreign).contains("its sensor_msgs/msg/Image is in 'protobuf', svl reads"));
 }
 
 #[test]

@@ -124,7 +124,7 @@ pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f3
 }
 
 /// The samples of an image of floats, as they are.
-pub(super) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     values(&ros::read(channel, data, ros::image)?.1)
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Channel, Plane, depth_image, points, truth};
 use crate::foreign::{image, json};
-use crate::{TopicKind, decode_protobuf, ros};
+use crate::{decode_protobuf, ros, topic};
 use foxglove::messages;
 use nalgebra::Point3;
 use svl_core::joined;
@@ -97,7 +97,7 @@ const SURFACES: MeasuredKind = MeasuredKind {
 
 /// The kind of a channel's messages, if they are the surfaces of a truth.
 pub(super) fn surfaces(channel: &Channel) -> Option<&'static MeasuredKind> {
-    let is_own = channel.topic == TopicKind::Surface.topic();
+    let is_own = channel.topic == topic::SURFACE;
     (is_own && channel.schema == SURFACES.schema).then_some(&SURFACES)
 }
 

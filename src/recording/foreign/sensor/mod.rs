@@ -11,7 +11,8 @@ use super::motion::PoseStep;
 use super::poses::{PoseMotion, PoseReader};
 use super::{PairStamps, topics, transforms};
 use crate::messages::{Channel, EventReader, FileEvent};
-use crate::{Recording, TopicKind, truth};
+use crate::{Recording, topic, truth};
+pub(crate) use depth_image::floats;
 use kind::Measured;
 pub(crate) use kind::head;
 use measurements::Measurements;
@@ -189,7 +190,7 @@ impl SensorTopic {
         let measurements = measurements.map_err(wrong)?;
         let surfaces = surfaces.zip(surface_pairs).map(|(kind, pairs)| {
             let selection = SensorSelection {
-                topic: TopicKind::Surface.topic().to_owned(),
+                topic: topic::SURFACE.to_owned(),
                 max_skew_ns: 0,
                 role: SensorRole::Truth,
             };

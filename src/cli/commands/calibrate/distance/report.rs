@@ -270,6 +270,6 @@ impl DistanceReport {
         );
         curves.push(("a/(d + b)".to_owned(), pinhole));
         let chart = distance_chart(curves, vec![("measured".into(), self.pairs.clone())]);
-        Ok(chart.svg()?)
+        Ok(chart.svg())
     }
 }
