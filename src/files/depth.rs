@@ -12,7 +12,8 @@ const POINT: usize = 16;
 const MILLIMETRE: f32 = 0.001;
 
 /// Depths in metres, `+∞` at infinity and NaN for none, from an image of 16 bits, or from NumPy's
-/// `.npy` or `.npz`, or `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
+/// `.npy` or `.npz`, or `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of
+/// floats].
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for other files.

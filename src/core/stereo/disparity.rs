@@ -224,7 +224,8 @@ impl DisparityMap {
     }
 
     /// The reason why a cell is unknown: the most frequent one of its invalid pixels, the lower
-    /// code if equal. [`Reason::Disagreement`] if at least the fraction `min_valid`, 0..=1, is valid.
+    /// code if equal. [`Reason::Disagreement`] if at least the fraction `min_valid`, 0..=1, is
+    /// valid.
     pub fn cell_reason(&self, shape: GridShape, place: (usize, usize), min_valid: f64) -> Reason {
         let (columns, rows) = shape.pixels(place, self.size());
         let pixels = columns.len() * rows.len();

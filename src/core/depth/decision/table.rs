@@ -204,8 +204,8 @@ impl VerdictTable {
         }
     }
 
-    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth; far
-    /// only with some support and texture.
+    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth;
+    /// far only with some support and texture.
     pub fn cell(
         &self,
         pixels: &CellPixels,
