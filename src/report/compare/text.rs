@@ -3,12 +3,11 @@
 use super::join::MAP;
 use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement};
 use crate::results::caution;
-use crate::table::{NONE, Table, TableCell, TerminalStyle, escape, escape_prose, wrapped};
+use crate::table::{
+    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
+};
 use svl_core::{counted, joined};
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
-
-/// Limit of the changes of several algorithms on a screen: all columns have the others.
-const MAX_ROWS: usize = 12;
 
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
@@ -152,10 +151,7 @@ impl Comparison {
         let lines = lines.chain(self.origin_lines()).chain(caution);
         let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
         if self.algorithms.len() > 1 && *columns == ColumnChoice::Headline {
-            let overview = self.overview();
-            if !overview.rows.is_empty() {
-                text += &format!("\n{}", overview.terminal(style));
-            }
+            text += &format!("\n{}", self.overview().terminal(style));
             let courses = self.algorithms.iter();
             let courses = courses
                 .filter_map(|own| Some(format!("\n{}: {}", own.labels(), own.course_words()?)));
@@ -171,16 +167,31 @@ impl Comparison {
         text + "\nmore   -o FILE.html, --columns all, --json\n"
     }
 
-    /// The headline changes of all algorithms that are told from chance, or, without any, the first
-    /// of the others.
+    /// A row per algorithm: the change of each headline metric.
     pub(super) fn overview(&self) -> Table {
-        let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
-        changes.retain(|(_, own)| own.judgement != Judgement::Equal);
-        if changes.iter().any(|(_, own)| own.judgement.is_told()) {
-            changes.retain(|(_, own)| own.judgement.is_told());
+        let mut metrics = self.algorithms[0].metrics(&ColumnChoice::Headline);
+        metrics.retain(|metric| {
+            self.algorithms
+                .iter()
+                .any(|own| own.change(metric).is_some())
+        });
+        let mut table = Table::new("", "change");
+        table
+            .columns
+            .extend(metrics.iter().map(|metric| TableColumn {
+                is_optional: !is_ranked(metric),
+                ..TableColumn::text(metric.group, metric.head)
+            }));
+        for own in &self.algorithms {
+            let cells = metrics.iter().map(|metric| own.change(metric));
+            let cells = cells.map(|change| match change {
+                Some(change) => change.cell(),
+                None => TableCell::Text(NONE.to_owned()),
+            });
+            let name = TableCell::Text(own.title());
+            table.rows.push([name].into_iter().chain(cells).collect());
         }
-        changes.truncate(MAX_ROWS);
-        change_table(&changes)
+        table
     }
 
     /// The origins of the two reports.
@@ -324,6 +335,11 @@ impl AlgorithmChange {
         columns.metrics(TruthLevel::from_measured(has))
     }
 
+    /// The change of a metric of all pairs.
+    fn change(&self, metric: &Metric) -> Option<&Change> {
+        self.metrics.iter().find(|change| change.metric == metric)
+    }
+
     /// The changes of these columns; of checkpoints where their column is one.
     pub(super) fn shown(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let metrics = self.metrics(columns);
@@ -455,6 +471,17 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
 }
 
 impl Change {
+    /// The difference, and the word of one that is told from chance.
+    fn cell(&self) -> TableCell {
+        let difference = unitless(self.metric, self.difference);
+        match (self.judgement, self.judgement.word()) {
+            (Judgement::Equal, word) => TableCell::Text(word.to_owned()),
+            (Judgement::Worse, word) => TableCell::Alert(format!("{difference} {word}")),
+            (own, word) if own.is_told() => TableCell::Text(format!("{difference} {word}")),
+            _ => TableCell::Text(difference),
+        }
+    }
+
     /// The things of which there are too few for an interval.
     pub(super) fn too_few_words(&self) -> &'static str {
         match self.metric.origin {

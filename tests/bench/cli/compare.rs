@@ -232,7 +232,7 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
         ],
     );
     let text = fixture.run(&format!("compare 0 1 {map}"));
-    assert_says(&text, &["v3 → v3:smoothing_sigma=0 "]);
+    assert_says(&text, &["v3 → v3:smoothing_sigma=0 ", "\nbm  "]);
     assert!(!text.contains("not compared"), "{text}");
     // One that is mapped away from its namesake is not dropped in silence.
     let text = fixture.run("compare 0 0 --map v3=bm");
@@ -446,7 +446,7 @@ fn other_pairs_before_each_pair_explain_a_history() {
                  equal --every";
     let plain = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
     let text = plain(fixture.run("compare 0 1"));
-    let (sentences, _) = text.split_once("more -o").unwrap();
+    let (sentences, _) = text.split_once("change right").unwrap();
     assert_says(sentences, &[words]);
     assert_says(&fixture.run("compare 0 1 --markdown"), &[words]);
     fixture.run("compare 0 1 -o page.html");
