@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 317),
     ("recording", 11664),
-    ("report", 11575),
+    ("report", 11580),
     ("score", 7632),
     ("sim", 3497),
     ("thesis", 3693),
