@@ -14,7 +14,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::sync::LazyLock;
 use svl_core::Error;
 use svl_core::ranger::{Cells, ImageFormat, ImageRef, RangedCell, Ranger};
-use svl_core::stereo::Reason;
+use svl_core::stereo::{CellState, Reason};
 
 /// `svl_handle`. Locked: two threads at once are a mistake of the caller, and no crash.
 pub struct Handle(Mutex<OpenHandle>);
@@ -68,7 +68,11 @@ impl From<&RangedCell> for CCell {
             disparity_px: cell.disparity_px.unwrap_or(f32::NAN),
             probability: cell.probability.map_or(f32::NAN, |p| p as f32),
             valid_fraction: cell.valid_share as f32,
-            state: cell.state.code(),
+            state: match cell.state {
+                // The distance tells it.
+                CellState::Far => CellState::Known.code(),
+                state => state.code(),
+            },
             reason: cell.reason as u8,
             reserved: [0; 2],
         }

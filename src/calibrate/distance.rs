@@ -144,12 +144,7 @@ mod tests {
     fn grid(medians: [f32; 15]) -> DepthGrid {
         let cell = |px: f32| Cell {
             valid_share: 0.5,
-            depth: (px > 0.0).then_some(CellDepth {
-                median_px: px,
-                p20_px: px,
-                p80_px: px,
-                distance_m: None,
-            }),
+            depth: (px > 0.0).then(|| CellDepth::at(px, None)),
             ..Cell::UNKNOWN
         };
         DepthGrid::new(GridShape::default(), medians.map(cell).to_vec()).unwrap()

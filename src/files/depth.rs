@@ -11,8 +11,9 @@ const POINT: usize = 16;
 /// The unit of integers, metres.
 const MILLIMETRE: f32 = 0.001;
 
-/// Depths in metres, NaN for none, from an image of 16 bits, or from NumPy's `.npy` or `.npz`, or
-/// `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
+/// Depths in metres, `+∞` at infinity and NaN for none, from an image of 16 bits, or from NumPy's
+/// `.npy` or `.npz`, or `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of
+/// floats].
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for other files.
@@ -25,11 +26,7 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
         } else {
             value * unit_m.unwrap_or(1.0)
         };
-        if depth > 0.0 && depth.is_finite() {
-            depth
-        } else {
-            f32::NAN
-        }
+        if depth > 0.0 { depth } else { f32::NAN }
     }))
 }
 
@@ -96,6 +93,7 @@ pub fn read_points(path: &Path) -> Result<Vec<Point3<f64>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cmp::Ordering;
 
     #[test]
     fn points_are_whole_and_depths_have_a_unit() {
@@ -125,9 +123,12 @@ mod tests {
         let steps = array("<u2", &[0xE8, 3, 0xD0, 7]);
         assert_eq!(depths(&steps, None), [1.0, 2.0]);
         assert_eq!(depths(&steps, Some(0.002)), [2.0, 4.0]);
+        for (depth, found) in [(-1.0, f32::NAN), (f32::INFINITY, f32::INFINITY)] {
+            let metres = array("<f4", &[1.5f32, depth].map(f32::to_le_bytes).concat());
+            assert_eq!(depths(&metres, None)[0], 1.5);
+            assert_eq!(depths(&metres, None)[1].total_cmp(&found), Ordering::Equal);
+        }
         let metres = array("<f4", &[1.5f32, -1.0].map(f32::to_le_bytes).concat());
-        let found = depths(&metres, None);
-        assert!(found[0] == 1.5 && found[1].is_nan());
         let scaled = array("<u2", &[0, 0, 0, 3]);
         let disparities = read_disparity_steps(&scaled, 256.0, false).unwrap();
         assert_eq!(disparities.row(0), [f32::INFINITY, 3.0]);

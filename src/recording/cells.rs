@@ -30,7 +30,7 @@ pub struct CellReport {
     /// 0 is the top row.
     pub row: usize,
     pub state: CellState,
-    /// Distance of the median disparity, metres; absent if unknown, at infinity, or without a rig.
+    /// Distance of the median disparity, metres; absent if unknown, far, or without a rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_m: Option<f64>,
     /// Median disparity, pixels; absent if unknown.
@@ -122,16 +122,12 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::CellDepth;
+    use svl_core::stereo::{CellDepth, Rig};
 
     #[test]
     fn cells_are_rounded_and_say_only_what_is_known() {
-        let depth = CellDepth {
-            median_px: 12.3,
-            p20_px: 12.0,
-            p80_px: 13.0,
-            distance_m: Some(1.0 / 3.0),
-        };
+        let rig = Rig::new(36.9, (0.0, 0.0), 1.0 / 9.0, 0.0).unwrap();
+        let depth = CellDepth::at(12.3, Some(&rig));
         let cell = |depth, probability| Cell {
             valid_share: 1.0,
             depth,
@@ -139,10 +135,12 @@ mod tests {
             ..Cell::UNKNOWN
         };
         let shape = GridShape {
-            columns: 2,
+            columns: 3,
             rows: 1,
         };
-        let cells = vec![cell(Some(depth), Some(0.25)), cell(None, None)];
+        let far = CellDepth::at(0.0, Some(&rig));
+        let cells = [Some(depth), None, Some(far)];
+        let cells = cells.map(|depth| cell(depth, depth.map(|_| 0.25))).to_vec();
         let grid = DepthGrid::new(shape, cells).unwrap();
         let json = serde_json::to_string(&CellReport::from_grid(&grid)).unwrap();
         assert_eq!(
@@ -150,7 +148,8 @@ mod tests {
             concat!(
                 r#"[{"column":0,"row":0,"state":"known","distance_m":0.333333,"#,
                 r#""disparity_px":12.3,"probability":0.25},"#,
-                r#"{"column":1,"row":0,"state":"unknown"}]"#
+                r#"{"column":1,"row":0,"state":"unknown"},"#,
+                r#"{"column":2,"row":0,"state":"far","disparity_px":0.0,"probability":0.25}]"#
             )
         );
         let back: Vec<CellReport> = serde_json::from_str(&json).unwrap();

@@ -21,12 +21,12 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
     }))
 }
 
-/// Disparities of the depths in pixels, `+∞` for invalid pixels.
+/// Disparities of the depths in pixels, `+∞` for invalid pixels; a depth of `+∞` is at infinity.
 pub fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
-        // False for NaN, which means no truth.
+        // False for NaN, which is invalid.
         if z > 0.0 {
-            rig.disparity_px(z.into()) as f32
+            rig.map_px(z.into())
         } else {
             f32::INFINITY
         }

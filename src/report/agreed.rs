@@ -27,7 +27,8 @@ impl ScoreRule {
     }
 
     /// Sets, without truth, the share of cells that agree with the median of the other algorithms.
-    pub(crate) fn add_agreed(&self, rows: &mut [Row], cells: &[CellRow], has_rig: bool) {
+    /// `infinity_px`: the disparity of infinity by the calibration, if there is one.
+    pub(crate) fn add_agreed(&self, rows: &mut [Row], cells: &[CellRow], infinity_px: Option<f32>) {
         for row in rows.iter_mut() {
             row.metrics.set("agreed", None);
         }
@@ -37,10 +38,10 @@ impl ScoreRule {
         }
         let grid = |row: &Row| {
             let own = cells.iter().filter(|cell| cell.algorithm == row.algorithm);
-            depth_grid(own, self.shape)
+            depth_grid(own, self.shape, infinity_px)
         };
         let grids: Vec<_> = rows.iter().map(grid).collect();
-        let rule = self.cells.for_rig(has_rig);
+        let rule = self.cells.for_rig(infinity_px.is_some());
         for (i, row) in rows.iter_mut().enumerate() {
             let others = grids.iter().enumerate().filter(|(j, _)| *j != i);
             let others: Vec<_> = others.filter_map(|(_, grid)| grid.as_ref()).collect();
@@ -53,7 +54,11 @@ impl ScoreRule {
 }
 
 /// The grid of these rows; none unless all its cells are there.
-fn depth_grid<'a>(rows: impl Iterator<Item = &'a CellRow>, shape: GridShape) -> Option<DepthGrid> {
+fn depth_grid<'a>(
+    rows: impl Iterator<Item = &'a CellRow>,
+    shape: GridShape,
+    infinity_px: Option<f32>,
+) -> Option<DepthGrid> {
     let mut cells = vec![None; shape.cells()];
     for row in rows {
         let (column, line) = (row.column as usize, row.row as usize);
@@ -61,6 +66,7 @@ fn depth_grid<'a>(rows: impl Iterator<Item = &'a CellRow>, shape: GridShape) -> 
             return None;
         }
         let depth = row.depth().map(|depth| CellDepth {
+            infinity_px: infinity_px.unwrap_or_default(),
             distance_m: row.distance_m,
             ..depth
         });

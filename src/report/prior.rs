@@ -11,7 +11,7 @@ use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
 use svl_score::bootstrap::block_length;
 use svl_score::judge::{
     AreaChoice, CellArea, CellJudgement, CellTallies, CellTally, CellTruth, MetricValues,
-    NearTruth, Verdict, depth_at,
+    NearTruth, Verdict,
 };
 
 pub use svl_score::scenario::PRIOR;
@@ -29,8 +29,6 @@ record! {
         area: Option<CellArea>,
         /// Median true disparity.
         true_median_px: Option<f64>,
-        /// Distance at the median true disparity.
-        true_distance_m: Option<f64>,
         /// A quarter is an obstacle; absent if that is unknown.
         is_obstacle: Option<bool>,
         /// Nearly all is clear.
@@ -58,7 +56,6 @@ impl TruthRow {
             row: row as u32,
             area: truth.area,
             true_median_px: truth.median.map(|depth| depth.median_px.into()),
-            true_distance_m: truth.median.and_then(|depth| depth.distance_m),
             is_obstacle: truth.near.map(|near| near.is_obstacle),
             is_clear: truth.near.map(|near| near.is_clear),
             is_clear_floor: truth
@@ -71,15 +68,12 @@ impl TruthRow {
         truths.map(row).collect()
     }
 
-    fn truth(&self) -> CellTruth {
-        let median = self.true_median_px.map(|px| CellDepth {
-            distance_m: self.true_distance_m,
-            ..depth_at(px as f32, None)
-        });
+    fn truth(&self, rig: Option<&Rig>) -> CellTruth {
         let near = self.is_obstacle.zip(self.is_clear);
+        let px = self.true_median_px;
         CellTruth {
             area: self.area,
-            median,
+            median: px.map(|px| CellDepth::at(px as f32, rig)),
             near: near.map(|(is_obstacle, is_clear)| NearTruth {
                 is_obstacle,
                 is_clear,
@@ -93,10 +87,10 @@ impl TruthRow {
         // Only the product of focal length and baseline counts.
         let rig = Rig::new(self.depth_px_m, (0.0, 0.0), 1.0, self.doffs_px).ok();
         let cell = Cell {
-            depth: reported_px.map(|px| depth_at(px as f32, rig.as_ref())),
+            depth: reported_px.map(|px| CellDepth::at(px as f32, rig.as_ref())),
             ..Cell::UNKNOWN
         };
-        self.truth().judge(&cell, rule)
+        self.truth(rig.as_ref()).judge(&cell, rule)
     }
 }
 
@@ -163,8 +157,7 @@ impl PriorTally {
         let others = self.pairs.iter().zip(groups);
         let others = others.filter(|(_, own)| **own != group);
         for cell in others.flat_map(|(pair, _)| &pair.cells) {
-            // At infinity a cell is not scored.
-            if let (Some(px), Some(_)) = (cell.true_median_px, cell.true_distance_m) {
+            if let Some(px) = cell.true_median_px {
                 values.entry((cell.column, cell.row)).or_default().push(px);
             }
         }
@@ -245,7 +238,6 @@ mod tests {
             row: 0,
             area: Some(CellArea::Obstacle),
             true_median_px: Some(10.0 / true_m),
-            true_distance_m: Some(true_m),
             is_obstacle: Some(true_m < 0.5),
             is_clear: Some(true_m > 0.75),
             is_clear_floor: Some(true_m > 0.75),

@@ -302,12 +302,8 @@ record! {
 impl CellRow {
     /// The reported disparities.
     pub(super) fn depth(&self) -> Option<CellDepth> {
-        Some(CellDepth {
-            median_px: self.median_px? as f32,
-            p20_px: self.p20_px? as f32,
-            p80_px: self.p80_px? as f32,
-            distance_m: None,
-        })
+        let px = [self.p20_px?, self.median_px?, self.p80_px?];
+        Some(CellDepth::new(px.map(|px| px as f32), None))
     }
 }
 

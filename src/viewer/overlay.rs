@@ -70,6 +70,7 @@ impl Overlay {
             let mut label = match (depth.distance_m, cell.too_close) {
                 (Some(distance_m), false) => format!("{distance_m:.2} m"),
                 (Some(distance_m), true) => format!("< {distance_m:.2} m"),
+                (None, false) if depth.is_far() => "far".to_owned(),
                 (None, false) => format!("{:.1} px", depth.median_px),
                 (None, true) => format!("> {:.1} px", depth.median_px),
             };

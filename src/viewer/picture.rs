@@ -30,7 +30,7 @@ const MAX_POINTS: f64 = 20_000.0;
 /// Names and colours of the reasons, for their legend.
 pub(crate) fn classes() -> AnnotationContext {
     let class = |reason: Reason| (reason as u16, reason.name(), color(reason));
-    AnnotationContext::new(Reason::ALL.map(class))
+    AnnotationContext::new(Reason::PIXELS.map(class))
 }
 
 /// A reason's colour. Valid pixels are transparent, so that the image shows through.
@@ -119,7 +119,7 @@ pub(crate) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
 
 /// Reasons in their colours.
 pub(crate) fn why(map: &Plane<Reason>) -> Result<EncodedImage> {
-    let colors = Reason::ALL.map(|reason| color(reason).to_array());
+    let colors = Reason::PIXELS.map(|reason| color(reason).to_array());
     let png = files::encode_classes_png(&reason_classes(map), &colors)?;
     Ok(over(png).with_opacity(0.8))
 }
@@ -137,7 +137,7 @@ pub(crate) const LEGEND_SHARE: f64 = 0.5;
 /// The colours of [`why`] with their names, in three lines below an image of `size` pixels.
 pub(crate) fn legend((width, height): (usize, usize)) -> Points2D {
     let (width, height) = (width as f32, height as f32);
-    let reasons = &Reason::ALL[1..];
+    let reasons = &Reason::PIXELS[1..];
     let place = |i: usize| {
         [
             (0.17 + (i % 3) as f32 / 3.0) * width,

@@ -64,13 +64,7 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
             (20..40).for_each(|x| row.set_ssdpi(x, 100));
         }
     }
-    let distance_m = rig.and_then(|rig| rig.depth_m(20.0));
-    let known = CellDepth {
-        median_px: 20.0,
-        p20_px: 20.0,
-        p80_px: 20.0,
-        distance_m,
-    };
+    let known = CellDepth::at(20.0, rig);
     let cells = vec![
         Cell {
             valid_share: 0.0,

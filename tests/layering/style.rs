@@ -69,21 +69,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
     ("bench", 12092),
-    ("c", 465),
+    ("c", 468),
     ("calibrate", 4866),
     ("cli", 11303),
-    ("core", 17534),
-    ("files", 2076),
+    ("core", 17588),
+    ("files", 2072),
     ("grab", 5079),
     ("live", 419),
     ("python", 317),
-    ("recording", 11649),
-    ("report", 11575),
+    ("recording", 11664),
+    ("report", 11580),
     ("score", 7632),
     ("sim", 3497),
     ("thesis", 3693),
     ("train", 3308),
-    ("viewer", 1748),
+    ("viewer", 1749),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

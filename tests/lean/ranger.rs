@@ -7,7 +7,7 @@ use svl_core::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput};
 use svl_core::ranger::{ImageFormat, ImageRef, Optics, Ranger, RangerOptions};
 use svl_core::rectify::Rectifier;
 use svl_core::stereo::{
-    CellRule, CellState, Gray, GridShape, Intrinsics, LengthUnit, RectifiedPair, Rig,
+    CellRule, CellState, Gray, GridShape, Intrinsics, LengthUnit, Reason, RectifiedPair, Rig,
     StereoCalibration, StereoPair,
 };
 use svl_core::{Error, Result};
@@ -90,6 +90,65 @@ fn cells_are_those_of_the_bench() {
         assert_as_in_the_bench(spec.name, open(spec.name, rig()).unwrap(), None);
     }
     assert_as_in_the_bench("v5", open("v5", Optics::Unknown).unwrap(), None);
+}
+
+/// A textured scene at that many quarters of a pixel, with noise of its own in each image.
+fn distant(quarters: usize) -> StereoPair {
+    let ((width, height), mut random) = (SIZE, fastrand::Rng::with_seed(7));
+    let mut drawn = |count| -> Vec<f32> { (0..count).map(|_| random.f32()).collect() };
+    let samples = drawn((4 * width + 16) * height);
+    let [left, right] = [0, quarters].map(|from| {
+        let noise = drawn(width * height);
+        let grey = |x: usize, y: usize| {
+            let seen = &samples[(4 * width + 16) * y + 4 * x + from..][..8];
+            40.0 + 20.0 * seen.iter().sum::<f32>() + 6.0 * noise[y * width + x]
+        };
+        Gray::from_fn(width, height, |x, y| grey(x, y) as u8).unwrap()
+    });
+    StereoPair::new(left, right).unwrap()
+}
+
+#[test]
+fn far_cells_are_known_at_an_infinite_distance_and_unknown_ones_have_a_reason() {
+    let mut disagreements = 0;
+    for spec in MATCHERS.iter().filter(|spec| spec.matches_images()) {
+        let mut ranger = open(spec.name, rig()).unwrap();
+        for quarters in [0, 1, 2, 4, 8] {
+            let pair = distant(quarters);
+            ranger.reset();
+            let cells = ranger.cells(pair.left(), pair.right()).unwrap();
+            for cell in cells {
+                let expected = match cell.state {
+                    CellState::Far => Some(f64::INFINITY),
+                    CellState::Known => rig().depth_m(cell.disparity_px.unwrap().into()),
+                    _ => None,
+                };
+                assert_eq!(cell.distance_m, expected, "{}, {quarters}", spec.name);
+                let is_known = cell.distance_m.is_some();
+                assert_eq!(cell.reason == Reason::Valid, is_known, "{}", spec.name);
+                disagreements += usize::from(cell.reason == Reason::Disagreement);
+                if spec.name == "v5" && quarters != 4 {
+                    assert_eq!(cell.state == CellState::Far, quarters < 4, "{quarters}");
+                    assert!(cell.probability.unwrap() > 0.9, "{quarters}");
+                }
+            }
+        }
+    }
+    assert!(disagreements > 0);
+}
+
+#[test]
+fn plain_images_are_not_far() {
+    for algorithm in ["v5", "v5:revision=2", "v3", "bm"] {
+        for grey in [0, 90, 255] {
+            // A lens cap, or too long an exposure.
+            let image = Gray::filled(SIZE.0, SIZE.1, grey).unwrap();
+            let mut ranger = open(algorithm, rig()).unwrap();
+            let cells = ranger.cells(&image, &image).unwrap();
+            let are_unknown = cells.iter().all(|cell| cell.state == CellState::Unknown);
+            assert!(are_unknown, "{algorithm}, {grey}");
+        }
+    }
 }
 
 #[test]

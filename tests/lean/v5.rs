@@ -145,7 +145,8 @@ impl V5 {
 }
 
 fn is_known(table: crate::oracle::v5::Table, evidence: &Evidence) -> bool {
-    score(table, evidence) >= 1099 && evidence[0] > 0
+    let may_be_far = evidence[3] >= 500 && evidence[7] >= 25;
+    score(table, evidence) >= 1099 && (evidence[0] > 0 || may_be_far)
 }
 
 #[test]
@@ -165,7 +166,8 @@ fn revision_2_is_its_tables_without_a_network() {
         let evidence = cell.evidence.unwrap();
         assert_eq!(evidence.features[7..], [i64::MIN; 2]);
         // 0.85 as log odds.
-        let known = table.score(&evidence) >= 1735 && evidence.report > 0;
+        let may_be_far = evidence.features[1] >= 500 && evidence.features[5] >= 25;
+        let known = table.score(&evidence) >= 1735 && (evidence.report > 0 || may_be_far);
         assert_eq!(cell.depth.is_some(), known);
         assert_eq!(cell.near, None);
     }

@@ -166,7 +166,8 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                 };
             }
             let probability = 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
-            decided.push((score >= least && b > 0, probability));
+            let may_be_far = evidence.features[1] >= 500 && evidence.features[5] >= 25;
+            decided.push((score >= least && (b > 0 || may_be_far), probability));
         }
         all.push(decided);
     }

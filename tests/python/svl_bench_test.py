@@ -141,7 +141,10 @@ class Matching(InFolder):
         distance = RIG.focal_px * RIG.baseline_m / found.disparity_px[known]
         np.testing.assert_allclose(found.distance_m[known], distance, rtol=1e-5)
         self.assertTrue(np.isnan(found.distance_m[found.state == svl.State.UNKNOWN]).all())
-        self.assertEqual(svl.REASONS[0], "valid")
+        self.assertEqual((svl.REASONS[0], svl.REASONS[8]), ("valid", "disagreement"))
+        same = svl.match(left, left, "v5", rig=RIG)
+        self.assertTrue((same.state == svl.State.FAR).any())
+        np.testing.assert_array_equal(same.state == svl.State.FAR, np.isposinf(same.distance_m))
         without = svl.match(left, right, "v5")
         self.assertTrue(np.isnan(without.distance_m).all())
 

@@ -7,7 +7,7 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::{Frame, Rgb};
+use svl_core::stereo::{Frame, Rgb, Rig};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
@@ -134,7 +134,7 @@ impl UnitSink {
         PairFacts {
             sequence: frame.sequence,
             hash: hash(&format!("{input} {key:?}")),
-            has_rig: frame.rig().is_some(),
+            infinity_px: frame.rig().map(Rig::infinity_px),
             maps: maps.collect(),
         }
     }

@@ -30,21 +30,22 @@ typedef enum svl_status {
 /* State of a cell. */
 typedef enum svl_state {
     SVL_UNKNOWN = 0,
-    SVL_KNOWN = 1,
+    SVL_KNOWN = 1,     /* at infinity, too */
     SVL_TOO_CLOSE = 2, /* nearer than the range of disparities (filter too-close) */
     SVL_NEAR = 3       /* something is nearer than 0.5 m, and the cell has no distance */
 } svl_state;
 
 /* Reason of an invalid pixel, and of an unknown cell. */
 typedef enum svl_reason {
-    SVL_VALID = 0,        /* of an unknown cell: enough pixels are valid, but they do not agree well enough */
+    SVL_VALID = 0,        /* a known cell, or a pixel with a disparity */
     SVL_BORDER = 1,       /* the window or all disparities leave the image */
     SVL_UNTEXTURED = 2,   /* too little texture */
     SVL_AMBIGUOUS = 3,    /* another disparity costs nearly as little */
     SVL_INCONSISTENT = 4, /* the right image prefers another match: often occluded */
     SVL_SELF_CHECK = 5,   /* the window resembles its own surroundings */
     SVL_UNMATCHED = 6,    /* no window of the right image matches it best */
-    SVL_FLOOR = 7         /* the filter floor dropped it */
+    SVL_FLOOR = 7,        /* the filter floor dropped it */
+    SVL_DISAGREEMENT = 8  /* of a cell: enough pixels are valid, but they do not agree well enough */
 } svl_reason;
 
 /* A cell of the grid. */

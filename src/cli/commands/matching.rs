@@ -105,8 +105,7 @@ struct MatchReport<'a> {
 struct MatchCell {
     #[serde(flatten)]
     report: CellReport,
-    /// The most frequent reason of its invalid pixels, if the cell has no distance because too few
-    /// are valid.
+    /// Reason why the cell is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<&'static str>,
     /// The parts of the log odds that its report is right, if v5's decision computed them.
@@ -138,7 +137,7 @@ impl MatchCell {
         });
         Self {
             report,
-            reason: (cell.depth.is_none() && reason != Reason::Valid).then(|| reason.name()),
+            reason: cell.depth.is_none().then(|| reason.name()),
             score: score.unwrap_or_default(),
         }
     }
@@ -308,7 +307,7 @@ impl<'a> MatchReport<'a> {
         let (map, times) = (&output.disparity, output.clock.times());
         let (width, height) = map.disparity().size();
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
-        let pixels = Reason::ALL.iter();
+        let pixels = Reason::PIXELS.iter();
         let stages = Stage::ALL.iter();
         Self {
             algorithm: algorithm.label(),
@@ -367,7 +366,9 @@ impl MatchReport<'_> {
         for row in self.distances_m.iter().flatten() {
             let cell = |d: &Option<f64>| match (d, states.next()) {
                 (Some(d), _) => format!("{d:6.2}"),
-                (None, Some(CellState::Near)) => "  near".to_owned(),
+                (None, Some(state @ (CellState::Near | CellState::Far))) => {
+                    format!("{:>6}", state.name())
+                }
                 (None, _) => "     ?".to_owned(),
             };
             let cells: Vec<_> = row.iter().map(cell).collect();

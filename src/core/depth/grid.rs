@@ -123,16 +123,7 @@ fn cell(
         valid as f64 / pixels as f64
     };
     let known = valid > 0 && valid_share >= min_valid;
-    let depth = known.then(|| {
-        let [p20_px, median_px, p80_px] = percentiles(&mut keys[..valid]);
-        let distance_m = rig.and_then(|rig| rig.depth_m(f64::from(median_px)));
-        CellDepth {
-            median_px,
-            p20_px,
-            p80_px,
-            distance_m,
-        }
-    });
+    let depth = known.then(|| CellDepth::new(percentiles(&mut keys[..valid]), rig));
     Cell {
         valid_share,
         depth,

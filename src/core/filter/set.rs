@@ -141,12 +141,7 @@ impl Filters {
             return;
         };
         let range_px = too_close.model.range_px.unwrap_or_default() as f32;
-        let depth = CellDepth {
-            median_px: range_px,
-            p20_px: range_px,
-            p80_px: range_px,
-            distance_m: rig.and_then(|rig| rig.depth_m(f64::from(range_px))),
-        };
+        let depth = CellDepth::at(range_px, rig);
         for (cell, _) in grid
             .cells_mut()
             .zip(&too_close.seen)

@@ -17,8 +17,7 @@ pub struct RangedCell {
     /// Fraction of the cell's pixels that have a disparity, 0..=1.
     pub valid_share: f64,
     pub state: CellState,
-    /// Why the cell is unknown: the most frequent reason of its invalid pixels. [`Reason::Valid`]
-    /// of a known one, and of one whose pixels are valid but do not agree well enough.
+    /// Why the cell is unknown ([`DisparityMap::cell_reason`]); [`Reason::Valid`] of a known one.
     pub reason: Reason,
 }
 

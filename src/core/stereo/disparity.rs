@@ -217,20 +217,20 @@ impl DisparityMap {
     }
 
     /// Pixels per reason, indexed by its code.
-    pub fn tally(&self) -> [usize; Reason::ALL.len()] {
-        let mut tally = [0; Reason::ALL.len()];
+    pub fn tally(&self) -> [usize; Reason::PIXELS.len()] {
+        let mut tally = [0; Reason::PIXELS.len()];
         self.why.pixels().for_each(|w| tally[w as usize] += 1);
         tally
     }
 
-    /// The reason why a cell has too few disparities: the most frequent one of its invalid pixels,
-    /// the lower code if equal. [`Reason::Valid`] if at least the fraction `min_valid`, 0..=1, is
+    /// The reason why a cell is unknown: the most frequent one of its invalid pixels, the lower
+    /// code if equal. [`Reason::Disagreement`] if at least the fraction `min_valid`, 0..=1, is
     /// valid.
     pub fn cell_reason(&self, shape: GridShape, place: (usize, usize), min_valid: f64) -> Reason {
         let (columns, rows) = shape.pixels(place, self.size());
         let pixels = columns.len() * rows.len();
         // Two histograms, as neighbours mostly have one reason, and an addition waits for the last.
-        let mut counts = [[0u32; Reason::ALL.len()]; 2];
+        let mut counts = [[0u32; Reason::PIXELS.len()]; 2];
         for y in rows {
             for (x, &why) in self.why.row(y)[columns.clone()].iter().enumerate() {
                 counts[x % 2][why as usize] += 1;
@@ -239,11 +239,11 @@ impl DisparityMap {
         let [mut counts, odd] = counts;
         (counts.iter_mut().zip(odd)).for_each(|(count, odd)| *count += odd);
         let [valid, invalid @ ..] = counts;
-        if f64::from(valid) >= min_valid * pixels as f64 {
-            return Reason::Valid;
+        if valid > 0 && f64::from(valid) >= min_valid * pixels as f64 {
+            return Reason::Disagreement;
         }
         let most = invalid.iter().max();
-        let reasons = Reason::ALL[1..].iter().zip(&invalid);
+        let reasons = Reason::PIXELS[1..].iter().zip(&invalid);
         let mut most_frequent = reasons.filter(|(_, count)| Some(*count) == most);
         most_frequent
             .next()
@@ -349,7 +349,7 @@ mod tests {
         let reason = |cell, min_valid| map.cell_reason(shape, (cell, 0), min_valid);
         assert_eq!(
             [0.21, 0.2].map(|m| reason(0, m)),
-            [Reason::Unmatched, Reason::Valid]
+            [Reason::Unmatched, Reason::Disagreement]
         );
         assert_eq!(reason(1, 0.5), Reason::Border);
     }

@@ -1,5 +1,6 @@
 //! The coarse grid of depths that an obstacle avoider uses (thesis, section 5.1).
 
+use super::Rig;
 use crate::error::{Error, Result};
 
 /// Columns and rows of a grid. Row `j` covers image rows `j·H/rows .. (j+1)·H/rows`, columns
@@ -97,6 +98,7 @@ impl Cell {
     pub fn state(&self) -> CellState {
         match (self.depth, self.near) {
             (Some(_), _) if self.too_close => CellState::TooClose,
+            (Some(depth), _) if depth.is_far() => CellState::Far,
             (Some(_), _) => CellState::Known,
             (None, Some(_)) => CellState::Near,
             (None, None) => CellState::Unknown,
@@ -115,12 +117,20 @@ pub enum CellState {
     TooClose,
     /// Something is nearer than the rule's `obstacle_m`, and the cell has no distance.
     Near,
+    /// Known to be at infinity.
+    Far,
 }
 
 impl CellState {
-    const ALL: [Self; 4] = [Self::Known, Self::Unknown, Self::TooClose, Self::Near];
+    const ALL: [Self; 5] = [
+        Self::Known,
+        Self::Unknown,
+        Self::TooClose,
+        Self::Near,
+        Self::Far,
+    ];
 
-    /// Number in the C and Python interfaces.
+    /// Number in the Python interface; in C, far cells are known ones.
     #[doc(hidden)]
     pub fn code(self) -> u8 {
         match self {
@@ -128,6 +138,7 @@ impl CellState {
             Self::Known => 1,
             Self::TooClose => 2,
             Self::Near => 3,
+            Self::Far => 4,
         }
     }
 
@@ -137,6 +148,7 @@ impl CellState {
             Self::Unknown => "unknown",
             Self::TooClose => "too_close",
             Self::Near => "near",
+            Self::Far => "far",
         }
     }
 
@@ -154,8 +166,38 @@ pub struct CellDepth {
     pub p20_px: f32,
     /// 80th percentile of the disparities: a nearer part of the cell.
     pub p80_px: f32,
+    /// Disparity of what is at infinity, pixels ([`Rig::infinity_px`]); 0 without a rig.
+    pub infinity_px: f32,
     /// Distance of the median; `None` without a rig, or at infinity.
     pub distance_m: Option<f64>,
+}
+
+impl CellDepth {
+    /// By the 20th percentile, the median and the 80th percentile of the disparities, pixels.
+    pub fn new([p20_px, median_px, p80_px]: [f32; 3], rig: Option<&Rig>) -> Self {
+        Self {
+            median_px,
+            p20_px,
+            p80_px,
+            infinity_px: rig.map_or(0.0, Rig::infinity_px),
+            distance_m: rig.and_then(|rig| rig.depth_m(median_px.into())),
+        }
+    }
+
+    /// One disparity for an entire cell, pixels.
+    pub fn at(px: f32, rig: Option<&Rig>) -> Self {
+        Self::new([px; 3], rig)
+    }
+
+    /// The disparity of the median in excess of that of infinity, pixels: inverse to the distance.
+    pub fn shift_px(&self) -> f64 {
+        f64::from(self.median_px) - f64::from(self.infinity_px)
+    }
+
+    /// True at infinity, and beyond.
+    pub fn is_far(&self) -> bool {
+        self.shift_px() <= 0.0
+    }
 }
 
 /// Depths of a grid of cells, in raster order.
@@ -234,7 +276,8 @@ impl DepthGrid {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CellRule {
-    /// Right when `|Z - Z_true| <= max(tolerance_m, tolerance_percent % of Z_true)`; needs a rig.
+    /// Right when `|Z - Z_true| <= max(tolerance_m, tolerance_percent % of Z_true)`, at infinity
+    /// by [`CellRule::far_px`]; needs a rig.
     Distance {
         #[serde(default = "CellRule::tolerance_m")]
         tolerance_m: f64,
@@ -268,6 +311,9 @@ impl Default for CellRule {
 }
 
 impl CellRule {
+    /// The least that [`CellRule::far_px`] is.
+    const FAR_PX: f64 = 1.0;
+
     // Functions, as serde accepts nothing else as defaults.
     const fn tolerance_m() -> f64 {
         0.10
@@ -292,6 +338,15 @@ impl CellRule {
         match self {
             Self::Distance { .. } if !has_rig => Self::Disparity { tolerance_px: 2.0 },
             rule => rule,
+        }
+    }
+
+    /// The greatest true disparity in excess of that of infinity, pixels, for which a report of
+    /// infinity is right: a pixel, or the rule's tolerance.
+    pub fn far_px(&self) -> f64 {
+        match *self {
+            Self::Distance { .. } => Self::FAR_PX,
+            Self::Disparity { tolerance_px } => tolerance_px.max(Self::FAR_PX),
         }
     }
 

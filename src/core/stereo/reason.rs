@@ -1,6 +1,7 @@
-//! Reasons for invalid pixels.
+//! Reasons for invalid pixels and unknown cells.
 
-/// Reason why a pixel has no disparity. The discriminant is its code in files (`WHY.png`).
+/// Reason why a pixel has no disparity, or a cell is unknown. The discriminant is its code in files
+/// (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 #[non_exhaustive]
@@ -22,11 +23,13 @@ pub enum Reason {
     Unmatched = 6,
     /// A filter reports that the cell shows the floor ([`crate::filter`]).
     Floor = 7,
+    /// Only of cells: enough pixels are valid, but they do not agree well enough.
+    Disagreement = 8,
 }
 
 impl Reason {
     /// All reasons, in order of their codes.
-    pub const ALL: [Reason; 8] = [
+    pub const ALL: [Reason; 9] = [
         Reason::Valid,
         Reason::Border,
         Reason::Untextured,
@@ -35,7 +38,16 @@ impl Reason {
         Reason::SelfCheck,
         Reason::Unmatched,
         Reason::Floor,
+        Reason::Disagreement,
     ];
+
+    /// The reasons of pixels, in order of their codes.
+    pub const PIXELS: [Reason; 8] = {
+        let [pixels @ .., Reason::Disagreement] = Self::ALL else {
+            panic!("the last is of cells");
+        };
+        pixels
+    };
 
     /// Name in tables and legends.
     pub fn name(self) -> &'static str {
@@ -48,6 +60,7 @@ impl Reason {
             Reason::SelfCheck => "self-check",
             Reason::Unmatched => "unmatched",
             Reason::Floor => "floor",
+            Reason::Disagreement => "disagreement",
         }
     }
 }

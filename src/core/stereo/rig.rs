@@ -128,6 +128,26 @@ impl Rig {
         self.focal_px * self.baseline_m / depth_m - self.doffs_px
     }
 
+    /// [`Rig::disparity_px`] for a map: what is at infinity keeps no depth when it is rounded.
+    pub fn map_px(&self, depth_m: f64) -> f32 {
+        let px = self.disparity_px(depth_m);
+        if px == -self.doffs_px {
+            self.infinity_px()
+        } else {
+            px as f32
+        }
+    }
+
+    /// The greatest disparity without a depth, pixels.
+    pub fn infinity_px(&self) -> f32 {
+        let px = -self.doffs_px as f32;
+        match self.depth_m(px.into()) {
+            Some(_) => px.next_down(),
+            // Not -0.
+            None => px + 0.0,
+        }
+    }
+
     /// The point at a pixel of the left image with that depth, metres in the left camera's optical
     /// frame: x to the right, y down, z forward.
     pub fn point_m(&self, (x_px, y_px): (f64, f64), depth_m: f64) -> [f64; 3] {
@@ -214,6 +234,30 @@ mod tests {
             assert!((back - depth).abs() < 1e-12);
         }
         assert_eq!(rig.depth_m(-3.5), None);
+    }
+
+    #[test]
+    fn infinity_in_a_map_has_no_depth() {
+        // In 32 bits, offsets that end are kept, and others rounded to either side.
+        for doffs_px in [
+            0.0,
+            -5.0,
+            3.5,
+            31.123456789,
+            31.1234567,
+            -31.123456789,
+            0.1,
+            -0.1,
+        ] {
+            let rig = Rig::new(328.0, (159.5, 119.5), 0.044, doffs_px).unwrap();
+            let px = rig.infinity_px();
+            assert_eq!(rig.depth_m(px.into()), None, "{doffs_px}");
+            assert!(rig.depth_m(px.next_up().into()).is_some(), "{doffs_px}");
+            for z in [f64::INFINITY, 1e60] {
+                assert_eq!(rig.map_px(z).to_bits(), px.to_bits(), "{doffs_px}");
+            }
+            assert_eq!(rig.map_px(2.0), rig.disparity_px(2.0) as f32);
+        }
     }
 
     #[test]

@@ -192,12 +192,7 @@ mod tests {
 
     #[test]
     fn squares_stand_in_the_middle_and_keep_the_cell_s_proportions() {
-        let depth = CellDepth {
-            median_px: 40.0,
-            p20_px: 20.0,
-            p80_px: 80.0,
-            distance_m: None,
-        };
+        let depth = CellDepth::new([20.0, 40.0, 80.0], None);
         let squares = squares(CELL, &depth, Nearness::new(80.0, 0.0));
         assert_eq!(
             squares.median,
@@ -224,12 +219,7 @@ mod tests {
     fn unknown_cells_have_no_squares_and_cells_tile_the_image() {
         let cell = |known: bool| Cell {
             valid_share: 0.5,
-            depth: known.then_some(CellDepth {
-                median_px: 8.0,
-                p20_px: 8.0,
-                p80_px: 8.0,
-                distance_m: None,
-            }),
+            depth: known.then(|| CellDepth::at(8.0, None)),
             ..Cell::UNKNOWN
         };
         let grid = DepthGrid::new(

@@ -34,6 +34,8 @@ class State(enum.IntEnum):
     """Nearer than the range of disparities (filter too-close)."""
     NEAR = 3
     """Something is nearer than 0.5 m, and the cell has no distance."""
+    FAR = 4
+    """Known to be at infinity."""
 
 
 class Match(NamedTuple):

@@ -186,10 +186,10 @@ pub(super) mod tests {
         let cell = |row, (column, &z): (usize, &f64)| CellReport {
             column,
             row,
-            state: if z.is_nan() {
-                CellState::Unknown
-            } else {
-                CellState::Known
+            state: match z {
+                f64::INFINITY => CellState::Far,
+                z if z.is_nan() => CellState::Unknown,
+                _ => CellState::Known,
             },
             distance_m: z.is_finite().then_some(z),
             disparity_px: None,

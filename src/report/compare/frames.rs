@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use svl_core::Result;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
-use svl_score::judge::{Metric, MetricValues, depth_at};
+use svl_score::judge::{Metric, MetricValues};
 use svl_score::manifest::Manifest;
 
 /// Limit of the frames of either direction.
@@ -178,7 +178,7 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot
         estimate: marks(CellRow::depth),
         // The table of cells has no percentiles of the truth.
         truth: Some(marks(|cell| {
-            Some(depth_at(cell.true_median_px? as f32, None))
+            Some(CellDepth::at(cell.true_median_px? as f32, None))
         })),
         preview: None,
         true_preview: None,

@@ -167,6 +167,7 @@ fn estimated(cell: &CellRow) -> String {
     match cell.state {
         Some(CellState::TooClose) => format!("too close, nearer than {depth}"),
         Some(CellState::Near) => format!("near{}", probability(cell, cell.near_probability)),
+        Some(CellState::Far) => format!("far{}", probability(cell, cell.probability)),
         _ => format!("{depth}{}", probability(cell, cell.probability)),
     }
 }

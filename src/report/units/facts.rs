@@ -35,13 +35,14 @@ pub struct RunFacts {
 }
 
 /// A pair of a run.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PairFacts {
     pub sequence: u64,
     /// Digest of all that rows depend on: pixels, stamp, calibration, truth, pose and name.
     pub hash: String,
-    /// True if it has a calibration.
-    pub has_rig: bool,
+    /// Disparity of infinity by its calibration, pixels; `None` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub infinity_px: Option<f32>,
     /// Hashes of the maps that others computed, by their names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub maps: BTreeMap<String, String>,

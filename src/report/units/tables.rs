@@ -129,7 +129,7 @@ pub fn collect_tables(
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {
             if let Some(pair) = pair {
-                rule.add_agreed(&mut rows.rows, &rows.cells, pair.has_rig);
+                rule.add_agreed(&mut rows.rows, &rows.cells, pair.infinity_px);
                 if let Some(row) = rows.rows.first() {
                     accuracy.add(row.stamp_ns, &rows.cells);
                     reliability.add(&rows.cells);

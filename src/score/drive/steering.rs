@@ -321,12 +321,7 @@ mod tests {
             let px = rig().disparity_px(distance_m) as f32;
             Cell {
                 valid_share: 1.0,
-                depth: (row == 1 && distance_m > 0.0).then_some(CellDepth {
-                    median_px: px,
-                    p20_px: px,
-                    p80_px: px,
-                    distance_m: Some(distance_m),
-                }),
+                depth: (row == 1 && distance_m > 0.0).then(|| CellDepth::at(px, Some(&rig()))),
                 ..Cell::UNKNOWN
             }
         };

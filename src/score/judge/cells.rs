@@ -1,7 +1,7 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
 use super::{AreaChoice, CellArea};
-use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid, Rig};
+use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid};
 
 /// The score of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -193,7 +193,7 @@ pub(super) fn claimed<'a>(
 }
 
 /// True if a report is right by the rule; an unknown cell is not. `None` if the rule finds no
-/// truth, such as a distance at infinity.
+/// truth, such as a distance without a rig.
 pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule) -> Option<bool> {
     match judge_cell(Some(truth), reported, rule).verdict {
         Verdict::NoTruth => None,
@@ -201,25 +201,17 @@ pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule)
     }
 }
 
-/// One disparity for an entire cell.
-pub fn depth_at(disparity_px: f32, rig: Option<&Rig>) -> CellDepth {
-    CellDepth {
-        median_px: disparity_px,
-        p20_px: disparity_px,
-        p80_px: disparity_px,
-        distance_m: rig.and_then(|rig| rig.depth_m(f64::from(disparity_px))),
-    }
-}
-
-/// True if the rule scores a cell with this truth: by distance, not at infinity.
+/// True if the rule scores a cell with this truth: not by distance without a rig.
 pub(super) fn has_truth(truth: &CellDepth, rule: CellRule) -> bool {
-    matches!(rule, CellRule::Disparity { .. }) || truth.distance_m.is_some()
+    matches!(rule, CellRule::Disparity { .. }) || truth.distance_m.is_some() || truth.is_far()
 }
 
-/// True if a report is within the rule's tolerance of the truth. One without a distance claims
-/// infinity, which is wrong.
+/// True if a report is within the rule's tolerance of the truth; if one of them is at infinity, if
+/// the other is as good as there ([`CellRule::far_px`]).
 pub(super) fn is_within(truth: &CellDepth, report: &CellDepth, rule: CellRule) -> bool {
     match rule {
+        _ if truth.is_far() => report.shift_px() <= rule.far_px(),
+        _ if report.is_far() => truth.shift_px() <= rule.far_px(),
         CellRule::Distance { .. } => {
             let distances = truth.distance_m.zip(report.distance_m);
             distances.is_some_and(|(z_true, z)| (z - z_true).abs() <= rule.tolerance_at_m(z_true))
@@ -255,30 +247,27 @@ pub(super) fn judge_cell(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use Verdict::{NoTruth, Right, Unknown, Wrong};
+    use svl_core::stereo::Rig;
 
-    fn reported(distance_m: f64) -> CellDepth {
-        CellDepth {
-            median_px: 10.0,
-            p20_px: 10.0,
-            p80_px: 10.0,
-            distance_m: Some(distance_m),
-        }
+    /// One metre is 10 px, and infinity at `-doffs_px`.
+    fn rig(doffs_px: f64) -> Rig {
+        Rig::new(100.0, (0.0, 0.0), 0.1, doffs_px).unwrap()
     }
 
-    fn judged(true_m: f64, reported_m: f64) -> CellJudgement {
-        judge_cell(
-            Some(&reported(true_m)),
-            Some(&reported(reported_m)),
-            CellRule::default(),
-        )
+    fn at_m(distance_m: f64) -> CellDepth {
+        CellDepth::at(rig(0.0).disparity_px(distance_m) as f32, Some(&rig(0.0)))
+    }
+
+    fn judged_by(rule: CellRule, true_m: f64, reported_m: f64) -> Verdict {
+        judge_cell(Some(&at_m(true_m)), Some(&at_m(reported_m)), rule).verdict
     }
 
     #[test]
     fn ten_centimetres_or_a_fifth() {
-        assert_eq!(judged(0.30, 0.39).verdict, Verdict::Right);
-        assert_eq!(judged(0.30, 0.41).verdict, Verdict::Wrong);
-        assert_eq!(judged(2.00, 1.61).verdict, Verdict::Right);
-        assert_eq!(judged(2.00, 2.41).verdict, Verdict::Wrong);
+        let judged = |true_m, reported_m| judged_by(CellRule::default(), true_m, reported_m);
+        assert_eq!([0.39, 0.41].map(|m| judged(0.30, m)), [Right, Wrong]);
+        assert_eq!([1.61, 2.41].map(|m| judged(2.00, m)), [Right, Wrong]);
     }
 
     #[test]
@@ -290,53 +279,58 @@ mod tests {
             clear_m: 0.9,
             beyond_m: None,
         };
-        let judged = |true_m, reported_m| {
-            judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), rule)
-        };
-        assert_eq!(judged(0.30, 0.319).verdict, Verdict::Right);
-        assert_eq!(judged(0.30, 0.321).verdict, Verdict::Wrong);
-        assert_eq!(judged(2.00, 2.09).verdict, Verdict::Right);
-        assert_eq!(judged(2.00, 2.11).verdict, Verdict::Wrong);
+        let judged = |true_m, reported_m| judged_by(rule, true_m, reported_m);
+        assert_eq!([0.319, 0.321].map(|m| judged(0.30, m)), [Right, Wrong]);
+        assert_eq!([2.09, 2.11].map(|m| judged(2.00, m)), [Right, Wrong]);
     }
 
     #[test]
-    fn unknown_is_not_wrong_and_infinity_is() {
-        let truth = reported(0.48);
-        assert_eq!(
-            judge_cell(Some(&truth), None, CellRule::default()).verdict,
-            Verdict::Unknown
-        );
-        let infinity = CellDepth {
-            distance_m: None,
-            ..reported(1.0)
+    fn unknown_is_not_wrong() {
+        let judged = |truth: Option<CellDepth>, report: Option<CellDepth>| {
+            judge_cell(truth.as_ref(), report.as_ref(), CellRule::default()).verdict
         };
-        let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::default());
-        assert_eq!(judgement.verdict, Verdict::Wrong);
-        assert_eq!(
-            judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
-            Verdict::NoTruth
-        );
+        assert_eq!(judged(Some(at_m(0.48)), None), Unknown);
+        assert_eq!(judged(None, Some(at_m(1.0))), NoTruth);
     }
 
     #[test]
     fn disparity_rule() {
-        let cell = |median_px| CellDepth {
-            median_px,
-            distance_m: None,
-            ..reported(1.0)
-        };
         let rule = CellRule::Disparity { tolerance_px: 2.0 };
-        assert_eq!(
-            judge_cell(Some(&cell(12.0)), Some(&cell(10.0)), rule).verdict,
-            Verdict::Right
-        );
-        assert_eq!(
-            judge_cell(Some(&cell(12.5)), Some(&cell(10.0)), rule).verdict,
-            Verdict::Wrong
-        );
-        assert_eq!(
-            judge_cell(Some(&cell(12.5)), Some(&cell(10.0)), CellRule::default()).verdict,
-            Verdict::NoTruth
-        );
+        let judged = |true_px, px, rule| {
+            let [truth, report] = [true_px, px].map(|px| CellDepth::at(px, None));
+            judge_cell(Some(&truth), Some(&report), rule).verdict
+        };
+        let verdicts = [12.0, 12.5].map(|true_px| judged(true_px, 10.0, rule));
+        assert_eq!(verdicts, [Right, Wrong]);
+        assert_eq!(judged(12.5, 10.0, CellRule::default()), NoTruth);
+    }
+
+    /// All pairs of a true and a reported disparity in excess of infinity, by every kind of rule,
+    /// with and without a rig, against the rule in words: far is right up to a pixel or the
+    /// tolerance, and so is a report where the truth is far.
+    #[test]
+    fn far_is_right_up_to_a_pixel_or_the_tolerance() {
+        let pixels = |tolerance_px| CellRule::Disparity { tolerance_px };
+        let rigs = [Some(rig(0.0)), Some(rig(3.0)), Some(rig(-3.0))];
+        let mut cases: Vec<_> = rigs.map(|rig| (rig, CellRule::default(), 1.0)).into();
+        cases.extend([Some(rig(-3.0)), None].map(|rig| (rig, pixels(2.0), 2.0)));
+        cases.push((None, pixels(0.5), 1.0));
+        for (rig, rule, most_px) in cases {
+            let doffs_px = rig.map_or(0.0, |rig| rig.doffs_px());
+            let at = |shift_px: f64| CellDepth::at((shift_px - doffs_px) as f32, rig.as_ref());
+            for (true_px, px) in (-8..=12).flat_map(|t| (-8..=12).map(move |r| (t, r))) {
+                let [true_px, px] = [true_px, px].map(|quarters| f64::from(quarters) / 4.0);
+                let judged = judge_cell(Some(&at(true_px)), Some(&at(px)), rule).verdict;
+                let is_right = match rule {
+                    _ if true_px <= 0.0 => px <= most_px,
+                    _ if px <= 0.0 => true_px <= most_px,
+                    // A fifth is more than 0.1 m here.
+                    CellRule::Distance { .. } => (true_px / px - 1.0).abs() <= 0.2,
+                    CellRule::Disparity { tolerance_px } => (px - true_px).abs() <= tolerance_px,
+                };
+                let expected = if is_right { Right } else { Wrong };
+                assert_eq!(judged, expected, "{true_px} {px} {doffs_px} {rule:?}");
+            }
+        }
     }
 }

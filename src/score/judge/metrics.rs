@@ -381,9 +381,11 @@ pub const METRICS: &[Metric] = &[
         }))
         .by_area()
         .note_by_rule(|rule| {
-            let right = rule.right_words();
-            let words =
-                format!("fractions of the cells with truth; right: {right}; unknown is not wrong");
+            let (right, far_px) = (rule.right_words(), rule.far_px());
+            let words = format!(
+                "fractions of the cells with truth; right: {right}, far up to {far_px} px; unknown \
+                 is not wrong"
+            );
             ("cells", words)
         })
         .headline(&[Distances]),

@@ -16,7 +16,6 @@ mod support;
 mod truth;
 
 pub use area::{AreaChoice, CellArea};
-pub use cells::depth_at;
 pub use cells::{
     CellJudgement, CellTallies, CellTally, NearJudgement, Verdict, is_right, judge_cells,
 };

@@ -7,7 +7,6 @@
 //! the same cells are scored for all algorithms. `tests/bench/arena/sparse.rs` compares the scores
 //! with those of a dense truth.
 
-use super::cells::depth_at;
 use std::ops::Range;
 use svl_core::stereo::{CellDepth, CellRule, Plane, Rig};
 
@@ -65,7 +64,7 @@ impl SparseCell {
     }
 
     /// A percentile of the cell's disparities: the middle of its range, if that is as narrow as the
-    /// rule's tolerance. `None` if not, or for too few points.
+    /// rule's tolerance, or at infinity. `None` if not, or for too few points.
     pub fn percentile(
         &self,
         percent: usize,
@@ -73,9 +72,10 @@ impl SparseCell {
         rig: Option<&Rig>,
     ) -> Option<CellDepth> {
         let [far_px, near_px] = self.range(percent).filter(|_| self.is_enough())?;
-        let middle = depth_at((far_px + near_px) / 2.0, rig);
+        let middle = CellDepth::at((far_px + near_px) / 2.0, rig);
         let is_narrow = match rule.proportional_at(middle.median_px.into()) {
             CellRule::Disparity { tolerance_px } => f64::from(near_px - far_px) <= tolerance_px,
+            _ if CellDepth::at(near_px, rig).is_far() => true,
             CellRule::Distance { .. } => {
                 let depth_m = |px: f32| rig?.depth_m(px.into());
                 depth_m(far_px)? - depth_m(near_px)? <= rule.tolerance_at_m(middle.distance_m?)
@@ -291,8 +291,9 @@ mod tests {
         };
         assert!(at_m(2.19, 1.81, Some(rig)) && !at_m(2.22, 1.78, Some(rig)));
         assert!(at_m(0.30, 0.21, Some(rig)) && !at_m(0.31, 0.20, Some(rig)));
-        // A cell of which a part may be at infinity has no distance.
-        assert!(!at_m(f64::INFINITY, f64::INFINITY, Some(rig)) && !at_m(2.0, 2.0, None));
+        // A cell of which a part may be at infinity has no distance, unless all of it is there.
+        assert!(!at_m(f64::INFINITY, 50.0, Some(rig)) && !at_m(2.0, 2.0, None));
+        assert!(at_m(f64::INFINITY, f64::INFINITY, Some(rig)));
         // The truth is the middle in pixels, and the distance there.
         let depth = two(4.8, 5.2)
             .percentile(50, CellRule::default(), Some(&rig))

@@ -5,7 +5,7 @@
 //! narrow. Floor is no obstacle: whether a pixel or point is floor is known before any quantile.
 
 use super::CellArea;
-use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, is_within};
+use super::cells::{CellJudgement, NearJudgement, claimed, has_truth, is_within};
 use super::cells::{Verdict, judge_cell};
 use super::sparse::SparseCell;
 use std::borrow::Cow;
@@ -213,7 +213,7 @@ impl TrueCells {
             return false;
         };
         let agrees = |px: f32| {
-            let surface = depth_at(px, frame.rig());
+            let surface = CellDepth::at(px, frame.rig());
             cell.too_close && surface.median_px >= report.median_px
                 || is_within(&surface, &report, self.rule.proportional_at(px.into()))
         };
@@ -259,7 +259,7 @@ impl TrueQuarter {
         let not_clear = share(all, beyond(clear_px));
         let (_, near_px, _) = all.select_nth_unstable_by(rank, f32::total_cmp);
         Self {
-            depth: Some(depth_at(*near_px, limits.rig)),
+            depth: Some(CellDepth::at(*near_px, limits.rig)),
             near: NearTruth {
                 is_obstacle: near >= above.len() - rank,
                 is_clear: not_clear < MAX_OCCUPIED,
@@ -620,7 +620,7 @@ mod tests {
 
     #[test]
     fn at_infinity_a_cell_is_beyond_if_something_is() {
-        let infinity = depth_at(0.0, Some(&rig()));
+        let infinity = CellDepth::at(0.0, Some(&rig()));
         let area = |beyond_m| area(&infinity, 0.0, rule_beyond(beyond_m));
         assert_eq!(
             [Some(2.0), None].map(area),
@@ -655,6 +655,24 @@ mod tests {
             assert_eq!(scores(cell(10, FLOOR, FAR), density, 0.6), (false, false));
             assert_eq!(scores(cell(9, FLOOR, WALL), density, 0.3), (false, false));
             assert_eq!(scores(cell(10, FAR, FAR), density, 0.3), (true, true));
+        }
+    }
+
+    #[test]
+    fn far_is_scored_and_is_never_near() {
+        const SKY: (f64, Surface) = (f64::INFINITY, Surface::Room);
+        for density in DENSITIES {
+            let sky = |reported_m| judged(cell(10, SKY, FAR), density, Some(2.0), reported_m);
+            // 0.83 px and 2 px.
+            let verdicts = [f64::INFINITY, 12.0, 5.0].map(|m| sky(m).verdict);
+            assert_eq!(verdicts, [Verdict::Right, Verdict::Right, Verdict::Wrong]);
+            assert_eq!(sky(5.0).area, Some(CellArea::Beyond));
+            let near = sky(0.3).near;
+            assert!(near.is_known && !near.is_near && near.falsely);
+            assert_eq!(sky(f64::INFINITY).near, sky(5.0).near);
+            let wall = judged(cell(10, WALL, FAR), density, None, f64::INFINITY);
+            assert_eq!(wall.verdict, Verdict::Wrong);
+            assert!(wall.near.missed && !wall.near.found && !wall.near.falsely);
         }
     }
 

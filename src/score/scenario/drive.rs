@@ -127,7 +127,7 @@ impl SteeringRule {
     /// Interpretation of a cell in that state; `None` for a known one.
     pub fn stands_for(&self, state: CellState) -> Option<CellStandsFor> {
         match state {
-            CellState::Known => None,
+            CellState::Known | CellState::Far => None,
             CellState::TooClose => Some(self.too_close),
             CellState::Near => Some(self.near.unwrap_or(self.unknown)),
             _ => Some(self.unknown),

@@ -1,15 +1,15 @@
 //! Cells of frames with a truth, as samples for the tables of cells.
 
-use svl_core::depth::decision::{BINS_PER_PX, SafeChoice, Tolerance};
+use svl_core::depth::decision::{SafeChoice, Tolerance, reported_depth};
 use svl_core::stereo::{Cell, CellDepth, CellEvidence};
-use svl_score::judge::{Judge, Judged, depth_at, is_right};
+use svl_score::judge::{Judge, Judged, is_right};
 
 /// A cell, reportable or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellSample {
     /// Scene, recording or seed: samples of one are never split.
     pub group: usize,
-    /// `None` if nothing was seen.
+    /// `None` if there is nothing to report.
     pub evidence: Option<CellEvidence>,
     /// True if the report would be right, by the scenario's rule.
     pub right: bool,
@@ -20,7 +20,7 @@ pub struct CellSample {
 impl CellSample {
     /// True if there is something to report.
     pub fn is_reportable(&self) -> bool {
-        self.evidence.is_some_and(|evidence| evidence.report > 0)
+        self.evidence.is_some()
     }
 }
 
@@ -44,6 +44,7 @@ pub struct PairCells {
 /// A cell of a pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairCell {
+    /// `None` if there is nothing to report.
     pub evidence: Option<CellEvidence>,
     /// True if the report would be right; `None` without a truth.
     pub right: Option<bool>,
@@ -92,13 +93,16 @@ pub fn pair_cells(
             (Some(truth), CellTarget::Near) => truth.near().collect(),
         };
         let cell = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
-            let report = cell.evidence.map_or(0, |evidence| evidence.report);
-            let px = report as f32 / BINS_PER_PX as f32;
-            let reported = (report > 0).then(|| depth_at(px, rig));
+            let found = cell.evidence.and_then(|evidence| {
+                let report = [evidence.report; 3];
+                Some((evidence, reported_depth(report, rig)?))
+            });
+            let (evidence, reported) = found.unzip();
+            let report = evidence.map_or(0, |evidence| evidence.report);
             let (_, clear_m) = judge.cells.obstacle_and_clear_m();
             PairCell {
-                evidence: cell.evidence,
-                // `None` if the rule finds no truth, such as at infinity.
+                evidence,
+                // `None` if the rule finds no truth.
                 right: wanted.zip(truth).and_then(|(wanted, truth)| {
                     is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
                 }),

@@ -47,12 +47,7 @@ fn counted(scenario: &Scenario) -> Counts {
         for frame in &runs[run] {
             let known = |px: &f32| Cell {
                 valid_share: 1.0,
-                depth: Some(CellDepth {
-                    median_px: *px,
-                    p20_px: *px,
-                    p80_px: *px,
-                    distance_m: frame.rig().unwrap().depth_m((*px).into()),
-                }),
+                depth: Some(CellDepth::at(*px, frame.rig())),
                 ..Cell::UNKNOWN
             };
             let reported = DepthGrid::new(shape, medians.iter().map(known).collect()).unwrap();

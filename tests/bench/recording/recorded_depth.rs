@@ -5,10 +5,11 @@ use super::bag::{self, Message, cdr_in, ros_image_in};
 use super::sensor::{cloud_on, tf};
 use crate::cli::fixture::Fixture;
 use crate::common::python;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl::matcher::Algorithm;
 use svl::report::{AccuracyRow, CellRow, Row, read_rows};
+use svl::score::Verdict;
 use svl::source::{Request, open_recording};
 use svl::stereo::{Frame, Plane, RectifiedPair, Rig};
 
@@ -300,6 +301,75 @@ fn published_results_have_the_cells_of_the_matcher() {
     assert_eq!(delay["topic"], "/depth");
     assert_eq!(delay["topic_ms"], serde_json::json!([41.0, 41.0]));
     assert_eq!(delay["images_ms"], serde_json::json!([1.234567, 1.234567]));
+}
+
+/// Infinity is an answer in depths, of any camera, and none in disparities; of a truth it is none.
+#[test]
+fn infinity_is_an_answer_of_depths_alone() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    let (frame, rig) = (&frames[0], frames[0].rig().unwrap());
+    let size = frame.pair.size();
+    let fb = rig.focal_px() * rig.baseline_m();
+    let images = [frame.pair.left(), frame.pair.right()].map(|g| g.pixels().collect::<Vec<u8>>());
+    let wide = (size.0 + PAD, size.1);
+    let all = |size: (usize, usize), z| Plane::filled(size.0, size.1, z).unwrap();
+    let messages = [
+        tf("/tf_static", &[("cam", "cam1", [SHIFT_M, 0.0, 0.0])]),
+        camera_info("/left/camera_info", "cam", 0, (rig, 1.0, 0.0), size),
+        camera_info("/right/camera_info", "cam", 0, (rig, 1.0, -fb), size),
+        camera_info("/moved/camera_info", "cam1", 0, (rig, 1.0, 0.0), wide),
+        ros_image_in(
+            "cam",
+            "/left/image_rect",
+            stamp(0),
+            size,
+            ("mono8", &images[0]),
+        ),
+        ros_image_in(
+            "cam",
+            "/right/image_rect",
+            stamp(0),
+            size,
+            ("mono8", &images[1]),
+        ),
+        depth("/far", "cam", 0, &all(size, f32::INFINITY)),
+        depth("/none", "cam", 0, &all(size, f32::NAN)),
+        depth("/moved/depth", "cam1", 0, &all(wide, f32::INFINITY)),
+    ];
+    std::fs::create_dir_all(fixture.path("bag")).unwrap();
+    bag::write(&fixture.path("bag"), &messages);
+    for (name, value) in [("inf", f32::INFINITY), ("nan", f32::NAN), ("zero", 0.0)] {
+        fixture.write(&format!("{name}/0000.pfm"), pfm(value));
+    }
+    let states = |algo: &str| -> BTreeSet<String> {
+        fixture.run(&format!(
+            "score bag/bag.mcap --algo a={algo} --rerun none -o rep -q --force"
+        ));
+        let rows: Vec<CellRow> = read_rows(&fixture.path("rep/cells.csv")).unwrap();
+        let state = |row: &CellRow| row.state.map_or("", |state| state.name()).to_owned();
+        rows.iter().map(state).collect()
+    };
+    for (algo, expected) in [
+        ("topic:/far", "far"),
+        ("topic:/moved/depth", "far"),
+        ("topic:/none", "unknown"),
+        ("files:inf/*.pfm,unit=1", "far"),
+        ("files:nan/*.pfm,unit=1", "unknown"),
+        ("files:zero/*.pfm,unit=1", "unknown"),
+        ("files:inf/*.pfm", "unknown"),
+        ("files:nan/*.pfm", "unknown"),
+        ("files:zero/*.pfm", "far"),
+    ] {
+        assert_eq!(
+            states(algo),
+            BTreeSet::from([expected.to_owned()]),
+            "{algo}"
+        );
+    }
+    fixture.run("score bag/bag.mcap --truth /far --algo sgm --rerun none -o truth -q");
+    let rows: Vec<CellRow> = read_rows(&fixture.path("truth/cells.csv")).unwrap();
+    assert!(rows.iter().all(|row| row.verdict == Verdict::NoTruth));
 }
 
 #[test]

@@ -51,12 +51,7 @@ fn medians<'a>(judge: &Judge, frames: impl Iterator<Item = &'a Frame>) -> Vec<f3
 fn known(px: f32, rig: &Rig) -> Cell {
     Cell {
         valid_share: 1.0,
-        depth: Some(CellDepth {
-            median_px: px,
-            p20_px: px,
-            p80_px: px,
-            distance_m: rig.depth_m(px.into()),
-        }),
+        depth: Some(CellDepth::at(px, Some(rig))),
         ..Cell::UNKNOWN
     }
 }

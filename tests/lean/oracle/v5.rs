@@ -286,10 +286,15 @@ impl V5 {
         (0..16 * self.nd() as i32).map(|v| (v - k, v + k)).collect()
     }
 
-    /// The bins of [`Self::tolerance_px`], within 20 % or 0.10 m.
+    /// The bins of [`Self::tolerance_px`], within 20 % or 0.10 m; at infinity within a pixel.
     pub(crate) fn tolerance_m(&self, fb: f64, doffs: f64) -> Vec<(i32, i32)> {
         let bin = |a: f64| ((a.min(10_000.0) - doffs) * 8.0 + 0.5).floor() as i32;
+        let infinity = (-doffs * 8.0 + 0.5).floor() as i32;
+        let k = (((1.0 - self.allowance) * 8.0 + 0.5).floor() as i32).max(0);
         let interval = |v: i32| {
+            if f64::from(v) / 8.0 + doffs <= 0.0 {
+                return (-k, infinity + k);
+            }
             let d = (f64::from(v) / 8.0 + doffs).max(0.001);
             let z = fb / d;
             let a = ((1.0 - 0.2) * d).min(fb / (z + 0.1)) + self.allowance;

@@ -305,7 +305,8 @@ impl MapFiles {
             (Some(TruthUnit::Depth(unit_m)), _) => Some(unit_m),
             (None, _) => None,
         };
-        let depth = read_depth(path, unit_m)?;
+        let read = read_depth(path, unit_m)?;
+        let depth = self.role.depths(&read);
         let rig = rig.ok_or_else(|| self.wrong("depths need a calibration: --calib FILE"))?;
         let from_depth = disparities(&depth, &rig);
         let is_open = self.unit.is_none() && has_integers(path) && !self.has_decided;

@@ -42,7 +42,7 @@ pub(super) struct FrameView {
     pub(super) metrics: [Option<MetricValues>; 2],
     pub(super) ms: [Option<f64>; 2],
     /// Pixels per reason.
-    pub(super) why: [[usize; Reason::ALL.len()]; 2],
+    pub(super) why: [[usize; Reason::PIXELS.len()]; 2],
     pub(super) pixels: usize,
     /// Disparities, from far and dark to near and light.
     pub(super) pictures: [Option<Arc<Gray>>; 2],
@@ -86,7 +86,7 @@ impl SampleView {
 #[derive(Clone)]
 pub(super) struct Watched {
     pub(super) algorithm: String,
-    why: [usize; Reason::ALL.len()],
+    why: [usize; Reason::PIXELS.len()],
     picture: Option<Arc<Gray>>,
 }
 
@@ -124,7 +124,7 @@ impl FrameView {
         Self {
             metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
             ms: [None; 2],
-            why: LABELS.map(|label| find(label).map_or([0; Reason::ALL.len()], |find| find.why)),
+            why: LABELS.map(|label| find(label).map_or([0; Reason::PIXELS.len()], |find| find.why)),
             pixels: width * height,
             pictures: LABELS.map(|label| find(label).and_then(|find| find.picture.clone())),
         }

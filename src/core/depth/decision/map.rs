@@ -53,8 +53,8 @@ impl FilledMap {
 /// and a cell reports a disparity that is right by `rule` whatever the disparities of its uncertain
 /// pixels (docs/v5.md).
 ///
-/// A map has no matching costs, so they count as low. Disparities of 0 and below are never
-/// reported. `left` is the left image, of the map's size.
+/// A map has no matching costs, so they count as low. Disparities below 0 count as 0. `left` is the
+/// left image, of the map's size.
 pub fn safe_grid(
     disparity: &Plane<f32>,
     left: &Gray,
@@ -154,7 +154,13 @@ mod tests {
     #[test]
     fn nothing_seen_is_nothing_known() {
         assert_eq!(cells(|_, _| f32::INFINITY), [None, None]);
-        assert_eq!(cells(|_, _| 0.0), [None, None]);
-        assert_eq!(cells(|_, _| -3.0), [None, None]);
+        assert_eq!(cells(|_, _| f32::NAN), [None, None]);
+    }
+
+    #[test]
+    fn infinity_is_far() {
+        for px in [0.0, -3.0] {
+            assert_eq!(cells(|_, _| px), [Some(0.0); 2]);
+        }
     }
 }

@@ -17,7 +17,7 @@ mod tolerance;
 pub use fill::{fill_empty_rows, fill_row};
 pub use map::safe_grid;
 pub use steps::Steps;
-pub use table::{Feature, VerdictTable, least_score, probability};
+pub use table::{Feature, VerdictTable, least_score, probability, reported_depth};
 pub use time::{CellPast, Past, TimeTable, follows};
 pub use tolerance::Tolerance;
 

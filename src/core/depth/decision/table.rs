@@ -6,6 +6,10 @@ use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Evidence without which a cell is not far, though its pixels have the least disparity: gaps are
+/// filled by what is farther, and plain pixels, black or saturated, match anywhere.
+const FAR: [(Feature, i64); 2] = [(Feature::Support, 500), (Feature::Texture, 25)];
+
 /// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
@@ -200,8 +204,8 @@ impl VerdictTable {
         }
     }
 
-    /// The cell of a grid, known if `score` is at least `least_score` and a disparity above 0 is
-    /// reported.
+    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth;
+    /// far only with some support and texture.
     pub fn cell(
         &self,
         pixels: &CellPixels,
@@ -209,22 +213,26 @@ impl VerdictTable {
         [score, least_score]: [i64; 2],
         rig: Option<&Rig>,
     ) -> Cell {
-        let known = score >= least_score && evidence.report > 0;
-        let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
-        let median_px = px(evidence.report);
+        let [p20, p80] = [20, 80].map(|percent| pixels.percentile(percent));
+        let depth = reported_depth([p20, evidence.report, p80], rig);
+        let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
+        let may_be_far = FAR.into_iter().all(is_shown);
+        let is_known = |depth: &CellDepth| score >= least_score && (may_be_far || !depth.is_far());
         Cell {
             valid_share: pixels.valid_share(),
-            depth: known.then(|| CellDepth {
-                median_px,
-                p20_px: px(pixels.percentile(20)),
-                p80_px: px(pixels.percentile(80)),
-                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
-            }),
+            depth: depth.filter(is_known),
             probability: Some(probability(score)),
             evidence: Some(*evidence),
             ..Cell::UNKNOWN
         }
     }
+}
+
+/// The depth of a report, which is the middle of these bins: of 0 only at infinity, as 0 stands for
+/// all that is farther than the range of disparities.
+pub fn reported_depth(bins: [i64; 3], rig: Option<&Rig>) -> Option<CellDepth> {
+    let depth = CellDepth::new(bins.map(|bin| bin as f32 / BINS_PER_PX as f32), rig);
+    (bins[1] > 0 || depth.is_far()).then_some(depth)
 }
 
 /// The score from which a cell is right with that probability, 0.5..1.

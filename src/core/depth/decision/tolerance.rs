@@ -31,7 +31,12 @@ impl Tolerance {
 
     /// The first and the last bin for which `bin` is right, as [`Tolerance::ends`].
     pub fn ends_of(rule: CellRule, rig: Option<&Rig>, allowance_px: f64, bin: i32) -> [i32; 2] {
-        match (rule.for_rig(rig.is_some()), rig) {
+        let rule = rule.for_rig(rig.is_some());
+        let infinity_px = rig.map_or(0.0, |rig| -rig.doffs_px());
+        if f64::from(bin) / f64::from(BINS_PER_PX) <= infinity_px {
+            return by_infinity(infinity_px, rule.far_px(), allowance_px);
+        }
+        match (rule, rig) {
             (
                 CellRule::Distance {
                     tolerance_m,
@@ -83,6 +88,13 @@ fn by_disparity(v: i32, tolerance_px: f64, allowance_px: f64) -> [i32; 2] {
     [v - k, v + k]
 }
 
+/// That of any report at infinity: of all farther ones, too.
+fn by_infinity(infinity_px: f64, far_px: f64, allowance_px: f64) -> [i32; 2] {
+    let infinity = (infinity_px * f64::from(BINS_PER_PX) + 0.5).floor() as i32;
+    let [first, last] = by_disparity(0, far_px, allowance_px);
+    [first, infinity + last]
+}
+
 fn by_distance(v: i32, rig: &Rig, [metres, share]: [f64; 2], allowance_px: f64) -> [i32; 2] {
     let scale = f64::from(BINS_PER_PX);
     let (fb, doffs) = (rig.focal_px() * rig.baseline_m(), rig.doffs_px());
@@ -111,6 +123,12 @@ mod tests {
         let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 41);
         let ends = [24, 100, 400].map(|v: usize| tolerance.ends[v]);
         assert_eq!(ends, [[21, 27], [82, 118], [299, 610]]);
+        // At infinity up to a pixel, and what is beyond; infinity may be at a disparity above 0.
+        assert_eq!(tolerance.ends[0], [-6, 6]);
+        let crossed = Rig::new(focal, (160.0, 120.0), 0.044, -3.0).unwrap();
+        let crossed = Tolerance::new(CellRule::default(), Some(&crossed), 0.25, 64);
+        assert_eq!([0, 24].map(|v| crossed.ends[v]), [[-6, 30]; 2]);
+        assert_ne!(crossed.ends[25], [-6, 30]);
         let pixels = Tolerance::new(CellRule::default(), None, 0.25, 16);
         assert_eq!(pixels.ends[5], [-9, 19]);
         assert_eq!(pixels.within(5), [0, 16]);

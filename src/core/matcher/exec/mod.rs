@@ -383,14 +383,7 @@ fn own_grid(
     let seen = depth::grid(disparity, context.grid, None);
     let cell = |(own, (_, seen)): (&Option<ReplyCell>, (_, &Cell))| Cell {
         valid_share: seen.valid_share,
-        depth: own.map(|own| CellDepth {
-            median_px: own.disparity_px,
-            p20_px: own.disparity_px,
-            p80_px: own.disparity_px,
-            distance_m: context
-                .rig
-                .and_then(|rig| rig.depth_m(f64::from(own.disparity_px))),
-        }),
+        depth: own.map(|own| CellDepth::at(own.disparity_px, context.rig.as_ref())),
         probability: own.and_then(|own| own.probability),
         ..Cell::UNKNOWN
     };

@@ -315,6 +315,7 @@ impl Deciding<'_> {
         let evidence = table.evidence(pixels, self.tolerance);
         let own = table.score(&evidence);
         let (mut scores, mut after) = ([own, table.least_score], CellPast::default());
+        // A report of 0 has no past, and leaves none.
         if let Some(time) = &table.time
             && evidence.report > 0
         {

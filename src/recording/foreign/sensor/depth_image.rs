@@ -10,8 +10,8 @@ use image::DynamicImage;
 use svl_core::stereo::Plane;
 use svl_files::{self as files, InverseDepth, RVL_HEADER};
 
-/// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
-/// (REP 117).
+/// Depths in metres; NaN for invalid pixels, and for 0 (REP 118); `+∞` for what is too far (REP
+/// 117).
 pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     depths(&ros::read(channel, data, ros::image)?.1)
 }
@@ -159,11 +159,7 @@ fn metres(millimetres: u16) -> f32 {
 
 /// The depth if it is valid.
 fn known(depth: f32) -> f32 {
-    if depth > 0.0 && depth.is_finite() {
-        depth
-    } else {
-        f32::NAN
-    }
+    if depth > 0.0 { depth } else { f32::NAN }
 }
 
 #[cfg(test)]
@@ -226,17 +222,17 @@ mod tests {
         assert_eq!(read("32FC1", true, &big), Ok(vec![0.5, 2.0]));
         // Beyond the range of 32 bits.
         let far = [1e300, -1e300].map(f64::to_le_bytes).concat();
-        assert!(
-            read("64FC1", false, &far)
-                .unwrap()
-                .iter()
-                .all(|z| z.is_nan())
+        let far = read("64FC1", false, &far).unwrap();
+        assert!(far[0] == f32::INFINITY && far[1].is_nan());
+        assert_eq!(
+            read("32FC1", false, &floats([f32::INFINITY, 2.0])),
+            Ok(vec![f32::INFINITY, 2.0])
         );
         assert_eq!(
             read("32FC1", false, &floats([0.5, 2.0])),
             Ok(vec![0.5, 2.0])
         );
-        for none in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        for none in [0.0, -1.0, f32::NAN, f32::NEG_INFINITY] {
             let read = read("32FC1", false, &floats([none, 2.0])).unwrap();
             assert!(read[0].is_nan() && read[1] == 2.0, "{none}");
         }

@@ -9,7 +9,7 @@ use svl_core::joined;
 
 /// Measurement in a message.
 pub(super) enum Measured {
-    /// Depths along the optical axis, metres; NaN for invalid pixels.
+    /// Depths along the optical axis, metres; `+∞` at infinity, NaN for invalid pixels.
     Depth(Plane<f32>),
     /// Points in the sensor's frame, metres.
     Points(Vec<Point3<f64>>),

@@ -18,6 +18,7 @@ pub(crate) use kind::head;
 use measurements::Measurements;
 pub use measurements::TopicLatency;
 use nalgebra::UnitQuaternion;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Rig, Surface};
 use svl_core::{Error, Result, did_you_mean, joined};
@@ -45,6 +46,16 @@ pub enum SensorRole {
     /// The map of an algorithm: the samples of a depth image cover the pixels that they see, and a
     /// measurement is that of one pair.
     Map,
+}
+
+impl SensorRole {
+    /// Depths as they are used: infinity is an answer, and no truth.
+    pub fn depths(self, depth: &Plane<f32>) -> Cow<'_, Plane<f32>> {
+        match self {
+            Self::Map => Cow::Borrowed(depth),
+            Self::Truth => Cow::Owned(depth.map(|z| if z.is_finite() { z } else { f32::NAN })),
+        }
+    }
 }
 
 impl SensorSelection {

@@ -441,6 +441,9 @@ fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
 }
 
+/// Depth that stands for infinity, metres: a map has its disparity ([`Rig::map_px`]).
+const INFINITY_M: f64 = 1e60;
+
 /// The disparities of the samples of a depth image of another camera or time: points, each with the
 /// side of the square that its pixel covers.
 fn map_from_samples(
@@ -510,6 +513,10 @@ impl View {
         size: (usize, usize),
         role: SensorRole,
     ) -> std::result::Result<(Plane<f32>, MapDensity), String> {
+        let depth_of = |z: f32| match z {
+            f32::INFINITY => INFINITY_M,
+            z => f64::from(z),
+        };
         let moved = |point: Point3<f64>| motion.map_or(point, |motion| motion * point);
         let expected = match self {
             Self::Camera { size, .. } => *size,
@@ -531,24 +538,29 @@ impl View {
                 },
                 Measured::Depth(depth),
             ) => {
+                let depth = role.depths(depth);
                 let depths = depth.rows().flatten().zip(rays);
                 let sample = |(&z, ray): (&f32, &Vector3<f64>)| {
-                    let z = f64::from(z);
+                    let z = depth_of(z);
                     (moved(Point3::from(ray * z + origin)), z / focal_px)
                 };
                 Ok(map_from_samples(depths.map(sample), rig, size, role))
             }
             (Self::Aligned, Measured::Depth(depth)) if motion.is_some() => {
+                let depth = role.depths(depth);
                 let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
                 let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
                 let samples = pixels.map(|(x, y)| {
-                    let z = f64::from(depth.get(x, y));
+                    let z = depth_of(depth.get(x, y));
                     let [u, v] = [x as f64 - cx, y as f64 - cy].map(|at| at / focal * z);
                     (moved(Point3::new(u, v, z)), z / focal)
                 });
                 Ok(map_from_samples(samples, rig, size, role))
             }
-            (_, Measured::Depth(depth)) => Ok((truth::disparities(depth, rig), MapDensity::Dense)),
+            (_, Measured::Depth(depth)) => {
+                let disparity = truth::disparities(&role.depths(depth), rig);
+                Ok((disparity, MapDensity::Dense))
+            }
             (Self::Points(pose), Measured::Points(points)) => {
                 let points = points.iter().map(|point| moved(pose * point));
                 Ok(map_from_points(points, rig, size, role))

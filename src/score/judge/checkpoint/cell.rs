@@ -201,7 +201,7 @@ impl ExpectedCell {
 mod tests {
     use super::*;
     use Verdict::{Right, Unknown, Wrong};
-    use svl_core::stereo::CellDepth;
+    use svl_core::stereo::{CellDepth, Rig};
 
     fn cell(toml: &str) -> Result<ExpectedCell, String> {
         let cell: ExpectedCell =
@@ -211,20 +211,10 @@ mod tests {
 
     /// At 1.4 m, 0.6 m, at infinity, unknown.
     fn verdicts(toml: &str) -> [Verdict; 4] {
-        let at = |distance_m| CellDepth {
-            median_px: 9.0,
-            p20_px: 9.0,
-            p80_px: 9.0,
-            distance_m,
-        };
+        let rig = Rig::new(14.0, (0.0, 0.0), 1.0, 0.0).unwrap();
+        let at = |px| Some(CellDepth::at(px, Some(&rig)));
         let cell = cell(toml).unwrap();
-        [
-            Some(at(Some(1.4))),
-            Some(at(Some(0.6))),
-            Some(at(None)),
-            None,
-        ]
-        .map(|depth| {
+        [at(10.0), at(23.4), at(0.0), None].map(|depth| {
             let reported = Cell {
                 depth,
                 ..Cell::UNKNOWN

@@ -404,10 +404,11 @@ impl Checkpoint {
             (Some(z_true), Some(z)) => (z - z_true).abs() / z_true,
             _ => f64::INFINITY,
         };
-        let must = self
-            .must
-            .iter()
-            .map(|cell| error(judgement(*cell).true_m, cell));
+        // There is no error of a distance at infinity.
+        let is_far = |cell: &CellJudgement| cell.true_px.is_some() && cell.true_m.is_none();
+        let must = self.must.iter().map(|cell| (cell, judgement(*cell)));
+        let must = must.filter(|(_, truth)| !is_far(truth));
+        let must = must.map(|(cell, truth)| error(truth.true_m, cell));
         let measured = self
             .expected
             .iter()
@@ -425,7 +426,10 @@ impl Checkpoint {
 
 /// True if all of the cells are known and each is farther than the one before it.
 fn is_ordered(cells: &[[usize; 2]], grid: &DepthGrid) -> bool {
-    let distance = |&[column, row]: &[usize; 2]| grid.cell(column, row).depth?.distance_m;
+    let distance = |&[column, row]: &[usize; 2]| {
+        let depth = grid.cell(column, row).depth?;
+        depth.distance_m.or(depth.is_far().then_some(f64::INFINITY))
+    };
     let distances: Vec<_> = cells.iter().map(distance).collect();
     distances.iter().all(Option::is_some)
         && distances.is_sorted_by(|nearer, farther| nearer < farther)
@@ -514,10 +518,8 @@ mod tests {
         let cell = |distance_m: Option<f64>| Cell {
             valid_share: 0.5,
             depth: distance_m.map(|z| CellDepth {
-                median_px: 1.0,
-                p20_px: 1.0,
-                p80_px: 1.0,
-                distance_m: Some(z),
+                distance_m: z.is_finite().then_some(z),
+                ..CellDepth::at(if z.is_finite() { 1.0 } else { 0.0 }, None)
             }),
             ..Cell::UNKNOWN
         };
@@ -544,6 +546,10 @@ mod tests {
         assert_eq!(wrong.reasons().unwrap(), "1 cell wrong");
         let unknown = judged([(Some(0.5), Right), (None, Unknown), (Some(0.5), Right)]);
         assert!(!unknown.passed && !unknown.order_holds && unknown.wrong == 0);
+        let far = f64::INFINITY;
+        assert!(judged([(Some(0.5), Right), (Some(far), Right), (Some(0.5), Right)]).passed);
+        let both_far = judged([(Some(far), Right), (Some(far), Right), (Some(0.5), Right)]);
+        assert!(!both_far.order_holds);
         let level = judged([(Some(1.5), Right), (Some(1.5), Right), (Some(0.5), Right)]);
         assert_eq!(level.reasons().unwrap(), "order of distances not seen");
     }

@@ -354,7 +354,7 @@ fn why_lines(shown: &TuneState, side: usize, width: u16) -> Vec<Line<'static>> {
         return Vec::new();
     };
     let share = |side: usize, i: usize| 100.0 * frame.why[side][i] as f64 / frame.pixels as f64;
-    let words = Reason::ALL.iter().enumerate().filter_map(|(i, reason)| {
+    let words = Reason::PIXELS.iter().enumerate().filter_map(|(i, reason)| {
         let (now, before) = (share(side, i), share(1, i));
         let is_shown = *reason != Reason::Valid && (frame.why[0][i] > 0 || frame.why[1][i] > 0);
         let change = if (now - before).abs() < 0.05 {
