@@ -56,6 +56,9 @@ impl PairIndex {
         else {
             return Ok(None);
         };
+        if !declared.is_whole() {
+            return Ok(None);
+        }
         let channels = declared.ids(topic::SYNC);
         let mut records = Records::open(file, true)?;
         let mut pairs = Vec::new();
@@ -134,11 +137,15 @@ impl Index {
             return Ok(Self { declared, ..index });
         };
         // The counts of an intact summary are valid even if its index entries are not.
+        let is_whole = summary.declared.is_whole();
         let index = match Self::from_summary(file, &summary)? {
-            Some(index) => index,
-            None => Self::walk(file)?,
+            Some(index) if is_whole => index,
+            _ => Self::walk(file)?,
         };
-        let declared = summary.declared;
+        let declared = match is_whole {
+            true => summary.declared,
+            false => index.declared.with_counts(summary.declared),
+        };
         Ok(Self { declared, ..index })
     }
 

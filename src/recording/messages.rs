@@ -136,6 +136,27 @@ impl Declared {
         self
     }
 
+    /// True if statistics count the messages of no channel but those, and all schemas are there:
+    /// summaries need not repeat what the chunks declare.
+    pub(super) fn is_whole(&self) -> bool {
+        let has_schema = |id: u16| id == 0 || self.schemas.contains_key(&id);
+        let mut channels = self.channels.values();
+        let counted = |own: &RecordCounts| {
+            let mut ids = own.messages.keys();
+            ids.all(|id| self.channels.contains_key(id))
+        };
+        self.promised.as_ref().is_none_or(counted)
+            && channels.all(|(_, channel)| has_schema(channel.schema_id))
+    }
+
+    /// The same with the counts of other statistics.
+    pub(super) fn with_counts(self, other: Self) -> Self {
+        Self {
+            promised: other.promised,
+            ..self
+        }
+    }
+
     /// Message count of `topic` in the summary; `None` without statistics.
     pub(super) fn count(&self, topic: &str) -> Option<u64> {
         let of_topic = |id: &u16| {

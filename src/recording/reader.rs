@@ -3,7 +3,7 @@
 use super::container::Container;
 use super::foreign::{PairReader, Selection, SensorSelection, SensorTopic};
 use super::index::PairIndex;
-use super::messages::{EventReader, FileEvent, Messages};
+use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -277,8 +277,7 @@ fn is_own(recording: &Recording) -> Result<bool> {
     // corrupt. A ROS 2 bag by svl has no such message.
     let channels = recording.channels()?;
     // If nothing at all can be read, the damage is reported, not the absence of topics.
-    Ok(channels
-        .iter()
-        .any(|channel| channel.schema == sync::SCHEMA)
-        || channels.is_empty() && profile.is_none())
+    let is_sync =
+        |channel: &&Channel| channel.topic == topic::SYNC && channel.schema == sync::SCHEMA;
+    Ok(channels.iter().any(is_sync) || channels.is_empty() && profile.is_none())
 }

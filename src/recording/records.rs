@@ -13,7 +13,7 @@
 use super::bag::not_mcap;
 use super::chunk::split;
 use super::file::McapFile;
-use super::layout::{HEAD, u32_at, u64_at};
+use super::layout::{HEAD, has_fields, known_size, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
@@ -228,7 +228,14 @@ impl Records {
     /// if it had no data.
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = match &self.in_chunk {
-            Some(body) => &self.file.unpacked[body.clone()],
+            Some(body) => {
+                let body = &self.file.unpacked[body.clone()];
+                // mcap allocates what a length says.
+                if has_fields(opcode) && known_size(opcode, body, body.len() as u64).is_none() {
+                    return Err("a record cannot be read: a length in it is beyond it".to_owned());
+                }
+                body
+            }
             None => &self.file.body[..],
         };
         mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))

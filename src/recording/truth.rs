@@ -26,7 +26,7 @@ pub fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
         // False for NaN, which is invalid.
         if z > 0.0 {
-            rig.map_px(z.into())
+            rig.disparity_px(z.into()) as f32
         } else {
             f32::INFINITY
         }

@@ -66,7 +66,7 @@ fn depth_grid<'a>(
             return None;
         }
         let depth = row.depth().map(|depth| CellDepth {
-            infinity_px: infinity_px.unwrap_or_default(),
+            infinity_px,
             distance_m: row.distance_m,
             ..depth
         });

@@ -147,7 +147,8 @@ impl MatchCell {
         let min_valid = GridSettings::default().min_valid;
         let reports = CellReport::from_grid(grid).into_iter().zip(grid.iter());
         let cells = reports.map(|(report, (place, cell))| {
-            let reason = map.cell_reason(grid.shape(), place, min_valid);
+            let by_pixels = map.cell_reason(grid.shape(), place, min_valid);
+            let reason = cell.reason.unwrap_or(by_pixels);
             Self::new(report, cell, reason, table)
         });
         cells.collect()

@@ -77,7 +77,7 @@ pub fn render(
         if !(point.z > 0.0 && point.z.is_finite()) {
             continue;
         }
-        let disparity = rig.map_px(point.z);
+        let disparity = rig.disparity_px(point.z) as f32;
         let half = focal * side / point.z / 2.0;
         let covered = |at: f64, pixels: usize| {
             let [from, to] = [at - half, at + half].map(|edge| edge.ceil().max(0.0));

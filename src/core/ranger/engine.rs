@@ -165,9 +165,10 @@ impl Engine {
         let map = &self.output.disparity;
         for (place, cell) in grid.iter() {
             // The pixels of a known cell need not be counted.
-            let reason = match cell.depth {
-                Some(_) => Reason::Valid,
-                None => map.cell_reason(self.shape, place, context.grid.min_valid),
+            let reason = match (cell.depth, cell.reason) {
+                (Some(_), _) => Reason::Valid,
+                (None, Some(reason)) => reason,
+                (None, None) => map.cell_reason(self.shape, place, context.grid.min_valid),
             };
             let has_rig = self.rig.is_some();
             self.cells.push(RangedCell::new(cell, reason, has_rig));

@@ -1,6 +1,6 @@
 //! The coarse grid of depths that an obstacle avoider uses (thesis, section 5.1).
 
-use super::Rig;
+use super::{Reason, Rig};
 use crate::error::{Error, Result};
 
 /// Columns and rows of a grid. Row `j` covers image rows `j·H/rows .. (j+1)·H/rows`, columns
@@ -58,6 +58,8 @@ pub struct Cell {
     pub too_close: bool,
     /// Probability that the cell is right, 0..=1, if the algorithm reports one.
     pub probability: Option<f64>,
+    /// Why the algorithm leaves the cell unknown, if its pixels do not say so.
+    pub reason: Option<Reason>,
     /// Evidence behind the probability, if svl's own decision computed it.
     pub evidence: Option<CellEvidence>,
     /// Probability that something is nearer than the rule's `obstacle_m`, of an unknown cell that
@@ -91,6 +93,7 @@ impl Cell {
         depth: None,
         too_close: false,
         probability: None,
+        reason: None,
         evidence: None,
         near: None,
     };
@@ -166,8 +169,8 @@ pub struct CellDepth {
     pub p20_px: f32,
     /// 80th percentile of the disparities: a nearer part of the cell.
     pub p80_px: f32,
-    /// Disparity of what is at infinity, pixels ([`Rig::infinity_px`]); 0 without a rig.
-    pub infinity_px: f32,
+    /// Disparity of what is at infinity, pixels ([`Rig::infinity_px`]); `None` without a rig.
+    pub infinity_px: Option<f32>,
     /// Distance of the median; `None` without a rig, or at infinity.
     pub distance_m: Option<f64>,
 }
@@ -179,7 +182,7 @@ impl CellDepth {
             median_px,
             p20_px,
             p80_px,
-            infinity_px: rig.map_or(0.0, Rig::infinity_px),
+            infinity_px: rig.map(Rig::infinity_px),
             distance_m: rig.and_then(|rig| rig.depth_m(median_px.into())),
         }
     }
@@ -189,14 +192,22 @@ impl CellDepth {
         Self::new([px; 3], rig)
     }
 
-    /// The disparity of the median in excess of that of infinity, pixels: inverse to the distance.
-    pub fn shift_px(&self) -> f64 {
-        f64::from(self.median_px) - f64::from(self.infinity_px)
+    /// True at infinity, and beyond; without a rig at 0 px alone.
+    pub fn is_far(&self) -> bool {
+        match self.infinity_px {
+            Some(_) => self.distance_m.is_none(),
+            None => self.median_px == 0.0,
+        }
     }
 
-    /// True at infinity, and beyond.
-    pub fn is_far(&self) -> bool {
-        self.shift_px() <= 0.0
+    /// True at infinity, up to `px` nearer, and beyond. Without a rig nothing is beyond 0 px: the
+    /// axes of the cameras may cross.
+    pub fn is_far_within(&self, px: f64) -> bool {
+        let shift = f64::from(self.median_px) - f64::from(self.infinity_px.unwrap_or(0.0));
+        match self.infinity_px {
+            Some(_) => shift <= px,
+            None => shift.abs() <= px,
+        }
     }
 }
 

@@ -54,7 +54,12 @@ impl Nearness {
     /// 0 at infinity, 1 for anything that fills its cell: the nearest distance over that of the
     /// disparity.
     pub fn at(&self, disparity_px: f32) -> f64 {
-        ((f64::from(disparity_px) + self.doffs_px) / (self.near_px + self.doffs_px)).clamp(0.0, 1.0)
+        let near_px = self.near_px + self.doffs_px;
+        if near_px > 0.0 {
+            ((f64::from(disparity_px) + self.doffs_px) / near_px).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
     }
 }
 

@@ -104,9 +104,13 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
         ("std_msgs/msg/String", "cdr") => {
             realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
         }
-        (schema, encoding) => Err(format!(
+        (schema, encoding) if SCHEMAS.contains(&schema) => Err(format!(
             "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
         )),
+        (schema, _) => {
+            let known = svl_core::joined(SCHEMAS);
+            Err(format!("it is a {schema}, svl reads {known}"))
+        }
     }
 }
 

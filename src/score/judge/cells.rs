@@ -210,8 +210,8 @@ pub(super) fn has_truth(truth: &CellDepth, rule: CellRule) -> bool {
 /// the other is as good as there ([`CellRule::far_px`]).
 pub(super) fn is_within(truth: &CellDepth, report: &CellDepth, rule: CellRule) -> bool {
     match rule {
-        _ if truth.is_far() => report.shift_px() <= rule.far_px(),
-        _ if report.is_far() => truth.shift_px() <= rule.far_px(),
+        _ if truth.is_far() => report.is_far_within(rule.far_px()),
+        _ if report.is_far() => truth.is_far_within(rule.far_px()),
         CellRule::Distance { .. } => {
             let distances = truth.distance_m.zip(report.distance_m);
             distances.is_some_and(|(z_true, z)| (z - z_true).abs() <= rule.tolerance_at_m(z_true))
@@ -322,8 +322,11 @@ mod tests {
                 let [true_px, px] = [true_px, px].map(|quarters| f64::from(quarters) / 4.0);
                 let judged = judge_cell(Some(&at(true_px)), Some(&at(px)), rule).verdict;
                 let is_right = match rule {
-                    _ if true_px <= 0.0 => px <= most_px,
-                    _ if px <= 0.0 => true_px <= most_px,
+                    // Without a rig nothing is beyond infinity.
+                    _ if rig.is_none() && true_px == 0.0 => px.abs() <= most_px,
+                    _ if rig.is_none() && px == 0.0 => true_px.abs() <= most_px,
+                    _ if rig.is_some() && true_px <= 0.0 => px <= most_px,
+                    _ if rig.is_some() && px <= 0.0 => true_px <= most_px,
                     // A fifth is more than 0.1 m here.
                     CellRule::Distance { .. } => (true_px / px - 1.0).abs() <= 0.2,
                     CellRule::Disparity { tolerance_px } => (px - true_px).abs() <= tolerance_px,

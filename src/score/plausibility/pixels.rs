@@ -15,8 +15,6 @@ const LIKELY_M: std::ops::RangeInclusive<f64> = 0.1..=300.0;
 /// pixels is too near, or less is possible. Of distances beyond the image's width, the median
 /// decides.
 const TENTH: f64 = 0.1;
-/// Disparities at infinity, despite the rounding of their file, pixels.
-const INFINITE_PX: f64 = 1e-4;
 /// A truth whose farthest point has a disparity above this does not reach infinity: its zeros are
 /// no measurements, pixels.
 const FARTHEST_PX: f64 = 0.5;
@@ -152,7 +150,7 @@ impl Places<'_> {
                 _ => Place::Possible,
             };
         };
-        if (disparity + rig.doffs_px()).abs() <= INFINITE_PX {
+        if (disparity + rig.doffs_px()).abs() <= Rig::INFINITE_PX {
             return Place::Infinite;
         }
         match rig.depth_m(disparity) {

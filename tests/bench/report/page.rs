@@ -72,7 +72,7 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         p20_px: 18.0,
         p80_px: 22.0,
         distance_m: Some(0.8),
-        infinity_px: 0.0,
+        infinity_px: Some(0.0),
     };
     let known = Cell {
         valid_share: 1.0,

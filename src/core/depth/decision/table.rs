@@ -2,13 +2,14 @@
 
 use super::steps::{MAX_NUMBER, Steps};
 use super::{BINS_PER_PX, CellPixels, TimeTable, Tolerance};
-use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
+use crate::stereo::{Cell, CellDepth, CellEvidence, Reason, Rig};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Evidence without which a cell is not far, though its pixels have the least disparity: gaps are
 /// filled by what is farther, and plain pixels, black or saturated, match anywhere.
-const FAR: [(Feature, i64); 2] = [(Feature::Support, 500), (Feature::Texture, 25)];
+const FAR: [(Feature, i64); 2] = [(Feature::Support, 500), TEXTURED];
+const TEXTURED: (Feature, i64) = (Feature::Texture, 200);
 
 /// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -216,12 +217,14 @@ impl VerdictTable {
         let [p20, p80] = [20, 80].map(|percent| pixels.percentile(percent));
         let depth = reported_depth([p20, evidence.report, p80], rig);
         let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
-        let may_be_far = FAR.into_iter().all(is_shown);
-        let is_known = |depth: &CellDepth| score >= least_score && (may_be_far || !depth.is_far());
+        let is_far = depth.is_some_and(|depth| depth.is_far());
+        // Without a report there is nothing that may be right.
+        let report = depth.filter(|_| !is_far || FAR.into_iter().all(is_shown));
         Cell {
             valid_share: pixels.valid_share(),
-            depth: depth.filter(is_known),
-            probability: Some(probability(score)),
+            depth: report.filter(|_| score >= least_score),
+            probability: report.map(|_| probability(score)),
+            reason: (is_far && !is_shown(TEXTURED)).then_some(Reason::Untextured),
             evidence: Some(*evidence),
             ..Cell::UNKNOWN
         }

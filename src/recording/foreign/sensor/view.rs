@@ -441,7 +441,7 @@ fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
 }
 
-/// Depth that stands for infinity, metres: a map has its disparity ([`Rig::map_px`]).
+/// Depth that stands for infinity, metres.
 const INFINITY_M: f64 = 1e60;
 
 /// The disparities of the samples of a depth image of another camera or time: points, each with the
