@@ -166,8 +166,10 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                 };
             }
             let probability = 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
-            let may_be_far = evidence.features[1] >= 500 && evidence.features[5] >= 25;
-            decided.push((score >= least && (b > 0 || may_be_far), probability));
+            let may_be_far = evidence.features[1] >= 500 && evidence.features[5] >= 200;
+            let is_reported = b > 0 || may_be_far;
+            let probability = if is_reported { probability } else { f64::NAN };
+            decided.push((score >= least && is_reported, probability));
         }
         all.push(decided);
     }
@@ -301,7 +303,7 @@ fn an_unknown_cell_with_something_near_is_flagged() {
             let is_near = near_table.score(&evidence) >= near_table.least_score
                 && evidence.report > 0
                 && distance_m.is_some_and(|z| z < 0.5);
-            let expected = (cell.depth.is_none() && is_near).then_some(near.probability.unwrap());
+            let expected = near.probability.filter(|_| cell.depth.is_none() && is_near);
             assert_eq!(cell.near, expected);
             flags += usize::from(cell.near.is_some());
         }

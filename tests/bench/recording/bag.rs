@@ -70,6 +70,13 @@ pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
     )
 }
 
+/// Same as [`write`], with a summary that does not repeat what the chunks declare.
+pub(crate) fn write_unrepeated(folder: &Path, messages: &[Message]) -> PathBuf {
+    let options = mcap::WriteOptions::new();
+    let options = options.repeat_channels(false).repeat_schemas(false);
+    write_as(options, folder, messages, |_| String::new())
+}
+
 fn write_as(
     options: mcap::WriteOptions,
     folder: &Path,

@@ -24,6 +24,11 @@ const FORMATS: &[Format] = &[
         write: bag::write_unchecked,
     },
     Format {
+        name: "mcap whose summary repeats no channels",
+        profile: Some("ros2"),
+        write: bag::write_unrepeated,
+    },
+    Format {
         name: "mcap, compressed message by message",
         profile: Some("ros2"),
         write: |folder, messages| bag::write(folder, &packed(messages)),

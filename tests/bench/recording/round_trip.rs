@@ -335,3 +335,25 @@ fn a_recording_is_opened_once() {
     let saved = folder.path().join("saved.mcap");
     assert_eq!(recording.recover(&saved).unwrap().pairs, 3);
 }
+
+#[test]
+fn an_own_recording_whose_summary_repeats_nothing_is_read_from_its_chunks() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames: Vec<_> = (0..3).map(|i| full(i, SIZE)).collect();
+    let path = record(folder.path(), &frames, ImageFormat::Raw);
+    let (expected, _) = read(&path);
+    let copy = folder.path().join("copy.mcap");
+    let bytes = std::fs::read(&path).unwrap();
+    let options = mcap::WriteOptions::new();
+    let options = options.repeat_channels(false).repeat_schemas(false);
+    let mut writer = options
+        .create(std::fs::File::create(&copy).unwrap())
+        .unwrap();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        writer.write(&message.unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    let (found, error) = read(&copy);
+    assert!(error.is_none(), "{error:?}");
+    assert_eq!(found, expected);
+}
