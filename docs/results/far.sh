@@ -67,7 +67,7 @@ def verdict(true, cell):
     return "right" if error <= max(0.1, 0.2 * focal_baseline / true) else "wrong"
 
 with open(f"{folder}/calib.txt", "w") as file:
-    k = f"[320 0 160; 0 320 120; 0 0 1]"
+    k = "[320 0 160; 0 320 120; 0 0 1]"
     file.write(f"cam0={k}\ncam1={k}\ndoffs=0\nbaseline={1000 * focal_baseline / 320}\nwidth=320\nheight=240\n")
 print("right / wrong / unknown cells, far ones at these shifts, px")
 for name in names:

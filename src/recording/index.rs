@@ -142,9 +142,10 @@ impl Index {
             Some(index) if is_whole => index,
             _ => Self::walk(file)?,
         };
-        let declared = match is_whole {
-            true => summary.declared,
-            false => index.declared.with_counts(summary.declared),
+        let declared = if is_whole {
+            summary.declared
+        } else {
+            index.declared.with_counts(summary.declared)
         };
         Ok(Self { declared, ..index })
     }

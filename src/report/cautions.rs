@@ -13,9 +13,10 @@ impl Results {
         let doubts = self.ending.missing.doubts.iter();
         let doubts = doubts.map(|doubt| format!("the truth is doubtful: {doubt}"));
         let failed = self.failed.iter().map(|f| {
-            let pairs = match f.on_every_pair {
-                true => "every pair".to_owned(),
-                false => counted(f.pairs, "pair"),
+            let pairs = if f.on_every_pair {
+                "every pair".to_owned()
+            } else {
+                counted(f.pairs, "pair")
             };
             format!("{} failed on {pairs}: {}", f.algorithm, f.reason)
         });

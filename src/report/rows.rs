@@ -573,9 +573,12 @@ fn metric_values<'a>(
     metrics: &'a MetricValues,
 ) -> impl Iterator<Item = ColumnValue<'a>> {
     let values = columns.iter().map(|own| (own.value(metrics), own.metric));
-    values.map(|(value, metric)| match metric.counts() {
-        true => ColumnValue::Whole(value.map(|n| n as u64)),
-        false => ColumnValue::Real(value),
+    values.map(|(value, metric)| {
+        if metric.counts() {
+            ColumnValue::Whole(value.map(|n| n as u64))
+        } else {
+            ColumnValue::Real(value)
+        }
     })
 }
 
@@ -593,12 +596,11 @@ fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) ->
     let column = |column: &'static MetricColumn| {
         let values = fields.iter().map(|field| column.value(field));
         let name = column.name.as_str().into();
-        match column.metric.counts() {
-            true => Column::new(
-                name,
-                values.map(|v| v.map(|n| n as u64)).collect::<Vec<_>>(),
-            ),
-            false => Column::new(name, values.collect::<Vec<_>>()),
+        if column.metric.counts() {
+            let counts = values.map(|v| v.map(|n| n as u64));
+            Column::new(name, counts.collect::<Vec<_>>())
+        } else {
+            Column::new(name, values.collect::<Vec<_>>())
         }
     };
     columns.iter().map(column).collect()

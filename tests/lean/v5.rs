@@ -339,8 +339,11 @@ fn a_plain_wall_is_not_far() {
     matcher
         .compute(pair, &MatchContext::default(), &mut output)
         .unwrap();
+    let mut plain = 0;
     for (_, cell) in output.grid.unwrap().iter() {
         assert_eq!(cell.state(), CellState::Unknown);
         assert!(cell.probability.is_none_or(|p| p < 0.9), "{cell:?}");
+        plain += usize::from(cell.reason == Some(Reason::Untextured));
     }
+    assert!(plain > 7, "{plain}");
 }

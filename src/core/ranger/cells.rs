@@ -17,8 +17,8 @@ pub struct RangedCell {
     /// Fraction of the cell's pixels that have a disparity, 0..=1.
     pub valid_share: f64,
     pub state: CellState,
-    /// Why the cell is unknown: [`Reason::Disagreement`], or the most frequent reason of its pixels.
-    /// [`Reason::Valid`] of a known one.
+    /// Why the cell is unknown: [`Reason::Disagreement`], or the most frequent reason of its
+    /// pixels. [`Reason::Valid`] of a known one.
     pub reason: Reason,
 }
 

@@ -174,6 +174,8 @@ mod tests {
         let at = |depth_m: f64| nearness.at(rig.disparity_px(depth_m) as f32);
         assert!((at(0.4) - 0.5).abs() < 1e-6 && (at(2.0) - 0.1).abs() < 1e-6);
         assert_eq!((at(0.1), nearness.at(0.0)), (1.0, 0.0));
+        // Nothing is near if all is at infinity.
+        assert_eq!(Nearness::new(5.0, -5.0).at(5.0), 0.0);
     }
 
     #[test]

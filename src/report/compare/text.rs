@@ -285,9 +285,10 @@ impl Comparison {
         let pairs = || self.algorithms.iter().map(|own| own.pairs);
         let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
         let things = if self.is_driven() { "course" } else { "pair" };
-        match fewest == most {
-            true => counted(most, things),
-            false => format!("{fewest} to {most} {things}s"),
+        if fewest == most {
+            counted(most, things)
+        } else {
+            format!("{fewest} to {most} {things}s")
         }
     }
 }

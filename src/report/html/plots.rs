@@ -306,9 +306,10 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
     let line = Series::new(&sweep.algorithm, SeriesStyle::Joined, points);
     let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
         // A label without settings is how the algorithm is called in the tables.
-        let value = match label.contains(':') {
-            true => (*value).clone(),
-            false => format!("{value}, {label}"),
+        let value = if label.contains(':') {
+            (*value).clone()
+        } else {
+            format!("{value}, {label}")
         };
         let first = format!("{}: {} = {value}", sweep.algorithm, sweep.parameter);
         match i {

@@ -12,9 +12,12 @@ impl Table {
             let words: Vec<_> = both.into_iter().filter(|word| !word.is_empty()).collect();
             escape(&words.join(": "))
         };
-        let rule = |i: &usize| match self.columns[*i].is_text {
-            true => "---",
-            false => "---:",
+        let rule = |i: &usize| {
+            if self.columns[*i].is_text {
+                "---"
+            } else {
+                "---:"
+            }
         };
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
         let mut text = line(shown.iter().map(head).collect());

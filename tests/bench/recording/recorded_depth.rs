@@ -303,7 +303,7 @@ fn published_results_have_the_cells_of_the_matcher() {
     assert_eq!(delay["images_ms"], serde_json::json!([1.234567, 1.234567]));
 }
 
-/// Infinity is an answer in depths, of any camera, and none in disparities; of a truth it is none.
+/// Infinity is an answer in the depths of any camera; in disparities and in a truth it is unknown.
 #[test]
 fn infinity_is_an_answer_of_depths_alone() {
     let fixture = Fixture::new();

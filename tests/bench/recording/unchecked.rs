@@ -212,3 +212,21 @@ fn any_change_costs_only_its_own_chunk() {
         check(&gone, at..at + 400, &format!("400 bytes at {at} gone"));
     }
 }
+
+/// The length is that of a schema inside a chunk, which no CRC covers.
+#[test]
+fn a_length_beyond_its_record_is_not_allocated() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = specimen(folder.path());
+    // Opcode, length, number: the name of the first schema follows.
+    let head = bytes.windows(11).position(|head| {
+        let length = u64::from_le_bytes(*head[1..].first_chunk().unwrap());
+        head[0] == mcap::records::op::SCHEMA && length < 1000 && head[9..] == [1, 0]
+    });
+    let name = head.unwrap() + 11;
+    bytes[name..name + 4].copy_from_slice(&0xFFFF_FFFE_u32.to_le_bytes());
+    let (summary, _) = judged(folder.path(), &bytes);
+    let reasons: Vec<_> = summary.losses.iter().map(|loss| &loss.reason).collect();
+    let is_named = |why: &&String| why.contains("a length in it is beyond it");
+    assert!(reasons.iter().any(is_named), "{reasons:?}");
+}
