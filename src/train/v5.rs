@@ -75,7 +75,7 @@ pub fn train_v5(
     model.facts = ModelFacts::from([("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
     let share = match &network {
         Some(network) => {
-            model.network = Some(network.weights.clone());
+            model.network = network.weights.clone();
             model.fitted = network.fitted.clone();
             model.facts.extend(network.facts.clone());
             TrainingPart::Tables

@@ -38,7 +38,7 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RecordedMap, RectifiedPair, Rgb, Rig,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, LevelCell, RecordedMap, RectifiedPair, Rgb, Rig,
     Truth, buffer,
 };
 use crate::timing::Clock;
@@ -163,8 +163,9 @@ pub struct MatchOutput {
     pub decided: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
-    /// Memory for the cells of a grid, and for the disparities of one cell.
+    /// Memory for the cells of a grid and their levels, and for the disparities of one cell.
     cells: Vec<Cell>,
+    levels: Vec<LevelCell>,
     keys: Vec<i32>,
 }
 
@@ -186,6 +187,7 @@ impl MatchOutput {
             decided: None,
             clock: Clock::start(),
             cells: Vec::new(),
+            levels: Vec::new(),
             keys: Vec::new(),
         }
     }
@@ -197,10 +199,13 @@ impl MatchOutput {
         self.clock = Clock::start();
     }
 
-    /// Buffer for the cells of a grid: that of the last grid, if there was one.
-    pub fn take_cells(&mut self) -> Vec<Cell> {
+    /// Buffers for the cells of a grid and their levels: those of the last grid, if there was one.
+    pub(crate) fn take_cells(&mut self) -> (Vec<Cell>, Vec<LevelCell>) {
         self.take_back_cells();
-        std::mem::take(&mut self.cells)
+        (
+            std::mem::take(&mut self.cells),
+            std::mem::take(&mut self.levels),
+        )
     }
 
     /// Makes the grid of the medians, unless the algorithm answered one. Allocates nothing after
@@ -223,7 +228,7 @@ impl MatchOutput {
 
     fn take_back_cells(&mut self) {
         if let Some(grid) = self.grid.take() {
-            self.cells = grid.into_cells();
+            (self.cells, self.levels) = grid.into_parts();
         }
     }
 }

@@ -95,7 +95,7 @@ pub fn pair_cells(
         let cell = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
             let found = cell.evidence.and_then(|evidence| {
                 let report = [evidence.report; 3];
-                Some((evidence, reported_depth(report, rig)?))
+                Some((evidence, reported_depth(report, cell.level, rig)?))
             });
             let (evidence, reported) = found.unzip();
             let report = evidence.map_or(0, |evidence| evidence.report);

@@ -81,14 +81,11 @@ pub(crate) struct Args {
 
 fn check_algorithm(algorithm: &Algorithm) -> anyhow::Result<()> {
     let parameters = algorithm.parameters();
-    let is_current = algorithm.spec().name == "v5"
-        && parameters.choice("revision") != "2"
-        && parameters.choice("target") == "median";
-    if is_current {
+    if algorithm.spec().name == "v5" && parameters.choice("target") == "median" {
         return Ok(());
     }
     let label = algorithm.label();
-    let words = format!("--algo {label}: only v5 is trained, without revision= and target=");
+    let words = format!("--algo {label}: only v5 is trained, without target=");
     Err(usage::wrong(words))
 }
 

@@ -1,6 +1,6 @@
 //! The file of a model: safetensors of the network's whole numbers, with the tables as metadata.
 
-use crate::depth::decision::VerdictTable;
+use crate::depth::decision::{LevelTables, VerdictTable};
 use crate::filter::{ModelFacts, safetensors_bytes};
 use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
 use crate::stereo::FittedTo;
@@ -9,10 +9,12 @@ use safetensors::{Dtype, SafeTensors};
 /// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct V5Model {
-    /// The network that weighs disparities for gaps, if there is one.
-    pub network: Option<GapWeights>,
-    /// The decision on the median of a cell.
+    /// The network that weighs disparities for gaps.
+    pub network: GapWeights,
+    /// The decision on the median of a cell, of images that are decided at their own size alone.
     pub median: VerdictTable,
+    /// Those of images that are decided at several sizes.
+    pub levels: LevelTables,
     /// The decision on its nearest quarter.
     pub near: VerdictTable,
     /// The runs that network and tables were fitted to.
@@ -25,9 +27,10 @@ pub struct V5Model {
 #[derive(Clone, Debug, PartialEq)]
 pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 
-/// Key and version of the format: hypotheses, features, layers, evidence and state of a cell.
+/// Key and version of the format: hypotheses, features, layers, evidence, levels and state of a
+/// cell.
 const KEY: &str = "v5";
-const VERSION: &str = "1";
+const VERSION: &str = "2";
 
 const CURE: &str = "`svl train v5` makes one";
 
@@ -61,11 +64,8 @@ impl GapWeights {
         GapNetwork::new(&self.0).expect("checked when the weights were made")
     }
 
-    /// The weights in a file; none if it has no tensors.
-    fn read(tensors: &SafeTensors<'_>) -> Result<Option<Self>, String> {
-        if tensors.is_empty() {
-            return Ok(None);
-        }
+    /// The weights in a file.
+    fn read(tensors: &SafeTensors<'_>) -> Result<Self, String> {
         let mut weights = Box::new([0; GAP_WEIGHTS]);
         let mut rest = &mut weights[..];
         for (name, shape) in GAP_TENSORS {
@@ -85,18 +85,17 @@ impl GapWeights {
             }
         }
         GapNetwork::new(&weights)?;
-        Ok(Some(Self(weights)))
+        Ok(Self(weights))
     }
 }
 
 impl V5Model {
-    /// The built-in models, by revision.
-    pub(super) const REVISION_2: &[u8] = include_bytes!("revision_2.safetensors");
-    pub(super) const REVISION_4: &[u8] = include_bytes!("revision_4.safetensors");
+    /// The file of the built-in model.
+    pub(super) const BUILT_IN: &[u8] = include_bytes!("model.safetensors");
 
-    /// The model of the current revision.
+    /// The built-in model.
     pub fn built_in() -> Self {
-        Self::from_bytes(Self::REVISION_4).expect("a test reads it")
+        Self::from_bytes(Self::BUILT_IN).expect("a test reads it")
     }
 
     /// Parses the bytes of a file.
@@ -137,6 +136,11 @@ impl V5Model {
             Ok(table)
         };
         let (median, near) = (table("median", 50)?, table("near", 75)?);
+        let levels = LevelTables {
+            finest: table("finest", 50)?,
+            middle: table("middle", 50)?,
+            coarsest: table("coarsest", 50)?,
+        };
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));
         }
@@ -146,6 +150,7 @@ impl V5Model {
         Ok(Self {
             network,
             median,
+            levels,
             near,
             fitted,
             facts,
@@ -159,14 +164,13 @@ impl V5Model {
         facts.extend([
             (KEY.to_owned(), VERSION.to_owned()),
             ("median".to_owned(), self.median.to_json()),
+            ("finest".to_owned(), self.levels.finest.to_json()),
+            ("middle".to_owned(), self.levels.middle.to_json()),
+            ("coarsest".to_owned(), self.levels.coarsest.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
-        let mut rest = self
-            .network
-            .as_ref()
-            .map_or(&[][..], |weights| &weights.0[..]);
-        let tensors = GAP_TENSORS.iter().filter(|_| self.network.is_some());
-        let tensors = tensors.map(|(name, shape)| {
+        let mut rest = &self.network.0[..];
+        let tensors = GAP_TENSORS.iter().map(|(name, shape)| {
             let (tensor, others) = rest.split_at(shape[0] * shape[1]);
             rest = others;
             let bytes = tensor.iter().flat_map(|w| w.to_le_bytes()).collect();
