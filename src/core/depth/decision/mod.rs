@@ -33,8 +33,7 @@ pub const BINS_PER_PX: i32 = 8;
 pub struct SafeChoice {
     /// For images that are decided at their own size alone.
     pub table: VerdictTable,
-    /// For those that are decided at several: the finest size, the coarsest, and those between;
-    /// `None` if none are.
+    /// For those that are decided at several, and for small cells; `None` if none are.
     pub levels: Option<Box<LevelTables>>,
     /// The second decision, on unknown cells: whether something near is in them.
     pub near: Option<VerdictTable>,
@@ -44,16 +43,18 @@ pub struct SafeChoice {
     pub fitted: FittedTo,
 }
 
-/// The decisions on the cells of images of several sizes.
+/// The decisions on the cells of images that are decided at several sizes, and on small cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelTables {
     pub finest: VerdictTable,
     pub middle: VerdictTable,
     pub coarsest: VerdictTable,
+    /// For cells of few pixels, at any size.
+    pub small: VerdictTable,
 }
 
 impl LevelTables {
-    /// The table of a level, of that many.
+    /// The table of a level, of several, for cells that are not small.
     pub fn of(&self, level: usize, levels: usize) -> &VerdictTable {
         if level + 1 == levels {
             &self.coarsest

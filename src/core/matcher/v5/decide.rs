@@ -1,6 +1,6 @@
 //! The decision on the cells of a pair, from the votes at each of its levels.
 
-use super::levels::Levels;
+use super::levels::{Levels, has_small_cells, places};
 use super::past::PairKey;
 use crate::depth::decision::{
     BINS_PER_PX, CellPast, CellPixels, LevelRule, Past, SafeChoice, Tolerance, VerdictTable, cell,
@@ -10,9 +10,10 @@ use crate::matcher::MatchContext;
 use crate::stereo::{Cell, CellRule, LevelCell, LevelVerdict};
 use rayon::prelude::*;
 
-/// Rules below which cells are outside of the fit of the tables.
+/// Rules and lattice places of a cell below which cells are outside of the fit of the tables.
 const FITTED_M: f64 = 0.1;
 const FITTED_PERCENT: f64 = 20.0;
+const FITTED_PLACES: usize = 8;
 
 /// The decision on the cells of a pair.
 struct Deciding<'a> {
@@ -50,16 +51,19 @@ impl Levels {
         decisions.clear();
         decisions.resize(cells.len() * count, LevelCell::NOTHING);
         let all = numbers.end;
+        let is_small = has_small_cells(self.plan.size, cells.len());
         let table = |level| match &choice.levels {
+            Some(tables) if is_small => &tables.small,
             Some(tables) if all > 1 => tables.of(level, all),
             _ => &choice.table,
         };
+        let is_outside = is_narrow(rule) || places(self.plan.size, cells.len()) < FITTED_PLACES;
         let deciding = Deciding {
             choice,
             rule: LevelRule {
                 tolerances: tolerances.iter().collect(),
                 ranges: numbers.clone().map(|level| self.range(level) as i64).collect(),
-                is_outside: choice.levels.is_some() && (self.has_small_cells() || is_narrow(rule)),
+                is_outside: is_outside && choice.levels.is_some(),
                 rig: rig.as_ref(),
             },
             tables: numbers.map(table).collect(),

@@ -18,8 +18,11 @@ const MAX_COARSEST: usize = 400;
 /// Least range of a coarser level, pixels of it.
 const MIN_RANGE: usize = 80;
 
-/// Votes of a cell of which more lattice places say no more.
+/// Lattice places of a cell of which more say no more.
 const MIN_PLACES: usize = 100;
+
+/// Hypotheses of the coarsest level this close to a pixel's best agree with it, bins.
+const AGREEING_BINS: u16 = 12;
 
 /// Columns and rows of a half image of which the lattice of a level has one, as powers of two, at
 /// least: neighbouring rows say nearly the same.
@@ -95,8 +98,11 @@ impl Levels {
         if last.0 >= 2 && last.1 >= 2 {
             matched.push(MatchLevel::new(half(&last), (count - 1) / 2 + 1)?);
         }
-        for size in sizes[finest..].iter().take(matched.len() - 1) {
-            gaps.push(Gaps::new(half(size), lattice(&plan, half(size), sizes.len() == 1))?);
+        for (level, size) in sizes.iter().enumerate().skip(finest).take(matched.len() - 1) {
+            let steps = lattice(&plan, half(size), sizes.len() == 1);
+            // The same part of the image at each level.
+            let agreeing_bins = AGREEING_BINS << (sizes.len() - 1 - level);
+            gaps.push(Gaps::new(half(size), steps, agreeing_bins)?);
         }
         Ok(Self {
             plan,
@@ -129,15 +135,6 @@ impl Levels {
     pub(super) fn computed(&self) -> impl Iterator<Item = (&MatchLevel, Option<&Gaps>)> {
         let gaps = self.gaps.iter().map(Some).chain(std::iter::repeat(None));
         self.matched[..self.computed].iter().zip(gaps)
-    }
-
-    /// True if a level's cells at most that number of lattice places say less than those of the
-    /// fit.
-    pub(super) fn has_small_cells(&self) -> bool {
-        let (width, height) = self.plan.size;
-        let [columns, rows] = LATTICE;
-        let places = (width / 2).div_ceil(1 << columns) * (height / 2).div_ceil(1 << rows);
-        places / self.plan.cells < MIN_PLACES
     }
 
     /// Writes the disparities of the finest computed level.
@@ -196,6 +193,18 @@ impl Levels {
         let gaps = self.gaps.first_mut()?;
         Some(([&self.matched[0], &self.matched[1]], gaps))
     }
+}
+
+/// True if the cells of pairs of `size` have fewer lattice places than those that most tables were
+/// fitted to.
+pub fn has_small_cells(size: (usize, usize), cells: usize) -> bool {
+    places(size, cells) < MIN_PLACES
+}
+
+/// Lattice places of a cell of pairs of `size`, at least.
+pub(super) fn places((width, height): (usize, usize), cells: usize) -> usize {
+    let [columns, rows] = LATTICE;
+    (width / 2).div_ceil(1 << columns) * (height / 2).div_ceil(1 << rows) / cells
 }
 
 fn range(max_disparity: usize, level: usize) -> usize {

@@ -27,6 +27,7 @@ use level::MatchSettings;
 use levels::{LevelPlan, Levels};
 use past::CellPasts;
 
+pub use levels::has_small_cells;
 pub use model::{GapWeights, V5Model};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -217,11 +218,13 @@ fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
             finest,
             middle,
             coarsest,
+            small,
         } = model.levels;
         let levels = LevelTables {
             finest: known(finest),
             middle: known(middle),
             coarsest: known(coarsest),
+            small: known(small),
         };
         (model.median, Some(Box::new(levels)), Some(model.near))
     } else {

@@ -140,6 +140,7 @@ impl V5Model {
             finest: table("finest", 50)?,
             middle: table("middle", 50)?,
             coarsest: table("coarsest", 50)?,
+            small: table("small", 50)?,
         };
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));
@@ -167,6 +168,7 @@ impl V5Model {
             ("finest".to_owned(), self.levels.finest.to_json()),
             ("middle".to_owned(), self.levels.middle.to_json()),
             ("coarsest".to_owned(), self.levels.coarsest.to_json()),
+            ("small".to_owned(), self.levels.small.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
         let mut rest = &self.network.0[..];

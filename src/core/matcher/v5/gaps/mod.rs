@@ -16,9 +16,6 @@ use std::ops::Range;
 /// Votes of a pixel that keeps its own disparity.
 const ALL: u8 = 64;
 
-/// Hypotheses this close to a pixel's best agree with it, bins.
-const MAX_AGREEING_BINS: u16 = 12;
-
 /// Rows of the lattice that one task weighs.
 const BAND: usize = 4;
 
@@ -36,6 +33,8 @@ pub(super) struct PixelVotes {
 pub(super) struct Gaps {
     /// Columns and rows of the half image of which the lattice has one, as powers of two.
     steps: [u32; 2],
+    /// Hypotheses this close to a pixel's best agree with it, bins.
+    agreeing_bins: u16,
     quality: Vec<Quality>,
     /// The nearest seen pixels of the lattice's, by row and by column.
     along_rows: Vec<NearestSeen>,
@@ -54,8 +53,9 @@ fn places(range: &Range<usize>, step: u32) -> Range<usize> {
 }
 
 impl Gaps {
-    /// For half images of `size`, at least 2 x 2, and a lattice of those steps.
-    pub(super) fn new(size: (usize, usize), steps: [u32; 2]) -> Result<Self> {
+    /// For half images of `size`, at least 2 x 2, and a lattice of those steps; hypotheses within
+    /// `agreeing_bins` of a pixel's best agree with it.
+    pub(super) fn new(size: (usize, usize), steps: [u32; 2], agreeing_bins: u16) -> Result<Self> {
         let (width, height) = (size.0.div_ceil(1 << steps[0]), size.1.div_ceil(1 << steps[1]));
         let none = PixelVotes {
             bins: [0; HYPOTHESES],
@@ -65,6 +65,7 @@ impl Gaps {
         let pixels = width * height;
         Ok(Self {
             steps,
+            agreeing_bins,
             quality: buffer(Quality::default(), size.0 * size.1)?,
             along_rows: buffer(NearestSeen::default(), pixels)?,
             along_columns: buffer(NearestSeen::default(), pixels)?,
@@ -109,6 +110,7 @@ impl Gaps {
 
     /// Weighs the hypotheses of all pixels, measured before.
     pub(super) fn weigh(&mut self, isa: Isa, levels: [&MatchLevel; 2], network: &GapNetwork) {
+        let agreeing_bins = self.agreeing_bins;
         let (measured, votes, bands) = self.parts(levels);
         let pixels = BAND * measured.lattice.0;
         let bands = votes.par_chunks_mut(pixels).zip(bands);
@@ -124,7 +126,7 @@ impl Gaps {
                     GapStep::Block(candidates, places) => {
                         weigh_hypotheses(isa, network, candidates, &mut block_votes);
                         for (lane, place) in places.iter().enumerate() {
-                            out[place - first] = PixelVotes::new(candidates, &block_votes, lane);
+                            out[place - first] = PixelVotes::new(candidates, &block_votes, lane, agreeing_bins);
                         }
                     }
                 },
@@ -203,7 +205,12 @@ impl PixelVotes {
         }
     }
 
-    fn new(candidates: &GapCandidates, votes: &GapVotes, lane: usize) -> Self {
+    fn new(
+        candidates: &GapCandidates,
+        votes: &GapVotes,
+        lane: usize,
+        agreeing_bins: u16,
+    ) -> Self {
         let bins: [i16; HYPOTHESES] = std::array::from_fn(|k| candidates.bin[k][lane] as i16);
         let votes = votes.map(|lanes| lanes[lane]);
         let mut best = 0;
@@ -212,7 +219,7 @@ impl PixelVotes {
                 best = k;
             }
         }
-        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= MAX_AGREEING_BINS);
+        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= agreeing_bins);
         Self {
             bins,
             votes,
