@@ -75,6 +75,12 @@ pub trait Matcher: Send {
     /// Forgets all earlier pairs.
     fn reset(&mut self) {}
 
+    /// Remark on the pairs so far, in one line.
+    #[doc(hidden)]
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
         1

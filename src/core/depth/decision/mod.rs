@@ -53,15 +53,15 @@ pub struct LevelTables {
     pub small: VerdictTable,
 }
 
-impl LevelTables {
-    /// The table of a level, of several, for cells that are not small.
-    pub fn of(&self, level: usize, levels: usize) -> &VerdictTable {
-        if level + 1 == levels {
-            &self.coarsest
-        } else if level == 0 {
-            &self.finest
-        } else {
-            &self.middle
+impl SafeChoice {
+    /// The table of a level, of that many, for small cells or others.
+    pub fn table(&self, level: usize, levels: usize, is_small: bool) -> &VerdictTable {
+        match &self.levels {
+            Some(tables) if is_small => &tables.small,
+            Some(tables) if levels > 1 && level + 1 == levels => &tables.coarsest,
+            Some(tables) if levels > 1 && level == 0 => &tables.finest,
+            Some(tables) if levels > 1 => &tables.middle,
+            _ => &self.table,
         }
     }
 }

@@ -52,11 +52,6 @@ impl Levels {
         decisions.resize(cells.len() * count, LevelCell::NOTHING);
         let all = numbers.end;
         let is_small = has_small_cells(self.plan.size, cells.len());
-        let table = |level| match &choice.levels {
-            Some(tables) if is_small => &tables.small,
-            Some(tables) if all > 1 => tables.of(level, all),
-            _ => &choice.table,
-        };
         let is_outside = is_narrow(rule) || places(self.plan.size, cells.len()) < FITTED_PLACES;
         let deciding = Deciding {
             choice,
@@ -66,7 +61,7 @@ impl Levels {
                 is_outside: is_outside && choice.levels.is_some(),
                 rig: rig.as_ref(),
             },
-            tables: numbers.map(table).collect(),
+            tables: numbers.map(|level| choice.table(level, all, is_small)).collect(),
             coarsest: (all - 1) as u8,
             near_m: context.cells.obstacle_and_clear_m(),
             stamp_ns: context.stamp_ns,

@@ -21,7 +21,7 @@ use super::{
 use crate::depth::decision::{LevelTables, SafeChoice, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{GapCandidates, GapNetwork, Isa, WinnerTest};
-use crate::stereo::{Cell, DepthGrid, ExtraPlanes, GridShape, Reason, RectifiedPair};
+use crate::stereo::{Cell, DepthGrid, ExtraPlanes, GridShape, LevelCell, LevelVerdict, Reason, RectifiedPair};
 use crate::timing::Stage;
 use level::MatchSettings;
 use levels::{LevelPlan, Levels};
@@ -142,6 +142,9 @@ struct V5 {
     network: GapNetwork,
     /// Memory for pairs of one size; none for one that cannot be halved.
     levels: Option<Levels>,
+    /// Cells so far, and those that are unknown because they are outside of the fit.
+    cells: u64,
+    outside: u64,
 }
 
 impl V5 {
@@ -173,6 +176,8 @@ impl V5 {
             network: model.network.network(),
             choice: choice_of(model, parameters),
             levels: None,
+            cells: 0,
+            outside: 0,
         })
     }
 
@@ -266,6 +271,12 @@ impl Matcher for V5 {
                 levels.weigh(settings.isa, &self.network);
                 levels.write(&mut output.disparity);
                 levels.decide(&self.choice, context, &mut cells, &mut decisions);
+                let is_outside = |decision: &&LevelCell| {
+                    decision.level == 0 && decision.verdict == LevelVerdict::Span
+                };
+                let outside = decisions.iter().filter(is_outside).count();
+                self.cells += cells.len() as u64;
+                self.outside += outside as u64;
             }
         }
         output.grid = Some(DepthGrid::new(shape, cells)?.with_levels(decisions));
@@ -275,6 +286,17 @@ impl Matcher for V5 {
 
     fn has_run_memory(&self) -> bool {
         self.choice.table.time.is_some()
+    }
+
+    fn remark(&self) -> Option<String> {
+        let share = 100.0 * self.outside as f64 / self.cells.max(1) as f64;
+        (self.outside > 0).then(|| {
+            format!(
+                "v5 was fitted to a tolerance of 20 % and 0.1 m, and to cells as large as those \
+                 of 24x12 at 320 px: {share:.0} % of the cells cannot be decided at the image's \
+                 size, as the tolerance there is finer than a pixel can tell"
+            )
+        })
     }
 
     fn reset(&mut self) {
