@@ -1,8 +1,7 @@
 //! Cells of scenarios that the tables of v5 are learned from.
 
 use crate::fit::{
-    CellFit, CellSample, CellSequence, CellTarget, PairCell, PairCells, fit_cells,
-    pair_cells,
+    CellFit, CellSample, CellSequence, CellTarget, PairCell, PairCells, fit_cells, pair_cells,
 };
 use std::path::Path;
 use svl_bench::console::{Console, Watch};
@@ -296,7 +295,9 @@ impl LearnedCells {
                 };
                 let decides = sample.is_some_and(|sample| {
                     let score = |evidence| level_role.table(model).score(&evidence);
-                    sample.evidence.is_some_and(|evidence| score(evidence) >= DECIDES)
+                    sample
+                        .evidence
+                        .is_some_and(|evidence| score(evidence) >= DECIDES)
                 });
                 // Reports of one size alone show how many cells there are, too.
                 let sample = sample.filter(|sample| levels == 1 || sample.is_reportable());

@@ -73,11 +73,13 @@ pub fn train_v5(
     let mut model = base;
     // The tables are fitted to pairs alone.
     let time = model.median.time.take();
-    let least_with_past = time.as_ref().map_or(model.median.least_score, |time| time.least_score);
+    let least_with_past = time
+        .as_ref()
+        .map_or(model.median.least_score, |time| time.least_score);
     model.facts = ModelFacts::from([("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
     let share = match &network {
         Some(network) => {
-            model.network = network.weights.clone();
+            model.network = Some(network.weights.clone());
             model.fitted = network.fitted.clone();
             model.facts.extend(network.facts.clone());
             TrainingPart::Tables
@@ -122,7 +124,9 @@ pub fn train_v5(
         let none = || Error::Invalid("no cell has a truth and a report".to_owned());
         return Err(refusal.unwrap_or_else(none));
     }
-    let near = learned.fit_near(&model.near, step).ok_or(Error::Interrupted)?;
+    let near = learned
+        .fit_near(&model.near, step)
+        .ok_or(Error::Interrupted)?;
     drop(bar);
     let least = model.near.least_score;
     let near = near.map(|(fit, samples)| {
@@ -132,14 +136,20 @@ pub fn train_v5(
     model.fitted = model.fitted.and(&learned.fitted_to());
     let single = tables.iter().any(|table| table.table == TableRole::Single);
     let least = least_with_past;
-    let fit = single.then(|| fit_time(&learned.runs, &model.median, least)).flatten();
+    let fit = single
+        .then(|| fit_time(&learned.runs, &model.median, least))
+        .flatten();
     // Cells with a past are held to more only if it says something.
     let is_empty = |table: &TimeTable| {
         let steps = [&table.agrees, &table.farther, &table.nearer];
         steps.iter().all(|steps| steps.0.is_empty())
     };
     let own = fit.as_ref().map(|fit| fit.table.clone());
-    model.median.time = if single { own.filter(|table| !is_empty(table)) } else { time };
+    model.median.time = if single {
+        own.filter(|table| !is_empty(table))
+    } else {
+        time
+    };
     // What earlier reports say does not depend on the size.
     for role in &TableRole::ALL[1..] {
         let time = model.median.time.clone();

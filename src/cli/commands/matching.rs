@@ -16,11 +16,11 @@ use svl::outputs::Outputs;
 use svl::recording::CellReport;
 use svl::rectify::Rectifier;
 use svl::runs::refuse_recorded;
-use svl::stereo::{LevelCell, LevelVerdict};
 use svl::stereo::{
     Cell, CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
     StereoPair,
 };
+use svl::stereo::{LevelCell, LevelVerdict};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 

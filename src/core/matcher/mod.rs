@@ -38,8 +38,8 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, LevelCell, RecordedMap, RectifiedPair, Rgb, Rig,
-    Truth, buffer,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, LevelCell, RecordedMap,
+    RectifiedPair, Rgb, Rig, Truth, buffer,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;

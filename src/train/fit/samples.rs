@@ -128,9 +128,7 @@ pub fn pair_cells(
         let grid = &scored.estimate.grid;
         let cells = grid.iter().zip(grid.levels()).enumerate();
         let cells: Vec<_> = cells
-            .flat_map(|(i, ((_, cell), levels))| {
-                levels.iter().map(move |level| (i, cell, level))
-            })
+            .flat_map(|(i, ((_, cell), levels))| levels.iter().map(move |level| (i, cell, level)))
             .map(|(i, cell, level)| decision(i, cell, level))
             .collect();
         PairCells {

@@ -126,7 +126,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let manifest = Manifest::new("train v5", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     write(&args.output, trained.model.to_bytes())?;
-    write(&page, CellTraining::page(&training.tables, manifest.entries())?)?;
+    write(
+        &page,
+        CellTraining::page(&training.tables, manifest.entries())?,
+    )?;
     outputs.commit();
     if args.json {
         print_json(training)

@@ -3,8 +3,7 @@
 use super::levels::{Levels, has_small_cells, places};
 use super::past::PairKey;
 use crate::depth::decision::{
-    BINS_PER_PX, CellPast, CellPixels, LevelRule, Past, SafeChoice, Tolerance, VerdictTable, cell,
-    probability,
+    BINS_PER_PX, CellPast, CellPixels, LevelRule, Past, SafeChoice, Tolerance, cell, probability,
 };
 use crate::matcher::MatchContext;
 use crate::stereo::{Cell, CellRule, LevelCell, LevelVerdict};
@@ -19,9 +18,9 @@ const FITTED_PLACES: usize = 8;
 struct Deciding<'a> {
     choice: &'a SafeChoice,
     rule: LevelRule<'a>,
-    /// Of each level that is computed.
-    tables: Vec<&'a VerdictTable>,
-    coarsest: u8,
+    is_small: bool,
+    /// Number of levels, computed or not.
+    count: usize,
     /// `obstacle_m` and `clear_m` of the rule.
     near_m: (f64, f64),
     stamp_ns: Option<u64>,
@@ -56,17 +55,19 @@ impl Levels {
         let deciding = Deciding {
             choice,
             rule: LevelRule {
-                tolerances: tolerances.iter().collect(),
-                ranges: numbers.clone().map(|level| self.range(level) as i64).collect(),
+                tolerances,
+                ranges: &self.ranges,
                 is_outside: is_outside && choice.levels.is_some(),
                 rig: rig.as_ref(),
             },
-            tables: numbers.map(|level| choice.table(level, all, is_small)).collect(),
-            coarsest: (all - 1) as u8,
+            is_small,
+            count: all,
             near_m: context.cells.obstacle_and_clear_m(),
             stamp_ns: context.stamp_ns,
         };
-        let states = before.par_chunks_exact(count).zip(after.par_chunks_exact_mut(count));
+        let states = before
+            .par_chunks_exact(count)
+            .zip(after.par_chunks_exact_mut(count));
         let cells = cells.par_iter_mut().zip(&mut pixels);
         let cells = cells.zip(decisions.par_chunks_exact_mut(count)).zip(states);
         cells
@@ -86,8 +87,10 @@ impl Levels {
             let of_level = |level: usize| {
                 let halves = 0..level;
                 let rule = halves.clone().fold(rule, |rule, _| rule.halved());
-                let rig = context.rig.map(|rig| halves.fold(rig, |rig, _| rig.halved()));
-                let bins = 16 * (self.range(level) / 2 + 1);
+                let rig = context
+                    .rig
+                    .map(|rig| halves.fold(rig, |rig, _| rig.halved()));
+                let bins = 16 * (self.ranges[level - self.finest()] as usize / 2 + 1);
                 Tolerance::new(rule, rig.as_ref(), choice.allowance_px, bins)
             };
             (rule, context.rig, self.numbers().map(of_level).collect())
@@ -95,7 +98,13 @@ impl Levels {
     }
 
     /// Collects the pixels of a cell at a level; false if nothing was seen there, or it has none.
-    fn collect(&self, context: &MatchContext, i: usize, level: usize, pixels: &mut CellPixels) -> bool {
+    fn collect(
+        &self,
+        context: &MatchContext,
+        i: usize,
+        level: usize,
+        pixels: &mut CellPixels,
+    ) -> bool {
         let shape = context.grid.shape();
         let Some((half, gaps)) = self.computed().nth(level) else {
             return false;
@@ -148,10 +157,9 @@ impl Deciding<'_> {
             }
             after[level] = self.decide(level, pixels, decision, &before[level]);
         }
-        let chosen = if numbers.end == 1 && !self.rule.is_outside {
-            Some(0)
-        } else {
-            self.rule.choose(decisions)
+        let chosen = match &mut *decisions {
+            [only] if numbers.end == 1 => self.rule.reports_alone(only).then_some(0),
+            levels => self.rule.choose(levels),
         };
         let mut cell = self.chosen(decisions, chosen);
         cell.valid_share = valid_share;
@@ -170,7 +178,9 @@ impl Deciding<'_> {
         decision: &mut LevelCell,
         before: &CellPast,
     ) -> CellPast {
-        let (table, tolerance) = (self.tables[level], self.rule.tolerances[level]);
+        let number = decision.level.into();
+        let table = self.choice.table(number, self.count, self.is_small);
+        let tolerance = &self.rule.tolerances[level];
         let evidence = table.evidence(pixels, tolerance);
         let own = table.score(&evidence);
         decision.percentiles = pixels.percentiles();
@@ -201,7 +211,13 @@ impl Deciding<'_> {
         let score = decision.scores[1];
         let is_known = chosen.is_some() && score >= decision.least_score;
         let score = (score, is_known);
-        let cell = cell(evidence, decision.percentiles, score, decision.level, self.rule.rig);
+        let cell = cell(
+            evidence,
+            decision.percentiles,
+            score,
+            decision.level,
+            self.rule.rig,
+        );
         let is_refused = chosen.is_none() && decision.verdict != LevelVerdict::NoReport;
         Cell {
             // A report that failed a test of its level is not one that may be right.
@@ -213,8 +229,12 @@ impl Deciding<'_> {
     /// The probability that something is nearer than `obstacle_m`, if it is high enough, by the
     /// pixels of the coarsest level.
     fn near(&self, pixels: &CellPixels) -> Option<f64> {
-        let table = self.choice.near.as_ref().filter(|_| self.rule.rig.is_some())?;
-        let (tolerance, level) = (self.rule.tolerances.last()?, self.coarsest);
+        let table = self
+            .choice
+            .near
+            .as_ref()
+            .filter(|_| self.rule.rig.is_some())?;
+        let (tolerance, level) = (self.rule.tolerances.last()?, (self.count - 1) as u8);
         let evidence = table.evidence(pixels, tolerance);
         let score = table.score(&evidence);
         let is_near =

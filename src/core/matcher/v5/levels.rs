@@ -40,6 +40,8 @@ pub(super) struct LevelPlan {
     pub(super) width: usize,
     /// False for the pair's size alone.
     pub(super) halves: bool,
+    /// False without a network.
+    pub(super) has_gaps: bool,
 }
 
 /// Memory for pairs of one plan.
@@ -53,6 +55,8 @@ pub(super) struct Levels {
     /// Of each computed level, but of the last one only if its half image can be halved.
     gaps: Vec<Gaps>,
     computed: usize,
+    /// Greatest disparity of each computed level, pixels of it.
+    pub(super) ranges: Vec<i64>,
     pub(super) past: CellPasts,
     /// The tolerances of the levels, and the rule and rig that they are of.
     pub(super) tolerances: Option<(CellRule, Option<Rig>, Vec<Tolerance>)>,
@@ -82,7 +86,11 @@ impl Levels {
     pub(super) fn new(plan: LevelPlan) -> Result<Self> {
         let sizes = sizes(&plan);
         let is_wider = |&&(width, _): &&(usize, usize)| plan.width > 0 && width > plan.width;
-        let finest = sizes.iter().take_while(is_wider).count().min(sizes.len() - 1);
+        let finest = sizes
+            .iter()
+            .take_while(is_wider)
+            .count()
+            .min(sizes.len() - 1);
         let half = |&(width, height): &(usize, usize)| (width / 2, height / 2);
         let image = |size| HalfImage::new(size, 0);
         let skipped = sizes[..finest].iter().map(half);
@@ -95,10 +103,11 @@ impl Levels {
             matched.push(MatchLevel::new(half(size), count)?);
         }
         let last = half(&sizes[sizes.len() - 1]);
-        if last.0 >= 2 && last.1 >= 2 {
+        if plan.has_gaps && last.0 >= 2 && last.1 >= 2 {
             matched.push(MatchLevel::new(half(&last), (count - 1) / 2 + 1)?);
         }
-        for (level, size) in sizes.iter().enumerate().skip(finest).take(matched.len() - 1) {
+        let gapped = if plan.has_gaps { matched.len() - 1 } else { 0 };
+        for (level, size) in sizes.iter().enumerate().skip(finest).take(gapped) {
             let steps = lattice(&plan, half(size), sizes.len() == 1);
             // The same part of the image at each level.
             let agreeing_bins = AGREEING_BINS << (sizes.len() - 1 - level);
@@ -110,6 +119,9 @@ impl Levels {
             matched,
             gaps,
             computed: sizes.len() - finest,
+            ranges: (finest..sizes.len())
+                .map(|level| range(plan.max_disparity, level) as i64)
+                .collect(),
             past: CellPasts::default(),
             tolerances: None,
             pixels: Vec::new(),
@@ -124,11 +136,6 @@ impl Levels {
     /// Numbers of the levels that are computed.
     pub(super) fn numbers(&self) -> Range<usize> {
         self.finest()..self.finest() + self.computed
-    }
-
-    /// Greatest disparity of a level, pixels of it.
-    pub(super) fn range(&self, level: usize) -> usize {
-        range(self.plan.max_disparity, level)
     }
 
     /// The matching of each computed level, with its gaps.
@@ -170,7 +177,9 @@ impl Levels {
             wider = Some(&matched.images);
         }
         lap(Stage::Smoothing);
-        self.matched.iter_mut().for_each(|matched| matched.choose(settings));
+        self.matched
+            .iter_mut()
+            .for_each(|matched| matched.choose(settings));
         lap(Stage::Matching);
         for matched in &mut self.matched[..self.computed] {
             matched.map.fill(settings.jump);
@@ -182,7 +191,12 @@ impl Levels {
 
     /// Weighs the hypotheses of the gaps, measured before.
     pub(super) fn weigh(&mut self, isa: Isa, network: &GapNetwork) {
-        for ((gaps, half), quarter) in self.gaps.iter_mut().zip(&self.matched).zip(&self.matched[1..]) {
+        for ((gaps, half), quarter) in self
+            .gaps
+            .iter_mut()
+            .zip(&self.matched)
+            .zip(&self.matched[1..])
+        {
             gaps.weigh(isa, [half, quarter], network);
         }
     }

@@ -21,7 +21,9 @@ use super::{
 use crate::depth::decision::{LevelTables, SafeChoice, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{GapCandidates, GapNetwork, Isa, WinnerTest};
-use crate::stereo::{Cell, DepthGrid, ExtraPlanes, GridShape, LevelCell, LevelVerdict, Reason, RectifiedPair};
+use crate::stereo::{
+    Cell, DepthGrid, ExtraPlanes, GridShape, LevelCell, LevelVerdict, Reason, RectifiedPair,
+};
 use crate::timing::Stage;
 use level::MatchSettings;
 use levels::{LevelPlan, Levels};
@@ -139,7 +141,7 @@ struct V5 {
     /// Widest size that is matched.
     width: usize,
     choice: SafeChoice,
-    network: GapNetwork,
+    network: Option<GapNetwork>,
     /// Memory for pairs of one size; none for one that cannot be halved.
     levels: Option<Levels>,
     /// Cells so far, and those that are unknown because they are outside of the fit.
@@ -173,7 +175,7 @@ impl V5 {
             },
             max_disparity: parameters.int("max_disparity") as usize,
             width: parameters.int("width") as usize,
-            network: model.network.network(),
+            network: model.network.as_ref().map(GapWeights::network),
             choice: choice_of(model, parameters),
             levels: None,
             cells: 0,
@@ -189,6 +191,7 @@ impl V5 {
             max_disparity: self.max_disparity,
             width: self.width,
             halves: self.choice.levels.is_some(),
+            has_gaps: self.network.is_some(),
         };
         // Freed before the new memory is allocated, so that both sizes are never held at once.
         self.levels.take_if(|levels| levels.plan != plan);
@@ -268,7 +271,9 @@ impl Matcher for V5 {
             if let Some(levels) = &mut self.levels {
                 let settings = &self.settings;
                 levels.follow(settings, pair, &mut |stage| output.clock.lap(stage));
-                levels.weigh(settings.isa, &self.network);
+                if let Some(network) = &self.network {
+                    levels.weigh(settings.isa, network);
+                }
                 levels.write(&mut output.disparity);
                 levels.decide(&self.choice, context, &mut cells, &mut decisions);
                 let is_outside = |decision: &&LevelCell| {

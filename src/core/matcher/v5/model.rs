@@ -9,8 +9,8 @@ use safetensors::{Dtype, SafeTensors};
 /// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct V5Model {
-    /// The network that weighs disparities for gaps.
-    pub network: GapWeights,
+    /// The network that weighs disparities for gaps; without one they are filled along rows.
+    pub network: Option<GapWeights>,
     /// The decision on the median of a cell, of images that are decided at their own size alone.
     pub median: VerdictTable,
     /// Those of images that are decided at several sizes.
@@ -64,8 +64,11 @@ impl GapWeights {
         GapNetwork::new(&self.0).expect("checked when the weights were made")
     }
 
-    /// The weights in a file.
-    fn read(tensors: &SafeTensors<'_>) -> Result<Self, String> {
+    /// The weights in a file; none if it has no tensors.
+    fn read(tensors: &SafeTensors<'_>) -> Result<Option<Self>, String> {
+        if tensors.is_empty() {
+            return Ok(None);
+        }
         let mut weights = Box::new([0; GAP_WEIGHTS]);
         let mut rest = &mut weights[..];
         for (name, shape) in GAP_TENSORS {
@@ -85,7 +88,7 @@ impl GapWeights {
             }
         }
         GapNetwork::new(&weights)?;
-        Ok(Self(weights))
+        Ok(Some(Self(weights)))
     }
 }
 
@@ -171,8 +174,10 @@ impl V5Model {
             ("small".to_owned(), self.levels.small.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
-        let mut rest = &self.network.0[..];
-        let tensors = GAP_TENSORS.iter().map(|(name, shape)| {
+        let network = self.network.as_ref();
+        let mut rest = network.map_or(&[][..], |weights| &weights.0[..]);
+        let tensors = GAP_TENSORS.iter().filter(|_| network.is_some());
+        let tensors = tensors.map(|(name, shape)| {
             let (tensor, others) = rest.split_at(shape[0] * shape[1]);
             rest = others;
             let bytes = tensor.iter().flat_map(|w| w.to_le_bytes()).collect();

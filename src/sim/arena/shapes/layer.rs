@@ -153,7 +153,10 @@ impl Layer {
             disparity_px: disparity_px.min(0.8 * NEAREST * w),
             slope: (dice.between(-0.03, 0.03), dice.between(-0.03, 0.03)),
             middle_px: (w * dice.between(0.2, 0.8), h * dice.between(0.2, 0.8)),
-            half_px: (0.5 * (squares + 1.0) * square_px, 0.5 * (rows + 1.0) * square_px),
+            half_px: (
+                0.5 * (squares + 1.0) * square_px,
+                0.5 * (rows + 1.0) * square_px,
+            ),
             turn: ((1.0 - sin * sin).sqrt(), sin),
             limits_px: (FARTHEST * w, NEAREST * w),
             tones: LayerTones::draw((width, height), dice),
@@ -163,7 +166,10 @@ impl Layer {
         let shift = board.tones.shift;
         let columns = board.tones.width;
         for (i, tone) in board.tones.tones.iter_mut().enumerate() {
-            let (x, y) = ((i % columns) as f32 - shift - cx, (i / columns) as f32 - shift - cy);
+            let (x, y) = (
+                (i % columns) as f32 - shift - cx,
+                (i / columns) as f32 - shift - cy,
+            );
             let u = (cos * x + sin * y) / square_px + 0.5 * squares;
             let v = (cos * y - sin * x) / square_px + 0.5 * rows;
             let is_inside = (0.0..squares).contains(&u) && (0.0..rows).contains(&v);

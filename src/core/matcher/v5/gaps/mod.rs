@@ -56,7 +56,10 @@ impl Gaps {
     /// For half images of `size`, at least 2 x 2, and a lattice of those steps; hypotheses within
     /// `agreeing_bins` of a pixel's best agree with it.
     pub(super) fn new(size: (usize, usize), steps: [u32; 2], agreeing_bins: u16) -> Result<Self> {
-        let (width, height) = (size.0.div_ceil(1 << steps[0]), size.1.div_ceil(1 << steps[1]));
+        let (width, height) = (
+            size.0.div_ceil(1 << steps[0]),
+            size.1.div_ceil(1 << steps[1]),
+        );
         let none = PixelVotes {
             bins: [0; HYPOTHESES],
             votes: [0; HYPOTHESES + 1],
@@ -126,7 +129,8 @@ impl Gaps {
                     GapStep::Block(candidates, places) => {
                         weigh_hypotheses(isa, network, candidates, &mut block_votes);
                         for (lane, place) in places.iter().enumerate() {
-                            out[place - first] = PixelVotes::new(candidates, &block_votes, lane, agreeing_bins);
+                            out[place - first] =
+                                PixelVotes::new(candidates, &block_votes, lane, agreeing_bins);
                         }
                     }
                 },
@@ -161,8 +165,8 @@ impl Gaps {
         columns: &Range<usize>,
         rows: &Range<usize>,
     ) -> impl Iterator<Item = &PixelVotes> {
-        let [columns, rows] =
-            [(columns, self.steps[0]), (rows, self.steps[1])].map(|(range, step)| places(range, step));
+        let [columns, rows] = [(columns, self.steps[0]), (rows, self.steps[1])]
+            .map(|(range, step)| places(range, step));
         rows.flat_map(move |y| &self.votes[y * self.width..][columns.clone()])
     }
 
@@ -205,12 +209,7 @@ impl PixelVotes {
         }
     }
 
-    fn new(
-        candidates: &GapCandidates,
-        votes: &GapVotes,
-        lane: usize,
-        agreeing_bins: u16,
-    ) -> Self {
+    fn new(candidates: &GapCandidates, votes: &GapVotes, lane: usize, agreeing_bins: u16) -> Self {
         let bins: [i16; HYPOTHESES] = std::array::from_fn(|k| candidates.bin[k][lane] as i16);
         let votes = votes.map(|lanes| lanes[lane]);
         let mut best = 0;
@@ -287,10 +286,7 @@ mod tests {
     fn cells_of_a_small_image_never_change() {
         let algorithms = ["v5", "v5:target=near"];
         for isa in Isa::available() {
-            let expected = [
-                (9, 0xfc2a_3486_c787_8181),
-                (7, 0xe882_06bb_bec1_f2ee),
-            ];
+            let expected = [(9, 0xfc2a_3486_c787_8181), (7, 0xe882_06bb_bec1_f2ee)];
             assert_eq!(
                 algorithms.map(|algorithm| cells(algorithm, isa)),
                 expected,
