@@ -18,8 +18,11 @@ const MAX_COARSEST: usize = 400;
 /// Least range of a coarser level, pixels of it.
 const MIN_RANGE: usize = 80;
 
-/// Lattice places of a cell of which more say no more.
-const MIN_PLACES: usize = 100;
+/// Least lattice places of a cell at a level of several: more say little more, and cost time.
+const MIN_PLACES: usize = 240;
+
+/// Least lattice places of a cell that is not small, as in the fit of all tables but one.
+const USUAL_PLACES: usize = 100;
 
 /// Hypotheses of the coarsest level this close to a pixel's best agree with it, bins.
 const AGREEING_BINS: u16 = 12;
@@ -75,9 +78,10 @@ fn sizes(plan: &LevelPlan) -> Vec<(usize, usize)> {
 /// Powers of two of the lattice of a half image of that size.
 fn lattice(plan: &LevelPlan, half: (usize, usize), is_single: bool) -> [u32; 2] {
     let places = |[x, y]: [u32; 2]| half.0.div_ceil(1 << x) * half.1.div_ceil(1 << y) / plan.cells;
+    let doubled = |[x, y]: [u32; 2]| if x < y { [x + 1, y] } else { [x, y + 1] };
     let mut steps = LATTICE;
-    while !is_single && places(steps.map(|step| step + 1)) >= MIN_PLACES {
-        steps = steps.map(|step| step + 1);
+    while !is_single && places(doubled(steps)) >= MIN_PLACES {
+        steps = doubled(steps);
     }
     steps
 }
@@ -212,7 +216,7 @@ impl Levels {
 /// True if the cells of pairs of `size` have fewer lattice places than those that most tables were
 /// fitted to.
 pub fn has_small_cells(size: (usize, usize), cells: usize) -> bool {
-    places(size, cells) < MIN_PLACES
+    places(size, cells) < USUAL_PLACES
 }
 
 /// Lattice places of a cell of pairs of `size`, at least.
