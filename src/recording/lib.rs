@@ -76,9 +76,9 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
-    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, SensorRole,
-    SensorSelection, SensorTopic, TopicLatency, TopicPairs, UnpairedImages, VideoSummary,
-    truth_topics,
+    ClockFault, ClockOffset, ClockRole, ClockTable, FramePoses, LiveTopic, PoseStep, PoseSummary,
+    RawCamera, Selection, SensorRole, SensorSelection, SensorTopic, StampUnit, TopicClock,
+    TopicLatency, TopicPairs, UnpairedImages, VideoSummary, truth_topics,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;

@@ -1,6 +1,7 @@
 //! The messages of an MCAP file with their channels, and its metadata and attachments.
 
 use super::file::McapFile;
+use super::foreign::StampRule;
 use super::records::{ANOTHER, Records};
 use super::ros::ROS1;
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
@@ -16,6 +17,7 @@ pub(super) struct Channel {
     pub(super) topic: String,
     pub(super) schema: String,
     pub(super) encoding: String,
+    pub(super) stamps: StampRule,
 }
 
 impl Channel {
@@ -30,6 +32,15 @@ impl Channel {
             topic,
             schema,
             encoding,
+            stamps: StampRule::default(),
+        }
+    }
+
+    /// The same with another rule for its stamps.
+    pub(super) fn restamped(&self, stamps: StampRule) -> Self {
+        Self {
+            stamps,
+            ..self.clone()
         }
     }
 

@@ -204,6 +204,8 @@ pub const SOURCES: &[SourceKind] = &[
             "right",
             "bits",
             "max_skew_ms",
+            "stamps",
+            "right_offset_ms",
             "truth",
             "camera_height_m",
         ],

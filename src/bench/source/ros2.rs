@@ -174,8 +174,9 @@ impl Receiver {
             let pairs = &mut self.pairs;
             self.inbox.receive(STEP, |topic, data| {
                 first.get_or_insert_with(Instant::now);
-                is_ready |= pairs.look_at(topic, &data);
-                ahead.push((topic, now_ns(), data));
+                let at_ns = now_ns();
+                is_ready |= pairs.look_at(topic, at_ns, &data);
+                ahead.push((topic, at_ns, data));
             })?;
         }
         self.pairs.begin()?;

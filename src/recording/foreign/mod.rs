@@ -7,6 +7,7 @@ mod calibration_wait;
 mod calibrations;
 mod camera;
 mod camera_track;
+mod clocks;
 mod encoding;
 mod first_messages;
 mod image;
@@ -25,7 +26,9 @@ mod topics;
 mod transforms;
 mod video;
 
-pub(super) use image::{decode as decode_image, stamp};
+pub use clocks::{ClockFault, ClockOffset, ClockRole, ClockTable, StampUnit, TopicClock};
+pub(super) use clocks::{Restamped, StampRule, StampRules, without_stamp};
+pub(super) use image::decode as decode_image;
 pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;

@@ -37,7 +37,7 @@ pub struct FolderRequest {
 }
 
 /// Rate of the stamps if none is known.
-const NOMINAL_HZ: f64 = 10.0;
+const NOMINAL_HZ: f64 = 0.5;
 
 /// The pairs of a folder, in the natural order of their names.
 ///
