@@ -425,7 +425,9 @@ impl PairReader {
                     Ok(PairImage::Image(image)) => image.image.bytes(),
                     _ => 0,
                 };
-                self.check_stamp(side, stamp, log_time);
+                if !channel.stamps.is_log() {
+                    self.check_stamp(side, stamp, log_time);
+                }
                 let stamp_ns = stamp.unwrap_or(log_time);
                 self.partners.push(side, stamp_ns, log_time, image, bytes);
             }

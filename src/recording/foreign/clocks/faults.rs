@@ -1,7 +1,7 @@
 //! Faults of clocks, in words, with their cures.
 
 use super::super::Selection;
-use super::measure::{ClockOffset, TopicClock};
+use super::measure::{ClockOffset, TopicClock, WrongUnit};
 use super::rule::StampUnit;
 use super::scan::{ClockRole, ClockScan, MIN_MESSAGES};
 use std::fmt;
@@ -63,7 +63,7 @@ impl<'a> ClockCheck<'a> {
     pub(super) fn faults(&self) -> Vec<ClockFault> {
         let used = self.clocks.iter().filter(|clock| clock.matters);
         let mut faults: Vec<_> = used.filter_map(|clock| self.fault(clock)).collect();
-        faults.extend(self.early());
+        faults.extend(self.early(&faults));
         faults
     }
 
@@ -74,15 +74,18 @@ impl<'a> ClockCheck<'a> {
             denies_pairs,
             is_of_unit,
         };
-        if let Some(unit) = clock.wrong_unit {
+        if let Some(wrong) = clock.wrong_unit {
             let is_image = self.images.contains(&clock.topic);
-            return Some(fault(unit_words(clock, unit), is_image, true));
+            return Some(fault(unit_words(clock, wrong), is_image, true));
         }
         let behind = clock.behind?;
         if clock.topic == self.right {
             let is_told = self.selection.right_offset_ns.is_some();
             let is_off = is_beyond(&behind, MIN_RIGHT_NS, RIGHT_PERIODS * self.period_ns(clock));
-            return is_off.then(|| fault(self.right_words(&behind), !is_told, false));
+            return is_off.then(|| {
+                let shift_ns = clock.shift_ns.unwrap_or(behind.median_ns);
+                fault(self.right_words(&behind, shift_ns), !is_told, false)
+            });
         }
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(&behind, MIN_OFFSET_NS, periods_ns)
@@ -105,9 +108,9 @@ impl<'a> ClockCheck<'a> {
         periods.fold(0.0, f64::max)
     }
 
-    fn right_words(&self, behind: &ClockOffset) -> String {
+    fn right_words(&self, behind: &ClockOffset, shift_ns: i64) -> String {
         let told = self.selection.right_offset_ns.unwrap_or_default();
-        let right_ms = (behind.median_ns + told) as f64 / 1e6;
+        let right_ms = shift_ns.saturating_add(told) as f64 / 1e6;
         format!(
             "by the log times its clock is {}, and pairs by stamp are of different moments: \
              `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
@@ -115,8 +118,8 @@ impl<'a> ClockCheck<'a> {
         )
     }
 
-    /// Stamps that are later than their log times: one fault for all topics.
-    fn early(&self) -> Option<ClockFault> {
+    /// Stamps that are later than their log times: one fault for all topics that are not named.
+    fn early(&self, named: &[ClockFault]) -> Option<ClockFault> {
         let is_early = |clock: &&TopicClock| {
             let limit_ns = match clock.role {
                 ClockRole::Pose => MIN_EARLY_POSE_NS,
@@ -124,7 +127,7 @@ impl<'a> ClockCheck<'a> {
             };
             let median_ns = clock.offset.map(|offset| offset.median_ns);
             clock.matters
-                && clock.wrong_unit.is_none()
+                && named.iter().all(|fault| fault.topic != clock.topic)
                 && median_ns.is_some_and(|median_ns| median_ns < -limit_ns)
         };
         let early: Vec<_> = self.clocks.iter().filter(is_early).collect();
@@ -157,7 +160,7 @@ fn is_beyond(offset: &ClockOffset, least_ns: f64, periods_ns: f64) -> bool {
 }
 
 /// Images that come twice.
-pub(super) fn copies(scan: &ClockScan) -> impl Iterator<Item = ClockFault> {
+pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
     let images = scan.images.iter().filter_map(|topic| {
         let found = scan.topics.get(topic)?;
         Some((topic, found, found.first.len() as u64))
@@ -170,16 +173,22 @@ pub(super) fn copies(scan: &ClockScan) -> impl Iterator<Item = ClockFault> {
             && topic.copies == topic.lone_copies
             && (half.saturating_sub(1)..=half).contains(&topic.copies)
     });
-    doubled.map(|(topic, found, messages)| ClockFault {
+    let doubled: Vec<_> = doubled.collect();
+    let cure = match &doubled[..] {
+        [_] => "copies without partners are lost, which `--allow-loss` allows",
+        _ => "`--every 2` takes each once",
+    };
+    let faults = doubled.into_iter().map(|(topic, found, messages)| ClockFault {
         topic: topic.clone(),
         reason: format!(
             "every image comes twice: of the first {messages}, {} are equal to the one before; \
-             `--every 2` takes each once",
+             {cure}",
             found.copies
         ),
         denies_pairs: false,
         is_of_unit: false,
-    })
+    });
+    faults.collect()
 }
 
 fn seconds(ns: i64) -> String {
@@ -199,13 +208,10 @@ fn behind_words(behind: &ClockOffset) -> String {
     )
 }
 
-fn unit_words(clock: &TopicClock, unit: Option<StampUnit>) -> String {
-    let rate = |hz: Option<f64>| hz.map_or_else(|| "no".to_owned(), |hz| format!("{hz:.1}"));
-    let rates = format!(
-        "{} messages a second by its stamps, {} by the log times",
-        rate(clock.stamps_hz),
-        rate(clock.log_hz)
-    );
+fn unit_words(clock: &TopicClock, WrongUnit { unit, stamps_hz }: WrongUnit) -> String {
+    let log_hz = clock.log_hz.unwrap_or_default();
+    let rates =
+        format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
     match unit {
         Some(StampUnit::Milliseconds) => format!(
             "{rates}: its stamps are milliseconds, written as nanoseconds; `--stamps ms` reads \

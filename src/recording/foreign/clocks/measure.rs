@@ -4,7 +4,6 @@ use super::rule::{Reading, StampRule, StampUnit};
 use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, Sample, TopicScan};
 use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
-use svl_core::stereo::Side;
 
 /// A stamp and a log time that differ by no more are equal: one of them went through a
 /// floating-point number.
@@ -43,9 +42,20 @@ pub struct TopicClock {
     /// False for calibrations that are all equal: their stamps do not matter.
     #[serde(skip)]
     pub(super) matters: bool,
-    /// Unit of stamps that are none in nanoseconds, if so: `Some(None)` if they count something.
     #[serde(skip)]
-    pub(super) wrong_unit: Option<Option<StampUnit>>,
+    pub(super) wrong_unit: Option<WrongUnit>,
+    /// The shift of right stamps by which the images are of one moment, nanoseconds.
+    #[serde(skip)]
+    pub(super) shift_ns: Option<i64>,
+}
+
+/// Stamps that are too fast to be nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WrongUnit {
+    /// `None` if they count something.
+    pub(super) unit: Option<StampUnit>,
+    /// Their rate; within a second if only the part below it is too fast.
+    pub(super) stamps_hz: f64,
 }
 
 /// An offset of clocks, nanoseconds.
@@ -142,6 +152,23 @@ impl Samples {
         nearest_rank(&delays, 0.5)
     }
 
+    /// The shift of the stamps near `shift_ns` by which they are nearest to those of `left`: the
+    /// cameras' latencies may differ.
+    fn shift_ns(&self, left: &Self, shift_ns: i64) -> i64 {
+        let mut stamps: Vec<_> = left.all.iter().map(|sample| sample.stamp_ns).collect();
+        stamps.sort_unstable();
+        let missing = |sample: &Sample| {
+            let stamp_ns = sample.stamp_ns.saturating_add_signed(shift_ns);
+            let after = stamps.partition_point(|left| *left < stamp_ns);
+            let near = stamps[after.saturating_sub(1)..].iter().take(2);
+            let missing = near.map(|left| left.wrapping_sub(stamp_ns).cast_signed());
+            missing.min_by_key(|ns| ns.unsigned_abs())
+        };
+        let mut missing: Vec<_> = self.all.iter().filter_map(missing).collect();
+        missing.sort_unstable();
+        shift_ns.saturating_add(nearest_rank(&missing, 0.5).unwrap_or(0))
+    }
+
     /// The delay less that of `left` at equal log times. Medians on both sides: a recorder that
     /// stalls logs the messages of one topic after those of another.
     fn behind(&self, left: &Self) -> Option<ClockOffset> {
@@ -196,7 +223,7 @@ impl TopicScan {
     }
 
     /// The unit of stamps that are too fast to be nanoseconds.
-    fn wrong_unit(&self, samples: &Samples) -> Option<Option<StampUnit>> {
+    fn wrong_unit(&self, samples: &Samples) -> Option<WrongUnit> {
         if samples.not_measured() == Some("fewer than 10 messages") {
             return None;
         }
@@ -212,13 +239,14 @@ impl TopicScan {
             return None;
         }
         let is_near = |unit: f64| (ratio / unit - 1.0).abs() <= UNIT_TOLERANCE;
-        Some(if is_near(1e3) {
+        let unit = if is_near(1e3) {
             Some(StampUnit::Microseconds)
         } else if is_near(1e6) {
             Some(StampUnit::Milliseconds)
         } else {
             None
-        })
+        };
+        Some(WrongUnit { unit, stamps_hz })
     }
 
     /// True if only the part below a second is too fast: microseconds or milliseconds beside whole
@@ -245,7 +273,7 @@ impl ClockScan {
         let samples = |name: &str, topic: &TopicScan| {
             Samples::new(topic, rules.get(name).copied().unwrap_or_default())
         };
-        let left_name = &self.images[Side::Left as usize];
+        let [left_name, right_name] = &self.images;
         let left = self.topics.get(left_name).map(|topic| {
             let left = samples(left_name, topic);
             let is_measured = left.not_measured().is_none() && topic.wrong_unit(&left).is_none();
@@ -257,6 +285,7 @@ impl ClockScan {
             let not_measured = own.not_measured();
             let is_left = name == left_name;
             let others = left.as_ref().filter(|_| not_measured.is_none() && !is_left);
+            let behind = others.and_then(|(left, _)| own.behind(left));
             let delays: Vec<_> = own.all.iter().map(Sample::delay_ns).collect();
             TopicClock {
                 topic: name.clone(),
@@ -265,10 +294,13 @@ impl ClockScan {
                 stamps_hz: own.rates[0],
                 log_hz: own.rates[1],
                 offset: ClockOffset::new(delays).filter(|_| not_measured.is_none()),
-                behind: others.and_then(|(left, _)| own.behind(left)),
+                behind,
                 not_measured,
                 matters: topic.role != ClockRole::Calibration || topic.changes(),
                 wrong_unit: topic.wrong_unit(&own),
+                shift_ns: behind
+                    .zip(left.as_ref().filter(|_| name == right_name))
+                    .map(|(behind, (left, _))| own.shift_ns(left, behind.median_ns)),
             }
         };
         self.topics.iter().map(clock).collect()

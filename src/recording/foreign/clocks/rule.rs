@@ -43,6 +43,11 @@ pub(crate) struct StampRule {
 }
 
 impl StampRule {
+    /// True if log times are used in place of all stamps.
+    pub(crate) fn is_log(self) -> bool {
+        self.reading == Reading::Log
+    }
+
     /// The stamp of seconds and nanoseconds; `None` if it was never set.
     pub(crate) fn stamp(self, (seconds, nanoseconds): (u32, u32)) -> Option<u64> {
         let (seconds_ns, below) = (u64::from(seconds) * SECOND_NS, u64::from(nanoseconds));

@@ -140,11 +140,7 @@ fn a_topic_of_another_clock_is_named_with_its_offset() {
     // Ahead of the images and of the log times.
     let mut ahead = robot();
     ahead[2].clock_ns = S;
-    let faults = of_robot(&ahead).faults;
-    assert_eq!(faults.len(), 2, "{faults:#?}");
-    assert!(faults[0].reason.contains("1.000 s ahead"), "{faults:#?}");
-    let late = "stamps are later than their log times";
-    assert!(faults[1].reason.contains(late), "{faults:#?}");
+    names(&of_robot(&ahead), "/points", false, "1.000 s ahead");
     ahead[2].clock_ns = 20 * MS;
     names(&of_robot(&ahead), "/points", false, "/points by 0.014 s");
 }
@@ -174,14 +170,14 @@ fn poses_may_be_ahead_by_2_s_and_equal_calibrations_are_never_wrong() {
 #[test]
 fn a_right_clock_permits_no_pair_without_its_offset() {
     for (clock_ms, words, offset) in [
-        (-300, "0.300 s behind", "--right-offset-ms 300."),
-        (1000, "1.000 s ahead", "--right-offset-ms -1000."),
-        (-33, "0.033 s behind", "--right-offset-ms 3"),
+        (-300, "0.308 s behind", "--right-offset-ms 300.0`"),
+        (1000, "0.992 s ahead", "--right-offset-ms -1000.0`"),
+        (-33, "0.0", "--right-offset-ms 33.0`"),
     ] {
         let mut robot = robot();
         robot[1].clock_ns = clock_ms * MS;
-        robot[1].jitter_ns = 0;
-        robot[0].jitter_ns = 0;
+        // The offset is that of the stamps, whatever the latency.
+        robot[1].latency_ns += 8 * MS;
         let messages = logged(&robot, &mut Rng::with_seed(1));
         let found = table(&messages);
         let fault = &found.faults[0];

@@ -122,7 +122,8 @@ impl StampScan {
                 }
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);
-                    let has_none = matches!(&head, Ok((None, _))) && log_time > 0;
+                    let is_used = !channel.stamps.is_log();
+                    let has_none = is_used && matches!(&head, Ok((None, _))) && log_time > 0;
                     found.without_stamp += u64::from(has_none);
                     let stamp = head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next));
                     found.stamps.0.extend(stamp);
