@@ -108,7 +108,7 @@ impl TopicPairs {
     }
 
     /// Looks at a message of the topic at that index, received at `received_ns`, before the first
-    /// pair. True once calibrations, baseline, bit depth and clocks can be decided.
+    /// pair. True once calibrations, baseline and bit depth can be decided.
     pub fn look_at(&mut self, topic: usize, received_ns: u64, data: &[u8]) -> bool {
         let channel = &self.channels[topic];
         let Some((first, clocks)) = &mut self.first else {
@@ -116,7 +116,13 @@ impl TopicPairs {
         };
         first.take_in(&mut self.pairs, channel, received_ns, data);
         clocks.take_in(channel, received_ns, data);
-        first.are_enough(&self.pairs) && clocks.has_enough()
+        first.are_enough(&self.pairs)
+    }
+
+    /// True once the clocks of both cameras can be measured by the messages that it looked at.
+    pub fn knows_clocks(&self) -> bool {
+        let first = self.first.as_ref();
+        first.is_none_or(|(_, clocks)| clocks.has_enough())
     }
 
     /// Decides the bit depth and the clocks by the messages that it looked at.

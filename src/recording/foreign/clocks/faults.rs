@@ -178,16 +178,18 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
         [_] => "copies without partners are lost, which `--allow-loss` allows",
         _ => "`--every 2` takes each once",
     };
-    let faults = doubled.into_iter().map(|(topic, found, messages)| ClockFault {
-        topic: topic.clone(),
-        reason: format!(
-            "every image comes twice: of the first {messages}, {} are equal to the one before; \
+    let faults = doubled
+        .into_iter()
+        .map(|(topic, found, messages)| ClockFault {
+            topic: topic.clone(),
+            reason: format!(
+                "every image comes twice: of the first {messages}, {} are equal to the one before; \
              {cure}",
-            found.copies
-        ),
-        denies_pairs: false,
-        is_of_unit: false,
-    });
+                found.copies
+            ),
+            denies_pairs: false,
+            is_of_unit: false,
+        });
     faults.collect()
 }
 

@@ -16,8 +16,8 @@ const PLACES: usize = 20;
 pub(super) const MIN_MESSAGES: usize = 10;
 /// Bytes of the first messages, unless they have too few images, and then; bytes of a place, and of
 /// one without an image of each camera.
-const FIRST_BYTES: [usize; 2] = [16 << 20, 64 << 20];
-const PLACE_BYTES: [usize; 2] = [512 << 10, 8 << 20];
+const FIRST_BYTES: [usize; 2] = [8 << 20, 64 << 20];
+const PLACE_BYTES: [usize; 2] = [128 << 10, 8 << 20];
 
 /// The use of a topic's messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -259,9 +259,14 @@ impl ClockScan {
             for (topic, seen) in self.images.iter().zip(&mut seen) {
                 *seen |= *topic == channel.topic;
             }
-            if let Some((topic, Some(sample))) = self.sample(channel, log_ns, &data) {
-                topic.later.push(sample);
-            }
+            self.take_in_later(channel, log_ns, &data);
+        }
+    }
+
+    /// Adds a message of a place behind the first ones.
+    pub(super) fn take_in_later(&mut self, channel: &Channel, log_ns: u64, data: &[u8]) {
+        if let Some((topic, Some(sample))) = self.sample(channel, log_ns, data) {
+            topic.later.push(sample);
         }
     }
 }
