@@ -81,14 +81,14 @@ impl<'a> ClockCheck<'a> {
         let behind = clock.behind?;
         if clock.topic == self.right {
             let is_told = self.selection.right_offset_ns.is_some();
-            let is_off = is_beyond(&behind, MIN_RIGHT_NS, RIGHT_PERIODS * self.period_ns(clock));
+            let is_off = is_beyond(clock, MIN_RIGHT_NS, RIGHT_PERIODS * self.period_ns(clock));
             return is_off.then(|| {
                 let shift_ns = clock.shift_ns.unwrap_or(behind.median_ns);
                 fault(self.right_words(&behind, shift_ns), !is_told, false)
             });
         }
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
-        let is_off = is_beyond(&behind, MIN_OFFSET_NS, periods_ns)
+        let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
         is_off.then(|| {
             let words = behind_words(&behind);
@@ -154,9 +154,11 @@ impl<'a> ClockCheck<'a> {
     }
 }
 
-/// True if an offset is larger than both limits, in either direction.
-fn is_beyond(offset: &ClockOffset, least_ns: f64, periods_ns: f64) -> bool {
-    offset.median_ns.unsigned_abs() as f64 > least_ns.max(periods_ns)
+/// True if the offset of a clock is larger than both limits, in either direction, and not by chance.
+fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
+    let limit_ns = least_ns.max(periods_ns).max(clock.noise_ns);
+    let median_ns = clock.behind.map_or(0, |behind| behind.median_ns);
+    median_ns.unsigned_abs() as f64 > limit_ns
 }
 
 /// Images that come twice.

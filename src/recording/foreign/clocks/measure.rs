@@ -44,6 +44,9 @@ pub struct TopicClock {
     pub(super) matters: bool,
     #[serde(skip)]
     pub(super) wrong_unit: Option<WrongUnit>,
+    /// Largest part of `behind` that random latencies explain, nanoseconds.
+    #[serde(skip)]
+    pub(super) noise_ns: f64,
     /// The shift of right stamps by which the images are of one moment, nanoseconds.
     #[serde(skip)]
     pub(super) shift_ns: Option<i64>,
@@ -169,6 +172,23 @@ impl Samples {
         shift_ns.saturating_add(nearest_rank(&missing, 0.5).unwrap_or(0))
     }
 
+    /// From the fifth to the 95th percentile of the delays less the median around each.
+    fn jitter_ns(&self) -> f64 {
+        let window_ns = window_ns(self.period_ns());
+        let apart = |sample: &Sample| {
+            let usual = self.delay_at(sample.log_ns, window_ns)?;
+            Some(sample.delay_ns().saturating_sub(usual))
+        };
+        let apart = ClockOffset::new(self.all.iter().filter_map(apart).collect());
+        apart.map_or(0.0, |apart| apart.spread_ns as f64)
+    }
+
+    /// Several standard errors of the difference of two medians.
+    fn noise_ns(&self, left: &Self) -> f64 {
+        let messages = self.all.len().min(left.all.len()) as f64;
+        (self.jitter_ns() + left.jitter_ns()) / messages.sqrt()
+    }
+
     /// The delay less that of `left` at equal log times. Medians on both sides: a recorder that
     /// stalls logs the messages of one topic after those of another.
     fn behind(&self, left: &Self) -> Option<ClockOffset> {
@@ -177,8 +197,7 @@ impl Samples {
         if !ratio.is_none_or(is_alike) {
             return None;
         }
-        let period_ns = self.period_ns().max(left.period_ns());
-        let window_ns = (WINDOW_PERIODS * period_ns).max(WINDOW_NS) as u64;
+        let window_ns = window_ns(self.period_ns().max(left.period_ns()));
         let at = |sample: &Sample| {
             let own = self.delay_at(sample.log_ns, window_ns)?;
             Some(own.saturating_sub(left.delay_at(sample.log_ns, window_ns)?))
@@ -189,6 +208,11 @@ impl Samples {
         }
         ClockOffset::new(offsets)
     }
+}
+
+/// Log time around a message in which offsets are compared.
+fn window_ns(period_ns: f64) -> u64 {
+    (WINDOW_PERIODS * period_ns).max(WINDOW_NS) as u64
 }
 
 impl TopicScan {
@@ -298,6 +322,7 @@ impl ClockScan {
                 not_measured,
                 matters: topic.role != ClockRole::Calibration || topic.changes(),
                 wrong_unit: topic.wrong_unit(&own),
+                noise_ns: others.map_or(0.0, |(left, _)| own.noise_ns(left)),
                 shift_ns: behind
                     .zip(left.as_ref().filter(|_| name == right_name))
                     .map(|(behind, (left, _))| own.shift_ns(left, behind.median_ns)),

@@ -338,6 +338,10 @@ fn disturb(robot: &mut [Publisher], random: &mut Rng) {
             _ => {}
         }
     }
+    if random.u32(0..8) == 0 {
+        let jitter_ns = random.i64(100..1_000) * MS;
+        robot.iter_mut().for_each(|one| one.jitter_ns = jitter_ns);
+    }
     if random.bool() {
         robot[3].clock_ns = random.i64(0..1_900) * MS;
     }
