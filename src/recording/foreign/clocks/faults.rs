@@ -157,8 +157,11 @@ impl<'a> ClockCheck<'a> {
 /// True if the offset of a clock is larger than both limits, in either direction, and not by chance.
 fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     let limit_ns = least_ns.max(periods_ns).max(clock.noise_ns);
-    let median_ns = clock.behind.map_or(0, |behind| behind.median_ns);
-    median_ns.unsigned_abs() as f64 > limit_ns
+    clock.behind.is_some_and(|behind| {
+        let median_ns = behind.median_ns.unsigned_abs() as f64;
+        // A recorder that stalls makes some messages late.
+        median_ns > limit_ns && behind.usual_ns as f64 > limit_ns / 2.0
+    })
 }
 
 /// Images that come twice.

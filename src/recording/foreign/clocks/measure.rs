@@ -67,6 +67,9 @@ pub struct ClockOffset {
     pub median_ns: i64,
     /// From the fifth to the 95th percentile.
     pub spread_ns: i64,
+    /// At least as far from 0, and in the same direction, are four fifths of the messages.
+    #[serde(skip)]
+    pub(super) usual_ns: i64,
 }
 
 impl ClockOffset {
@@ -76,6 +79,7 @@ impl ClockOffset {
         Some(Self {
             median_ns: rank(0.5)?,
             spread_ns: rank(0.95)?.saturating_sub(rank(0.05)?),
+            usual_ns: rank(0.2)?.max(0).max(rank(0.8)?.saturating_neg()),
         })
     }
 }
@@ -183,10 +187,12 @@ impl Samples {
         apart.map_or(0.0, |apart| apart.spread_ns as f64)
     }
 
-    /// Several standard errors of the difference of two medians.
-    fn noise_ns(&self, left: &Self) -> f64 {
+    /// Several standard errors of the difference of two medians. Places of one message have no
+    /// jitter of their own.
+    fn noise_ns(&self, left: &Self, behind: &ClockOffset) -> f64 {
         let messages = self.all.len().min(left.all.len()) as f64;
-        (self.jitter_ns() + left.jitter_ns()) / messages.sqrt()
+        let spread_ns = 2.0 * behind.spread_ns as f64;
+        (self.jitter_ns() + left.jitter_ns()).max(spread_ns) / messages.sqrt()
     }
 
     /// The delay less that of `left` at equal log times. Medians on both sides: a recorder that
@@ -322,7 +328,9 @@ impl ClockScan {
                 not_measured,
                 matters: topic.role != ClockRole::Calibration || topic.changes(),
                 wrong_unit: topic.wrong_unit(&own),
-                noise_ns: others.map_or(0.0, |(left, _)| own.noise_ns(left)),
+                noise_ns: others
+                    .zip(behind)
+                    .map_or(0.0, |((left, _), behind)| own.noise_ns(left, &behind)),
                 shift_ns: behind
                     .zip(left.as_ref().filter(|_| name == right_name))
                     .map(|(behind, (left, _))| own.shift_ns(left, behind.median_ns)),
