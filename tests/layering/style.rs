@@ -77,7 +77,7 @@ const LINES: [(&str, usize); 16] = [
     ("grab", 5079),
     ("live", 419),
     ("python", 317),
-    ("recording", 11697),
+    ("recording", 12810),
     ("report", 11588),
     ("score", 7632),
     ("sim", 3497),

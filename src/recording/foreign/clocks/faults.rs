@@ -164,6 +164,19 @@ fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     })
 }
 
+/// A unit that the user names, of stamps that are in none.
+pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
+    ClockFault {
+        topic: scan.images[0].clone(),
+        reason:
+            "--stamps names a unit in which neither its stamps nor those of another topic are, \
+                 by the log times of 10 messages or more: leave it out"
+                .to_owned(),
+        denies_pairs: true,
+        is_of_unit: false,
+    }
+}
+
 /// Images that come twice.
 pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
     let images = scan.images.iter().filter_map(|topic| {

@@ -119,9 +119,12 @@ impl Samples {
     }
 
     fn not_measured(&self) -> Option<&'static str> {
+        let log_ns = |sample: &Sample| sample.log_ns;
         let is_equal = |sample: &Sample| sample.log_ns.abs_diff(sample.stamp_ns) <= MAX_ROUNDING_NS;
         if self.all.len() < MIN_MESSAGES {
             Some("fewer than 10 messages")
+        } else if self.all.first().map(log_ns) == self.all.last().map(log_ns) {
+            Some("log times do not advance")
         } else if self.all.iter().all(is_equal) {
             Some("log times are stamps")
         } else if self.speed().is_some_and(|speed| speed > BURST) {
@@ -234,21 +237,24 @@ impl TopicScan {
     }
 
     /// Reading of the stamps by the unit that the user names. Those of topics whose rates are in
-    /// order stay, but log times are used for all.
-    pub(super) fn reading(&self, unit: Option<StampUnit>) -> Reading {
-        let unit_ns = match unit {
+    /// order or show another unit stay, but log times are used for all.
+    pub(super) fn reading(&self, named: Option<StampUnit>) -> Reading {
+        let unit_ns = match named {
             None => return Reading::AsWritten,
             Some(StampUnit::Log) => return Reading::Log,
             Some(StampUnit::Milliseconds) => 1_000_000,
             Some(StampUnit::Microseconds) => 1_000,
         };
         let samples = Samples::new(self, StampRule::default());
-        if self.is_below_second(&samples) {
-            Reading::BelowSecond(unit_ns)
-        } else if self.wrong_unit(&samples).is_some() {
-            Reading::Whole(unit_ns)
-        } else {
-            Reading::AsWritten
+        match self.wrong_unit(&samples) {
+            Some(wrong) if wrong.unit.is_none() || wrong.unit == named => {
+                if self.is_below_second(&samples) {
+                    Reading::BelowSecond(unit_ns)
+                } else {
+                    Reading::Whole(unit_ns)
+                }
+            }
+            _ => Reading::AsWritten,
         }
     }
 

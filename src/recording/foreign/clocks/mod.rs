@@ -12,7 +12,7 @@ use super::{Selection, choose, topics};
 use crate::Recording;
 use crate::messages::{Channel, warn_once};
 pub use faults::ClockFault;
-use faults::{ClockCheck, copies};
+use faults::{ClockCheck, copies, unused_unit};
 pub use measure::{ClockOffset, TopicClock};
 pub use rule::StampUnit;
 pub(crate) use rule::{Restamped, StampRule, StampRules};
@@ -70,6 +70,9 @@ impl ClockTable {
         let check = ClockCheck::new(&scan.images, &clocks, selection);
         let mut faults = check.faults();
         faults.extend(copies(scan));
+        if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
+            faults.push(unused_unit(scan));
+        }
         Self {
             topics: clocks,
             faults,

@@ -43,6 +43,11 @@ pub(crate) struct StampRule {
 }
 
 impl StampRule {
+    /// True if the stamps are not read as they are written.
+    pub(super) fn has_unit(self) -> bool {
+        self.reading != Reading::AsWritten
+    }
+
     /// True if log times are used in place of all stamps.
     pub(crate) fn is_log(self) -> bool {
         self.reading == Reading::Log

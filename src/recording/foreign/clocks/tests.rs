@@ -236,6 +236,30 @@ fn stamps_in_another_unit_are_repaired_by_it() {
 }
 
 #[test]
+fn a_unit_that_no_topic_has_is_refused() {
+    let with = |messages: &[Logged], unit| {
+        let stamps = Some(unit);
+        let selection = Selection {
+            stamps,
+            ..Selection::default()
+        };
+        table_with(messages, &selection).faults.swap_remove(0)
+    };
+    let right = stamped(None, |stamp| stamp);
+    let fault = with(&right, StampUnit::Microseconds);
+    assert!(
+        fault.denies_pairs && fault.reason.contains("leave it out"),
+        "{fault}"
+    );
+    let microseconds = stamped(None, |stamp| (stamp - BEGIN + 500 * S) / 1_000);
+    let fault = with(&microseconds, StampUnit::Milliseconds);
+    assert!(
+        fault.denies_pairs && fault.reason.contains("--stamps us"),
+        "{fault}"
+    );
+}
+
+#[test]
 fn stamps_that_count_images_are_replaced_by_log_times_alone() {
     let messages = stamped(None, |stamp| (stamp - BEGIN) / (20 * MS) + 1);
     let found = table(&messages);
@@ -317,6 +341,10 @@ fn a_clock_without_proof_is_not_measured() {
             .iter()
             .all(|why| *why == Some("log times are stamps"))
     );
+    let mut stopped = stamped(Some("/points"), |stamp| stamp - 3 * S);
+    stopped.iter_mut().for_each(|message| message.0 = BEGIN);
+    let expected = Some("log times do not advance");
+    assert!(why(&stopped).iter().all(|why| *why == expected));
     let few = &stamped(Some("/points"), |stamp| stamp - 3 * S)[..20];
     assert!(
         why(few)
