@@ -1,7 +1,7 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
-use super::foreign::StampRule;
 use super::messages::Channel;
+use super::stamp_rule::StampRule;
 use super::{Encoded, RosStamp, decode_protobuf, frame_id};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};

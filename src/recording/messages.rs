@@ -1,9 +1,9 @@
 //! The messages of an MCAP file with their channels, and its metadata and attachments.
 
 use super::file::McapFile;
-use super::foreign::StampRule;
 use super::records::{ANOTHER, Records};
 use super::ros::ROS1;
+use super::stamp_rule::StampRule;
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use parking_lot::Mutex;
 use std::borrow::Cow;

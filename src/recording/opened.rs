@@ -3,11 +3,11 @@
 use super::CALIBRATION;
 use super::bag::{files, several_files};
 use super::container::{Container, UnpackedMessages};
-use super::foreign::{ClockTable, Restamped, Selection, StampRules};
 use super::header::{Header, RECORD};
 use super::index::Index;
 use super::messages::{Channel, EventReader, Messages};
 use super::records::attachment;
+use super::restamped::{Restamped, StampRules};
 use super::ros1_bag::Ros1Messages;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -137,19 +137,10 @@ impl Recording {
         })
     }
 
-    /// The clocks of the topics of a recording that svl did not write, by the selected stamps;
-    /// `None` if no two topics are its cameras.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`].
-    pub(super) fn clocks(&self, selection: &Selection) -> Result<Option<ClockTable>> {
-        ClockTable::read(self, selection)
-    }
-
-    /// The same recording, with its stamps read as the clocks say.
-    pub(super) fn restamped(&self, clocks: &ClockTable) -> Self {
+    /// The same recording, with its stamps read by rules.
+    pub(super) fn restamped(&self, rules: StampRules) -> Self {
         Self {
-            rules: clocks.rules(),
+            rules,
             ..self.clone()
         }
     }

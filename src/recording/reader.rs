@@ -66,14 +66,14 @@ impl Reader {
             }
             None
         } else {
-            recording.clocks(selection)?
+            ClockTable::read(&recording, selection)?
         };
         let recording = match &clocks {
             Some(clocks) => {
                 let name = recording.path().display().to_string();
                 let checked = clocks.check(&name);
                 checked.map_err(|reason| Error::format(recording.path(), reason))?;
-                recording.restamped(clocks)
+                recording.restamped(clocks.rules())
             }
             None => recording,
         };

@@ -3,12 +3,13 @@
 use super::container::{Container, unpack_message};
 use super::file::McapFile;
 use super::foreign::{
-    ClockTable, PoseSummary, Selection, StampRules, StampedImage, UnpairedImages, VideoScan,
-    VideoSummary, choose, head, is_image, is_picture, pair_stamps, pose_summary, without_stamp,
+    ClockTable, PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary,
+    choose, head, is_image, is_picture, pair_stamps, pose_summary, without_stamp,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::reader::is_own;
 use super::records::{DamagedPart, attachment};
+use super::restamped::StampRules;
 use super::ros1_bag::Ros1Messages;
 use super::skew::SkewSummary;
 use super::sync::StereoSync;
@@ -143,7 +144,7 @@ impl Recording {
     /// bag of several files.
     pub fn summary(&self) -> Result<RecordingSummary> {
         let clocks = match is_own(self) {
-            Ok(false) => self.clocks(&Selection::default()),
+            Ok(false) => ClockTable::read(self, &Selection::default()),
             _ => Ok(None),
         };
         // Damage is reported with the messages.

@@ -71,7 +71,7 @@ const LINES: [(&str, usize); 16] = [
     ("bench", 12092),
     ("c", 468),
     ("calibrate", 4866),
-    ("cli", 11304),
+    ("cli", 11309),
     ("core", 17590),
     ("files", 2077),
     ("grab", 5079),

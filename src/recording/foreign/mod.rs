@@ -26,8 +26,8 @@ mod topics;
 mod transforms;
 mod video;
 
-pub use clocks::{ClockFault, ClockOffset, ClockRole, ClockTable, StampUnit, TopicClock};
-pub(super) use clocks::{Restamped, StampRule, StampRules, without_stamp};
+pub(super) use clocks::without_stamp;
+pub use clocks::{ClockFault, ClockOffset, ClockRole, ClockTable, TopicClock};
 pub(super) use image::decode as decode_image;
 pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;

@@ -1,7 +1,8 @@
 //! Chooses the topics of the two cameras in another program's recording.
 
-use super::{StampUnit, camera, image, video};
+use super::{camera, image, video};
 use crate::messages::Channel;
+use crate::stamp_rule::StampUnit;
 use svl_core::joined;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.

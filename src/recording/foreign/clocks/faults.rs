@@ -2,8 +2,8 @@
 
 use super::super::Selection;
 use super::measure::{ClockOffset, TopicClock, WrongUnit};
-use super::rule::StampUnit;
 use super::scan::{ClockRole, ClockScan, MIN_MESSAGES};
+use crate::stamp_rule::StampUnit;
 use std::fmt;
 
 /// Least offset of a topic's clock, of that of the right images, and of stamps that are later than
@@ -168,10 +168,9 @@ fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
 pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
     ClockFault {
         topic: scan.images[0].clone(),
-        reason:
-            "--stamps names a unit in which neither its stamps nor those of another topic are, \
+        reason: "--stamps names a unit that neither its stamps nor those of another topic have, \
                  by the log times of 10 messages or more: leave it out"
-                .to_owned(),
+            .to_owned(),
         denies_pairs: true,
         is_of_unit: false,
     }

@@ -1,7 +1,7 @@
 //! Rates and offsets of the topics' clocks.
 
-use super::rule::{Reading, StampRule, StampUnit};
-use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, Sample, TopicScan};
+use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TimedMessage, TopicScan};
+use crate::stamp_rule::{StampReading, StampRule, StampUnit};
 use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
 
@@ -84,20 +84,20 @@ impl ClockOffset {
     }
 }
 
-/// Samples of a topic by some rule, in the order of their log times.
-struct Samples {
-    all: Vec<Sample>,
+/// TopicTimes of a topic by some rule, in the order of their log times.
+struct TopicTimes {
+    all: Vec<TimedMessage>,
     /// Messages per second of the first ones, by stamps and by log times.
     rates: [Option<f64>; 2],
     /// The median time to the next stamp, of consecutive messages.
     step_ns: Option<u64>,
 }
 
-impl Samples {
+impl TopicTimes {
     fn new(topic: &TopicScan, rule: StampRule) -> Self {
-        let restamped = |sample: &Sample| sample.restamped(rule);
+        let restamped = |sample: &TimedMessage| sample.restamped(rule);
         let first: Vec<_> = topic.first.iter().map(restamped).collect();
-        let rate = |time: fn(&Sample) -> u64| {
+        let rate = |time: fn(&TimedMessage) -> u64| {
             let (least, most) = (first.iter().map(time).min()?, first.iter().map(time).max()?);
             (most > least).then(|| (first.len() - 1) as f64 * 1e9 / (most - least) as f64)
         };
@@ -119,8 +119,9 @@ impl Samples {
     }
 
     fn not_measured(&self) -> Option<&'static str> {
-        let log_ns = |sample: &Sample| sample.log_ns;
-        let is_equal = |sample: &Sample| sample.log_ns.abs_diff(sample.stamp_ns) <= MAX_ROUNDING_NS;
+        let log_ns = |sample: &TimedMessage| sample.log_ns;
+        let is_equal =
+            |sample: &TimedMessage| sample.log_ns.abs_diff(sample.stamp_ns) <= MAX_ROUNDING_NS;
         if self.all.len() < MIN_MESSAGES {
             Some("fewer than 10 messages")
         } else if self.all.first().map(log_ns) == self.all.last().map(log_ns) {
@@ -142,7 +143,7 @@ impl Samples {
 
     /// Period by the log times; of a topic of few messages at least that.
     fn period_ns(&self) -> f64 {
-        let span = |all: &[Sample]| Some(all.last()?.log_ns - all.first()?.log_ns);
+        let span = |all: &[TimedMessage]| Some(all.last()?.log_ns - all.first()?.log_ns);
         match self.rates[1] {
             Some(hz) => 1e9 / hz,
             None => span(&self.all).unwrap_or(0) as f64 / (self.all.len().max(2) - 1) as f64,
@@ -157,7 +158,7 @@ impl Samples {
         let near = self.all[from..]
             .iter()
             .take_while(|sample| sample.log_ns <= log_ns.saturating_add(window_ns));
-        let mut delays: Vec<_> = near.map(Sample::delay_ns).collect();
+        let mut delays: Vec<_> = near.map(TimedMessage::delay_ns).collect();
         delays.sort_unstable();
         nearest_rank(&delays, 0.5)
     }
@@ -167,7 +168,7 @@ impl Samples {
     fn shift_ns(&self, left: &Self, shift_ns: i64) -> i64 {
         let mut stamps: Vec<_> = left.all.iter().map(|sample| sample.stamp_ns).collect();
         stamps.sort_unstable();
-        let missing = |sample: &Sample| {
+        let missing = |sample: &TimedMessage| {
             let stamp_ns = sample.stamp_ns.saturating_add_signed(shift_ns);
             let after = stamps.partition_point(|left| *left < stamp_ns);
             let near = stamps[after.saturating_sub(1)..].iter().take(2);
@@ -182,7 +183,7 @@ impl Samples {
     /// From the fifth to the 95th percentile of the delays less the median around each.
     fn jitter_ns(&self) -> f64 {
         let window_ns = window_ns(self.period_ns());
-        let apart = |sample: &Sample| {
+        let apart = |sample: &TimedMessage| {
             let usual = self.delay_at(sample.log_ns, window_ns)?;
             Some(sample.delay_ns().saturating_sub(usual))
         };
@@ -207,7 +208,7 @@ impl Samples {
             return None;
         }
         let window_ns = window_ns(self.period_ns().max(left.period_ns()));
-        let at = |sample: &Sample| {
+        let at = |sample: &TimedMessage| {
             let own = self.delay_at(sample.log_ns, window_ns)?;
             Some(own.saturating_sub(left.delay_at(sample.log_ns, window_ns)?))
         };
@@ -238,28 +239,28 @@ impl TopicScan {
 
     /// Reading of the stamps by the unit that the user names. Those of topics whose rates are in
     /// order or show another unit stay, but log times are used for all.
-    pub(super) fn reading(&self, named: Option<StampUnit>) -> Reading {
+    pub(super) fn reading(&self, named: Option<StampUnit>) -> StampReading {
         let unit_ns = match named {
-            None => return Reading::AsWritten,
-            Some(StampUnit::Log) => return Reading::Log,
+            None => return StampReading::AsWritten,
+            Some(StampUnit::Log) => return StampReading::Log,
             Some(StampUnit::Milliseconds) => 1_000_000,
             Some(StampUnit::Microseconds) => 1_000,
         };
-        let samples = Samples::new(self, StampRule::default());
+        let samples = TopicTimes::new(self, StampRule::default());
         match self.wrong_unit(&samples) {
             Some(wrong) if wrong.unit.is_none() || wrong.unit == named => {
                 if self.is_below_second(&samples) {
-                    Reading::BelowSecond(unit_ns)
+                    StampReading::BelowSecond(unit_ns)
                 } else {
-                    Reading::Whole(unit_ns)
+                    StampReading::Whole(unit_ns)
                 }
             }
-            _ => Reading::AsWritten,
+            _ => StampReading::AsWritten,
         }
     }
 
     /// The unit of stamps that are too fast to be nanoseconds.
-    fn wrong_unit(&self, samples: &Samples) -> Option<WrongUnit> {
+    fn wrong_unit(&self, samples: &TopicTimes) -> Option<WrongUnit> {
         if samples.not_measured() == Some("fewer than 10 messages") {
             return None;
         }
@@ -287,9 +288,9 @@ impl TopicScan {
 
     /// True if only the part below a second is too fast: microseconds or milliseconds beside whole
     /// seconds.
-    fn is_below_second(&self, samples: &Samples) -> bool {
-        let below = |sample: &Sample| sample.stamp_ns % 1_000_000_000;
-        let seconds = |sample: &Sample| sample.stamp_ns / 1_000_000_000;
+    fn is_below_second(&self, samples: &TopicTimes) -> bool {
+        let below = |sample: &TimedMessage| sample.stamp_ns % 1_000_000_000;
+        let seconds = |sample: &TimedMessage| sample.stamp_ns / 1_000_000_000;
         let [Some(stamps_hz), Some(log_hz)] = samples.rates else {
             return false;
         };
@@ -307,7 +308,7 @@ impl ClockScan {
     /// The clocks of all topics, with their stamps by `rules`.
     pub(super) fn measured(&self, rules: &BTreeMap<String, StampRule>) -> Vec<TopicClock> {
         let samples = |name: &str, topic: &TopicScan| {
-            Samples::new(topic, rules.get(name).copied().unwrap_or_default())
+            TopicTimes::new(topic, rules.get(name).copied().unwrap_or_default())
         };
         let [left_name, right_name] = &self.images;
         let left = self.topics.get(left_name).map(|topic| {
@@ -322,7 +323,7 @@ impl ClockScan {
             let is_left = name == left_name;
             let others = left.as_ref().filter(|_| not_measured.is_none() && !is_left);
             let behind = others.and_then(|(left, _)| own.behind(left));
-            let delays: Vec<_> = own.all.iter().map(Sample::delay_ns).collect();
+            let delays: Vec<_> = own.all.iter().map(TimedMessage::delay_ns).collect();
             TopicClock {
                 topic: name.clone(),
                 role: topic.role,

@@ -5,17 +5,16 @@
 
 mod faults;
 mod measure;
-mod rule;
 mod scan;
 
 use super::{Selection, choose, topics};
 use crate::Recording;
 use crate::messages::{Channel, warn_once};
+use crate::restamped::StampRules;
+use crate::stamp_rule::StampRule;
 pub use faults::ClockFault;
 use faults::{ClockCheck, copies, unused_unit};
 pub use measure::{ClockOffset, TopicClock};
-pub use rule::StampUnit;
-pub(crate) use rule::{Restamped, StampRule, StampRules};
 pub use scan::ClockRole;
 pub(crate) use scan::{ClockScan, without_stamp};
 use std::collections::BTreeMap;

@@ -3,9 +3,9 @@
 
 use super::super::poses::ODOMETRY;
 use super::super::{Transforms, camera, head, is_image, sensor};
-use super::rule::StampRule;
 use crate::Recording;
 use crate::messages::{Channel, EventReader, FileEvent};
+use crate::stamp_rule::StampRule;
 use std::collections::BTreeMap;
 use svl_core::Result;
 
@@ -31,7 +31,7 @@ pub enum ClockRole {
 }
 
 impl ClockRole {
-    pub(super) fn of_channel(channel: &Channel) -> Option<Self> {
+    pub(super) fn for_channel(channel: &Channel) -> Option<Self> {
         if camera::is_calibration(channel) {
             Some(Self::Calibration)
         } else if is_image(channel) {
@@ -48,12 +48,12 @@ impl ClockRole {
 
 /// Log time and stamp of a message; the stamp as it is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Sample {
+pub(super) struct TimedMessage {
     pub(super) log_ns: u64,
     pub(super) stamp_ns: u64,
 }
 
-impl Sample {
+impl TimedMessage {
     /// The time from the stamp to the log time. Stamps above 2⁶³ ns are damage; wrapping still
     /// keeps their difference right.
     pub(super) fn delay_ns(&self) -> i64 {
@@ -78,8 +78,8 @@ impl Sample {
 pub(super) struct TopicScan {
     pub(super) role: ClockRole,
     /// Consecutive messages from the first one on, and those at other places.
-    pub(super) first: Vec<Sample>,
-    pub(super) later: Vec<Sample>,
+    pub(super) first: Vec<TimedMessage>,
+    pub(super) later: Vec<TimedMessage>,
     /// Messages before the first one that has a stamp.
     pub(super) unset: u64,
     /// Hash of the last message without its stamp; messages equal to the one before, and those
@@ -204,15 +204,15 @@ impl ClockScan {
         channel: &Channel,
         log_ns: u64,
         data: &[u8],
-    ) -> Option<(&mut TopicScan, Option<Sample>)> {
+    ) -> Option<(&mut TopicScan, Option<TimedMessage>)> {
         if !self.topics.contains_key(&channel.topic) {
-            let role = ClockRole::of_channel(channel)?;
+            let role = ClockRole::for_channel(channel)?;
             self.topics
                 .insert(channel.topic.clone(), TopicScan::new(role));
         }
         let topic = self.topics.get_mut(&channel.topic)?;
         let stamp_ns = stamp(topic.role, channel, data);
-        let sample = stamp_ns.map(|stamp_ns| Sample { log_ns, stamp_ns });
+        let sample = stamp_ns.map(|stamp_ns| TimedMessage { log_ns, stamp_ns });
         Some((topic, sample))
     }
 

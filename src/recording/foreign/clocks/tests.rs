@@ -1,4 +1,5 @@
 use super::*;
+use crate::stamp_rule::StampUnit;
 use fastrand::Rng;
 
 const MS: i64 = 1_000_000;
@@ -14,7 +15,7 @@ struct Publisher {
     schema: &'static str,
     period_ns: i64,
     from_ns: i64,
-    /// Its clock less that of the robot, nanoseconds, and its drift in millionths.
+    /// Offset of its clock from that of the robot, nanoseconds, and its drift in millionths.
     clock_ns: i64,
     drift: f64,
     /// Time until a message is logged, and its largest random part.
@@ -100,7 +101,7 @@ fn table(messages: &[Logged]) -> ClockTable {
     table_with(messages, &Selection::default())
 }
 
-fn of_robot(robot: &[Publisher]) -> ClockTable {
+fn robot_table(robot: &[Publisher]) -> ClockTable {
     table(&logged(robot, &mut Rng::with_seed(1)))
 }
 
@@ -135,14 +136,14 @@ fn a_topic_of_another_clock_is_named_with_its_offset() {
     ] {
         let mut robot = robot();
         robot[place].clock_ns = (clock_s * 1e9) as i64;
-        names(&of_robot(&robot), robot[place].topic, false, words);
+        names(&robot_table(&robot), robot[place].topic, false, words);
     }
     // Ahead of the images and of the log times.
     let mut ahead = robot();
     ahead[2].clock_ns = S;
-    names(&of_robot(&ahead), "/points", false, "1.000 s ahead");
+    names(&robot_table(&ahead), "/points", false, "1.000 s ahead");
     ahead[2].clock_ns = 20 * MS;
-    names(&of_robot(&ahead), "/points", false, "/points by 0.014 s");
+    names(&robot_table(&ahead), "/points", false, "/points by 0.014 s");
 }
 
 #[test]
@@ -150,9 +151,9 @@ fn poses_may_be_ahead_by_2_s_and_equal_calibrations_are_never_wrong() {
     let mut robot = robot();
     robot[3].clock_ns = 1_900 * MS;
     robot[4].clock_ns = -100 * S;
-    assert_eq!(of_robot(&robot).faults, []);
+    assert_eq!(robot_table(&robot).faults, []);
     robot[3].clock_ns = 2_100 * MS;
-    names(&of_robot(&robot), "/odom", false, "/odom by 2.094 s");
+    names(&robot_table(&robot), "/odom", false, "/odom by 2.094 s");
     // Calibrations that change.
     let changing = logged(&robot[..2], &mut Rng::with_seed(1));
     let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
@@ -203,7 +204,7 @@ fn a_right_clock_permits_no_pair_without_its_offset() {
     // Half a period is the latency of a slower node.
     let mut slow = robot();
     slow[1].latency_ns += 16 * MS;
-    assert_eq!(of_robot(&slow).faults, []);
+    assert_eq!(robot_table(&slow).faults, []);
 }
 
 #[test]
