@@ -154,7 +154,8 @@ impl<'a> ClockCheck<'a> {
     }
 }
 
-/// True if the offset of a clock is larger than both limits, in either direction, and not by chance.
+/// True if the offset of a clock is larger than both limits, in either direction, and than chance
+/// explains.
 fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     let limit_ns = least_ns.max(periods_ns).max(clock.noise_ns);
     clock.behind.is_some_and(|behind| {
