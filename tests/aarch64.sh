@@ -74,7 +74,7 @@ step cargo build --release --locked --bin svl
 step cargo build --release --locked --bin svl --target "$triple"
 here="$target/release/svl"
 there() { emulator "$target/$triple/release/svl" "$@"; }
-algorithms="$(for name in dp v1 v2 v3 v4 v5 v5:revision=2 bm sgm; do printf -- '--algo %s ' $name; done)"
+algorithms="$(for name in dp v1 v2 v3 v4 v5 v5:target=near bm sgm; do printf -- '--algo %s ' $name; done)"
 cd "$work"
 "$here" -q record arena --frames 6 -o arena.mcap
 # shellcheck disable=SC2086

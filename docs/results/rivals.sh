@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # v5 beside v3, bm and sgm, for docs/results/rivals.md: bash docs/results/rivals.sh DATASETS
-# Prints, for each set of scenes, of v5 (and revision 2), v3, bm and sgm: right and wrong cells of obstacles, missed and
+# Prints, for each set of scenes, of v5, v3, bm and sgm: right and wrong cells of obstacles, missed and
 # false near obstacles, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the
 # drives. The reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/../.."
 svl() { cargo run --profile "${PROFILE:-release}" --quiet --locked -- "$@"; }
-algorithms=(--algo v5 --algo v5:revision=2 --algo v3 --algo bm --algo sgm)
+algorithms=(--algo v5 --algo v3 --algo bm --algo sgm)
 score() {
   local name="$1"
   shift

@@ -58,7 +58,8 @@ pub struct CCell {
     pub valid_fraction: f32,
     pub state: u8,
     pub reason: u8,
-    reserved: [u8; 2],
+    pub level: u8,
+    reserved: u8,
 }
 
 impl From<&RangedCell> for CCell {
@@ -74,7 +75,8 @@ impl From<&RangedCell> for CCell {
                 state => state.code(),
             },
             reason: cell.reason as u8,
-            reserved: [0; 2],
+            level: cell.level,
+            reserved: 0,
         }
     }
 }

@@ -15,9 +15,9 @@ use svl_core::{Error, Result};
 /// A rig's numbers: focal_px, baseline_m, cx_px, cy_px, doffs_px.
 type RigTuple = (f64, f64, f64, f64, f64);
 
-/// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason), then of
-/// pixels (disparities, reasons).
-type MatchArrays<'py> = [Bound<'py, PyAny>; 8];
+/// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason,
+/// level), then of pixels (disparities, reasons).
+type MatchArrays<'py> = [Bound<'py, PyAny>; 9];
 
 /// A ranger, which several threads may use in turns.
 #[pyclass(frozen, module = "svl_bench._svl")]
@@ -195,6 +195,7 @@ impl RangedPair {
             // svl_bench.State.
             codes(|cell| cell.state.code())?,
             codes(|cell| cell.reason as u8)?,
+            codes(|cell| cell.level)?,
             array(py, self.disparities, [height, width])?.into_any(),
             array(py, self.reasons, [height, width])?.into_any(),
         ])

@@ -42,6 +42,13 @@ pub struct CellReport {
     /// Probability that something is nearer than the cell rule's `obstacle_m`, in state `near`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_probability: Option<f64>,
+    /// Size of the image at which it was decided, 0 for that of the pair, as [`Cell::level`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub level: u8,
+}
+
+fn is_zero(level: &u8) -> bool {
+    *level == 0
 }
 
 impl CellReport {
@@ -56,6 +63,7 @@ impl CellReport {
             disparity_px: cell.depth.map(|depth| depth.median_px),
             probability: cell.probability.map(rounded),
             near_probability: cell.near.map(rounded),
+            level: cell.level,
         };
         grid.iter().map(report).collect()
     }

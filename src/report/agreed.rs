@@ -76,6 +76,7 @@ fn depth_grid<'a>(
             probability: row.probability,
             too_close: row.state == Some(CellState::TooClose),
             near: row.near_probability,
+            level: row.level as u8,
             ..Cell::UNKNOWN
         });
     }

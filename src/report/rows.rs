@@ -296,6 +296,9 @@ record! {
         /// Number of points of a sparse truth; with `no-truth` they do not determine the median.
         /// Absent if the truth is dense or missing.
         true_points: Option<u64>,
+        /// Size of the image at which the cell was decided: 0 is that of the pair, each further
+        /// level half of the one before; 0 of an algorithm without levels.
+        level: u32,
     }
 }
 

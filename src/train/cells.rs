@@ -1,13 +1,12 @@
 //! Results of a training, for people.
 
 use super::kinds::{KindCells, ReportedCells, ScoredCell, reliability};
-use super::learned_cells::{LearnedCells, LearnedScenario};
+use super::learned_cells::{LearnedScenario, TableRole, TableSamples};
 use crate::fit::CellFit;
 use serde::Serialize;
 use std::collections::HashSet;
 use svl_core::Result;
-use svl_core::depth::decision::{SafeChoice, probability};
-use svl_core::matcher::Algorithm;
+use svl_core::depth::decision::{VerdictTable, probability};
 use svl_report::page::{PlotView, fill};
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_report::table::{Table, TableColumn, TerminalStyle};
@@ -16,7 +15,7 @@ use svl_report::{ReliabilityBin, reliability_chart};
 /// Figures of a fit, per scenario, and the calibration of its probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellTraining {
-    pub algorithm: String,
+    pub table: TableRole,
     pub steps: usize,
     /// Least probability of a cell that counts as known.
     pub confidence: f64,
@@ -67,16 +66,16 @@ impl ScenarioCells {
 }
 
 impl CellTraining {
-    /// Figures of a fit of the table of `algorithm` to the first of the samples; the others, of
-    /// scenarios that are only tested, were no part of it. `choice`: the algorithm's decision.
+    /// Figures of a fit of a table to the first of the samples; the others, of scenarios that are
+    /// only tested, were no part of it. `present`: the table in use.
     pub fn new(
-        algorithm: &Algorithm,
-        choice: &SafeChoice,
-        learned: &LearnedCells,
+        role: TableRole,
+        present: &VerdictTable,
+        learned: &TableSamples,
         fit: &CellFit,
     ) -> Self {
-        let least_score = choice.table.least_score;
-        let cells = ScoredCell::all(learned, fit, &choice.table);
+        let least_score = present.least_score;
+        let cells = ScoredCell::all(learned, fit, present);
         let scenarios = cells.chunk_by(|a, b| a.scenario == b.scenario);
         let scenarios = scenarios.map(|own| {
             let scenario = &learned.scenarios[own[0].scenario];
@@ -87,7 +86,7 @@ impl CellTraining {
             .filter(|cell| cell.sample.is_reportable())
             .map(|cell| (cell.held_out, cell.sample.right));
         Self {
-            algorithm: algorithm.label().to_owned(),
+            table: role,
             steps: fit.table.steps.iter().map(|steps| steps.0.len()).sum(),
             confidence: probability(least_score),
             scenarios: scenarios.collect(),
@@ -97,12 +96,22 @@ impl CellTraining {
         }
     }
 
-    /// The page: one file without scripts, all texts escaped.
+    /// The page of all tables: one file without scripts, all texts escaped.
     ///
     /// # Errors
     /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
     /// library.
-    pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
+    pub fn page(tables: &[Self], identity: Vec<(String, String)>) -> Result<String> {
+        let view = TrainingView {
+            tables: tables.iter().map(Self::view).collect(),
+            images: [],
+            identity,
+            incomplete: None,
+        };
+        fill(include_str!("cells.html"), "", &[], view)
+    }
+
+    fn view(&self) -> TableView<'_> {
         let bins = vec![("cells".to_owned(), self.reliability.clone())];
         let reliability = reliability_chart(bins).unwrap_or_default();
         let points = self.losses.iter().enumerate();
@@ -117,7 +126,8 @@ impl CellTraining {
                 points,
             }],
         };
-        let view = TrainingView {
+        TableView {
+            words: self.table.words(),
             training: self,
             scenarios: self.scenario_table(),
             kinds: KindCells::table(&self.kinds),
@@ -135,11 +145,7 @@ impl CellTraining {
                 },
                 KindCells::curves(&self.kinds),
             ],
-            images: [],
-            identity,
-            incomplete: None,
-        };
-        fill(include_str!("cells.html"), "", &[], view)
+        }
     }
 }
 
@@ -165,8 +171,9 @@ impl CellTraining {
             );
         }
         format!(
-            "{steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % of \
+            "{}: {steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % of \
              these wrong, calibration error in points, area of the ROC\n{}\n{}",
+            self.table.words(),
             self.scenario_table().terminal(style),
             KindCells::table(&self.kinds).terminal(style),
             bins.terminal(style)
@@ -207,13 +214,19 @@ fn percent(share: f64, digits: usize) -> String {
 
 #[derive(Serialize)]
 struct TrainingView<'a> {
+    tables: Vec<TableView<'a>>,
+    images: [(); 0],
+    identity: Vec<(String, String)>,
+    incomplete: Option<String>,
+}
+
+#[derive(Serialize)]
+struct TableView<'a> {
+    words: &'static str,
     training: &'a CellTraining,
     scenarios: Table,
     kinds: Table,
     charts: [PlotView; 3],
-    images: [(); 0],
-    identity: Vec<(String, String)>,
-    incomplete: Option<String>,
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Cells of each kind of scenes by a table that was fitted without that kind.
 
-use super::learned_cells::{LearnedCells, LearnedScenario};
+use super::learned_cells::{LearnedScenario, TableSamples};
 use crate::fit::filter::RocCurve;
 use crate::fit::{CellFit, CellSample};
 use serde::Serialize;
@@ -78,7 +78,7 @@ pub(super) fn reliability(cells: &[(i64, bool)]) -> Vec<ReliabilityBin> {
 impl<'a> ScoredCell<'a> {
     /// The cells of all scenarios, one scenario after the other. `table`: the algorithm's.
     pub(super) fn all(
-        learned: &'a LearnedCells,
+        learned: &'a TableSamples,
         fit: &CellFit,
         table: &VerdictTable,
     ) -> Vec<ScoredCell<'a>> {

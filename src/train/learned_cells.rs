@@ -1,8 +1,7 @@
 //! Cells of scenarios that the tables of v5 are learned from.
 
 use crate::fit::{
-    CellFit, CellSample, CellSequence, CellTarget, FOLDS, PairCell, PairCells, fit_cells,
-    pair_cells,
+    CellFit, CellSample, CellSequence, CellTarget, PairCell, PairCells, fit_cells, pair_cells,
 };
 use std::path::Path;
 use svl_bench::console::{Console, Watch};
@@ -10,8 +9,8 @@ use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::runs;
 use svl_bench::sink::{CollectSink, PassStart};
 use svl_bench::source::{PairRegister, Source};
-use svl_core::depth::decision::{SafeChoice, VerdictTable};
-use svl_core::matcher::Algorithm;
+use svl_core::depth::decision::{DECIDES, SafeChoice, VerdictTable};
+use svl_core::matcher::{Algorithm, V5Model};
 use svl_core::stereo::FittedTo;
 use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
@@ -43,21 +42,109 @@ pub struct CellAlgorithms {
     pub near: Algorithm,
 }
 
+/// A table of the median, by the images and cells that it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TableRole {
+    /// Images that are decided at their own size alone.
+    Single,
+    /// Of those that are decided at several: the finest, the sizes between, the coarsest.
+    Finest,
+    Middle,
+    Coarsest,
+    /// Cells of few pixels, at any size.
+    Small,
+}
+
+impl TableRole {
+    /// Each role, in the order in which the tables are fitted: finer ones decide first.
+    pub const ALL: [Self; 5] = [
+        Self::Single,
+        Self::Finest,
+        Self::Middle,
+        Self::Coarsest,
+        Self::Small,
+    ];
+
+    /// The role of a level, of that many, for cells of the usual size.
+    fn of(level: usize, levels: usize) -> Self {
+        if levels == 1 {
+            Self::Single
+        } else if level + 1 == levels {
+            Self::Coarsest
+        } else if level == 0 {
+            Self::Finest
+        } else {
+            Self::Middle
+        }
+    }
+
+    /// The images or cells that it is for.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Single => "images of one size",
+            Self::Finest => "finest size of several",
+            Self::Middle => "sizes between",
+            Self::Coarsest => "coarsest size of several",
+            Self::Small => "small cells",
+        }
+    }
+
+    /// The table of a model for it.
+    pub fn table(self, model: &V5Model) -> &VerdictTable {
+        match self {
+            Self::Single => &model.median,
+            Self::Finest => &model.levels.finest,
+            Self::Middle => &model.levels.middle,
+            Self::Coarsest => &model.levels.coarsest,
+            Self::Small => &model.levels.small,
+        }
+    }
+
+    /// The table of a model for it, to be replaced.
+    pub(super) fn table_mut(self, model: &mut V5Model) -> &mut VerdictTable {
+        match self {
+            Self::Single => &mut model.median,
+            Self::Finest => &mut model.levels.finest,
+            Self::Middle => &mut model.levels.middle,
+            Self::Coarsest => &mut model.levels.coarsest,
+            Self::Small => &mut model.levels.small,
+        }
+    }
+}
+
+/// A cell with a truth.
+struct LearnedCell {
+    /// Place of its scenario.
+    scenario: usize,
+    /// True if it has few pixels.
+    is_small: bool,
+    /// The decisions at each size; `None` for a report that failed a test.
+    levels: Vec<Option<CellSample>>,
+}
+
 /// The cells of all scenarios.
 #[derive(Default)]
 pub struct LearnedCells {
     /// By the median of a cell.
-    pub samples: Vec<CellSample>,
+    cells: Vec<LearnedCell>,
     /// By the nearest quarter, with their weights, of the scenarios that are fitted to.
     near: (Vec<CellSample>, Vec<f64>),
     /// The runs that are fitted to and whose pairs follow each other.
     pub runs: Vec<CellSequence>,
     /// Runs and scenes.
     groups: Vec<String>,
-    pub scenarios: Vec<LearnedScenario>,
+    scenarios: Vec<LearnedScenario>,
     register: PairRegister,
     /// By registered run: true if it is no part of the fit.
     tested_runs: Vec<bool>,
+}
+
+/// The samples of a table, by scenario: those that are only tested come last.
+#[derive(Default)]
+pub struct TableSamples {
+    pub samples: Vec<CellSample>,
+    pub scenarios: Vec<LearnedScenario>,
 }
 
 /// A scenario's part of the samples.
@@ -95,7 +182,7 @@ impl LearnedCells {
         let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let [before, before_near, before_runs] =
-            [self.samples.len(), self.near.0.len(), self.runs.len()];
+            [self.cells.len(), self.near.0.len(), self.runs.len()];
         let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
         for (i, run) in runs(&scenario, console)?.into_iter().enumerate() {
             if !are_scenes && !share.has(i as u64) {
@@ -128,7 +215,9 @@ impl LearnedCells {
                 (scene.unwrap_or_else(|| name.clone()), cells)
             });
             let pairs = self.add_pairs(collected, tested);
-            if !tested && !scenario.has_separate_pairs() {
+            // The table of time is fitted to images of one size and cells of the usual one.
+            let is_usual = pairs.iter().all(|pair| pair.levels == 1 && !pair.is_small);
+            if !tested && !scenario.has_separate_pairs() && is_usual {
                 let group = self.group(name);
                 self.runs.push(CellSequence {
                     group,
@@ -137,8 +226,8 @@ impl LearnedCells {
                 });
             }
         }
-        let cells = self.samples.len() - before;
-        if !self.samples[before..].iter().any(CellSample::is_reportable) {
+        let mut samples = self.cells[before..].iter().flat_map(|cell| &cell.levels);
+        if !samples.any(|sample| sample.is_some_and(|sample| sample.is_reportable())) {
             return Err(Error::Invalid(format!(
                 "{}: has no cells to learn from: frames need a truth, and of three runs or scenes \
                  one is for the tables; take six, or keep the network with --tables-only",
@@ -154,7 +243,7 @@ impl LearnedCells {
         self.scenarios.push(LearnedScenario {
             kind: scenario.kind().to_owned(),
             name: scenario.name,
-            cells,
+            cells: 0,
             tested,
         });
         Ok(())
@@ -167,28 +256,108 @@ impl LearnedCells {
         collected: impl Iterator<Item = (String, Vec<PairCells>)>,
         tested: bool,
     ) -> Vec<PairCells> {
-        let mut pairs = Vec::new();
+        let (mut pairs, scenario) = (Vec::new(), self.scenarios.len());
         for (name, cells) in collected {
             let group = self.group(name);
             let mut cells = cells.into_iter();
             let (Some(median), Some(near)) = (cells.next(), cells.next()) else {
                 continue;
             };
-            let samples = |pair: &PairCells| -> Vec<_> {
-                let own = pair.cells.iter();
-                own.filter_map(|cell: &PairCell| cell.sample(group))
-                    .collect()
-            };
-            self.samples.extend(samples(&median));
-            if !tested {
-                self.near.0.extend(samples(&near));
+            for levels in median.cells.chunks_exact(median.levels) {
+                let sample = |cell: &PairCell| cell.sample(group).filter(|_| !cell.is_refused);
+                if levels.iter().any(|cell| cell.right.is_some()) {
+                    self.cells.push(LearnedCell {
+                        scenario,
+                        is_small: median.is_small,
+                        levels: levels.iter().map(sample).collect(),
+                    });
+                }
+            }
+            // The near table stays that of small images.
+            if !tested && median.levels == 1 && !median.is_small {
+                let samples = near.cells.iter().filter_map(|cell| cell.sample(group));
+                self.near.0.extend(samples);
             }
             pairs.push(median);
         }
         pairs
     }
 
-    /// Number of samples to fit to: those of scenarios that are only tested come after them.
+    /// The samples of a table: of levels, the cells that the finer tables of `model` leave open.
+    pub fn samples(&self, role: TableRole, model: &V5Model) -> TableSamples {
+        let mut own = vec![Vec::new(); self.scenarios.len()];
+        for cell in &self.cells {
+            let levels = cell.levels.len();
+            for (level, sample) in cell.levels.iter().enumerate() {
+                let level_role = match cell.is_small {
+                    true => TableRole::Small,
+                    false => TableRole::of(level, levels),
+                };
+                let decides = sample.is_some_and(|sample| {
+                    let score = |evidence| level_role.table(model).score(&evidence);
+                    sample
+                        .evidence
+                        .is_some_and(|evidence| score(evidence) >= DECIDES)
+                });
+                // Reports of one size alone show how many cells there are, too.
+                let sample = sample.filter(|sample| levels == 1 || sample.is_reportable());
+                if level_role == role {
+                    own[cell.scenario].extend(sample);
+                }
+                if decides {
+                    break;
+                }
+            }
+        }
+        let mut samples = TableSamples::default();
+        for tested in [false, true] {
+            let scenarios = self.scenarios.iter().zip(&own);
+            for (scenario, own) in scenarios.filter(|(scenario, _)| scenario.tested == tested) {
+                if !own.is_empty() {
+                    samples.samples.extend(own);
+                    samples.scenarios.push(LearnedScenario {
+                        cells: own.len(),
+                        ..scenario.clone()
+                    });
+                }
+            }
+        }
+        samples
+    }
+
+    /// Fits a table for the nearest quarter, as [`TableSamples::fit`], with its samples;
+    /// the inner `None` if there are none.
+    pub fn fit_near(
+        &self,
+        like: &VerdictTable,
+        progress: impl Fn() -> bool + Sync,
+    ) -> Option<Option<(CellFit, &[CellSample])>> {
+        let (samples, mut weights) = (&self.near.0, self.near.1.clone());
+        if samples.is_empty() {
+            return Some(None);
+        }
+        scale(&mut weights);
+        let kinds = vec![0; samples.len()];
+        let fit = fit_cells(samples, &kinds, &weights, like, progress)?;
+        Some(Some((fit, samples)))
+    }
+
+    /// The runs that were fitted to, with their pairs.
+    pub fn fitted_to(&self) -> FittedTo {
+        self.register.fitted(|run| !self.tested_runs[run])
+    }
+
+    fn group(&mut self, name: String) -> usize {
+        let known = self.groups.iter().position(|group| *group == name);
+        known.unwrap_or_else(|| {
+            self.groups.push(name);
+            self.groups.len() - 1
+        })
+    }
+}
+
+impl TableSamples {
+    /// Number of samples to fit to.
     pub fn fitted(&self) -> usize {
         self.fitted_scenarios().map(|scenario| scenario.cells).sum()
     }
@@ -210,33 +379,6 @@ impl LearnedCells {
         fit_cells(&self.samples[..fitted], &kind_of, &weights, like, progress)
     }
 
-    /// Fits a table for the nearest quarter, as [`LearnedCells::fit`], with the number of its
-    /// cells.
-    pub fn fit_near(
-        &self,
-        like: &VerdictTable,
-        progress: impl Fn() -> bool + Sync,
-    ) -> Option<(CellFit, &[CellSample])> {
-        let (samples, mut weights) = (&self.near.0, self.near.1.clone());
-        scale(&mut weights);
-        let kinds = vec![0; samples.len()];
-        Some((
-            fit_cells(samples, &kinds, &weights, like, progress)?,
-            samples,
-        ))
-    }
-
-    /// Number of fits that [`LearnedCells::fit`] and [`LearnedCells::fit_near`] report.
-    pub fn fits(&self) -> usize {
-        let kinds = self.kinds().len();
-        2 * (FOLDS + 1) + if kinds > 1 { kinds } else { 0 }
-    }
-
-    /// The runs that were fitted to, with their pairs.
-    pub fn fitted_to(&self) -> FittedTo {
-        self.register.fitted(|run| !self.tested_runs[run])
-    }
-
     fn fitted_scenarios(&self) -> impl Iterator<Item = &LearnedScenario> {
         self.scenarios.iter().filter(|scenario| !scenario.tested)
     }
@@ -250,14 +392,6 @@ impl LearnedCells {
         kinds.sort_unstable();
         kinds.dedup();
         kinds
-    }
-
-    fn group(&mut self, name: String) -> usize {
-        let known = self.groups.iter().position(|group| *group == name);
-        known.unwrap_or_else(|| {
-            self.groups.push(name);
-            self.groups.len() - 1
-        })
     }
 }
 

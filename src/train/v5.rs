@@ -2,7 +2,7 @@
 
 use super::cells::CellTraining;
 use super::gaps::{GapTraining, LearnedGaps, LearnedNetwork};
-use super::learned_cells::{CellAlgorithms, LearnedCells, TrainingPart};
+use super::learned_cells::{CellAlgorithms, LearnedCells, TableRole, TrainingPart};
 use crate::fit::{CellSample, GapSettings, TimeFigures, fit_time};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -33,8 +33,10 @@ pub struct TrainedV5 {
 pub struct V5Training {
     /// Absent if the network was kept.
     pub network: Option<GapTraining>,
-    pub cells: CellTraining,
-    pub near: NearTraining,
+    /// The fitted tables; others are kept.
+    pub tables: Vec<CellTraining>,
+    /// Absent if the table was kept.
+    pub near: Option<NearTraining>,
     /// Absent if no cell has an earlier report.
     pub time: Option<TimeFigures>,
 }
@@ -71,7 +73,9 @@ pub fn train_v5(
     let mut model = base;
     // The tables are fitted to pairs alone.
     let time = model.median.time.take();
-    let least_with_past = time.map_or(model.median.least_score, |time| time.least_score);
+    let least_with_past = time
+        .as_ref()
+        .map_or(model.median.least_score, |time| time.least_score);
     model.facts = ModelFacts::from([("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
     let share = match &network {
         Some(network) => {
@@ -98,38 +102,69 @@ pub fn train_v5(
             console,
         )?;
     }
-    check(&learned.samples[..learned.fitted()])?;
-    let bar = console.bar("fit", Unit::Pairs, Some(learned.fits() as u64));
+    let bar = console.bar("fit", Unit::Pairs, None);
     let step = || {
         bar.step();
         !interrupt::requested()
     };
-    let fit = learned.fit(&model.median, step).ok_or(Error::Interrupted)?;
-    let near = learned.fit_near(&model.near, step);
-    let (near, near_samples) = near.ok_or(Error::Interrupted)?;
+    let (mut tables, mut refusal) = (Vec::new(), None);
+    for role in TableRole::ALL {
+        let samples = learned.samples(role, &model);
+        let fitted = &samples.samples[..samples.fitted()];
+        if let Err(why) = check(fitted) {
+            refusal = refusal.or((!fitted.is_empty()).then_some(why));
+            continue;
+        }
+        let present = role.table(&model).clone();
+        let fit = samples.fit(&present, step).ok_or(Error::Interrupted)?;
+        tables.push(CellTraining::new(role, &present, &samples, &fit));
+        *role.table_mut(&mut model) = fit.table;
+    }
+    if tables.is_empty() {
+        let none = || Error::Invalid("no cell has a truth and a report".to_owned());
+        return Err(refusal.unwrap_or_else(none));
+    }
+    let near = learned
+        .fit_near(&model.near, step)
+        .ok_or(Error::Interrupted)?;
     drop(bar);
-    let choice = algorithms.median.safe_choice()?;
-    let choice = choice.ok_or_else(|| Error::Invalid("v5 decides on cells".to_owned()))?;
-    let cells = CellTraining::new(&algorithms.median, &choice, &learned, &fit);
     let least = model.near.least_score;
-    let near_training = NearTraining::new(near_samples, &near.held_out, least);
+    let near = near.map(|(fit, samples)| {
+        model.near = fit.table;
+        NearTraining::new(samples, &fit.held_out, least)
+    });
     model.fitted = model.fitted.and(&learned.fitted_to());
-    model.median = fit.table;
-    model.near = near.table;
-    let time = fit_time(&learned.runs, &model.median, least_with_past);
+    let single = tables.iter().any(|table| table.table == TableRole::Single);
+    let least = least_with_past;
+    let fit = single
+        .then(|| fit_time(&learned.runs, &model.median, least))
+        .flatten();
     // Cells with a past are held to more only if it says something.
     let is_empty = |table: &TimeTable| {
         let steps = [&table.agrees, &table.farther, &table.nearer];
         steps.iter().all(|steps| steps.0.is_empty())
     };
-    let table = time.as_ref().map(|time| time.table.clone());
-    model.median.time = table.filter(|table| !is_empty(table));
+    let own = fit.as_ref().map(|fit| fit.table.clone());
+    model.median.time = if single {
+        own.filter(|table| !is_empty(table))
+    } else {
+        time
+    };
+    // What earlier reports say does not depend on the size.
+    for role in &TableRole::ALL[1..] {
+        let time = model.median.time.clone();
+        let table = role.table_mut(&mut model);
+        table.time = time.map(|time| TimeTable {
+            least_score: table.least_score,
+            ..time
+        });
+    }
     Ok(TrainedV5 {
         training: V5Training {
             network: network.map(|network| network.training),
-            cells,
-            near: near_training,
-            time: time.map(|time| time.figures),
+            tables,
+            near,
+            time: fit.map(|fit| fit.figures),
         },
         model,
     })
@@ -199,17 +234,19 @@ impl V5Training {
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let network = self.network.as_ref();
         let network = network.map_or_else(String::new, |network| format!("{network}\n\n"));
-        let cells = self.cells.terminal(style);
-        let near = &self.near;
-        let near = format!(
-            "nearest quarter, held out: {:.1} % of {} from {:.2} on;\n{:.2} % of them right",
-            100.0 * near.known,
-            counted(near.cells as u64, "cell"),
-            near.confidence,
-            100.0 * near.right
-        );
+        let tables = self.tables.iter().map(|table| table.terminal(style));
+        let tables = tables.collect::<Vec<_>>().join("\n");
+        let near = self.near.as_ref().map_or_else(String::new, |near| {
+            format!(
+                "\nnearest quarter, held out: {:.1} % of {} from {:.2} on;\n{:.2} % of them right",
+                100.0 * near.known,
+                counted(near.cells as u64, "cell"),
+                near.confidence,
+                100.0 * near.right
+            )
+        });
         let time = match &self.time {
-            None => "no cell has an earlier report".to_owned(),
+            None => "the table of earlier reports is kept".to_owned(),
             Some(time) => {
                 let [agrees, farther, nearer] = time.relations;
                 format!(
@@ -221,6 +258,6 @@ impl V5Training {
                 )
             }
         };
-        format!("{network}{cells}\n{near}\n{time}")
+        format!("{network}{tables}{near}\n{time}")
     }
 }

@@ -22,4 +22,5 @@ mod solve;
 mod thesis;
 mod v3;
 mod v5;
+mod v5_levels;
 mod v5_time;

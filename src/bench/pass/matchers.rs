@@ -8,6 +8,7 @@ use svl_core::timing::{Stage, StageTimes};
 use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 use svl_score::memory::{self, MemoryUse};
+use svl_score::notice::Notice;
 
 /// The algorithms of a pass, ready to match.
 pub struct Matchers(pub(super) Vec<ReadyMatcher>);
@@ -144,6 +145,9 @@ impl Matchers {
                 let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
                 record.warnings().for_each(|warning| warning.warn());
+                if let Some(remark) = entry.matcher.remark() {
+                    Notice::new([&*entry.label], remark).warn();
+                }
                 record.failed_pairs = entry.failed_pairs;
                 record.failure.clone_from(&entry.failure);
             }

@@ -211,6 +211,7 @@ impl RowIdentity {
                     near_probability: cell.near,
                     stress: self.stress.clone(),
                     true_points: judgement.points.map(|points| points as u64),
+                    level: cell.level.into(),
                 }
             };
         estimate.grid.iter().enumerate().map(row).collect()

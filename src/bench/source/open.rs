@@ -350,7 +350,7 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
         )));
     };
     let source = ArenaSource::new(Arena::new(config, seed)?, seed);
-    let is_on_floor = config.random != Some(RandomScenes::Shapes);
+    let is_on_floor = !config.random.is_some_and(RandomScenes::are_layers);
     let header = Header {
         camera_height_m: is_on_floor.then_some(config.rig.above_floor_m),
         scenario: Some(scenario.name.clone()),

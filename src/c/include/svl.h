@@ -56,7 +56,8 @@ typedef struct svl_cell {
     float valid_fraction; /* of the cell's pixels, 0 to 1 */
     uint8_t state;        /* svl_state */
     uint8_t reason;       /* svl_reason */
-    uint8_t reserved[2];
+    uint8_t level;        /* size of the image that decided: 0 the pair's, 1 half of it, ...; 0 but for v5 */
+    uint8_t reserved;
 } svl_cell;
 
 /* Layout of a pixel. 16-bit values are in the machine's byte order; svl matches the upper eight of the bits in use, and larger

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl::calibrate::files::{Hints, inputs, read_with};
 use svl::depth::GridSettings;
-use svl::depth::decision::VerdictTable;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::depth::decision::{BINS_PER_PX, SafeChoice, VerdictTable};
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, has_small_cells};
 use svl::outputs::Outputs;
 use svl::recording::CellReport;
 use svl::rectify::Rectifier;
@@ -20,6 +20,7 @@ use svl::stereo::{
     Cell, CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
     StereoPair,
 };
+use svl::stereo::{LevelCell, LevelVerdict};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -111,6 +112,22 @@ struct MatchCell {
     /// The parts of the log odds that its report is right, if v5's decision computed them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     score: Vec<ScorePart>,
+    /// The decisions at several sizes of the image, finest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<LevelPart>,
+}
+
+/// The decision on a cell at one size of the image.
+#[derive(Serialize)]
+struct LevelPart {
+    level: u8,
+    /// The report, pixels of the pair; absent if nothing was seen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    disparity_px: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    log_odds: Option<f64>,
+    /// Test that the level failed, or `passed`.
+    verdict: LevelVerdict,
 }
 
 /// A part of the log odds that a report is right.
@@ -126,7 +143,12 @@ struct ScorePart {
 }
 
 impl MatchCell {
-    fn new(report: CellReport, cell: &Cell, reason: Reason, table: Option<&VerdictTable>) -> Self {
+    fn new(
+        report: CellReport,
+        cell: &Cell,
+        reason: Reason,
+        (table, levels): (Option<&VerdictTable>, &[LevelCell]),
+    ) -> Self {
         let evidence = cell.evidence.as_ref();
         let score = table.zip(evidence).map(|(table, evidence)| {
             let base = ScorePart::new("base", None, "", table.base);
@@ -139,19 +161,41 @@ impl MatchCell {
             report,
             reason: cell.depth.is_none().then(|| reason.name()),
             score: score.unwrap_or_default(),
+            levels: match levels {
+                [] | [_] => Vec::new(),
+                levels => levels.iter().map(LevelPart::new).collect(),
+            },
         }
     }
 
     /// The cells of a grid in raster order.
-    fn all(map: &DisparityMap, grid: &DepthGrid, table: Option<&VerdictTable>) -> Vec<Self> {
+    fn all(map: &DisparityMap, grid: &DepthGrid, choice: Option<&SafeChoice>) -> Vec<Self> {
+        let is_small = has_small_cells(map.size(), grid.shape().cells());
+        let levels: Vec<_> = grid.levels().collect();
         let min_valid = GridSettings::default().min_valid;
         let reports = CellReport::from_grid(grid).into_iter().zip(grid.iter());
-        let cells = reports.map(|(report, (place, cell))| {
+        let cells = reports.enumerate().map(|(i, (report, (place, cell)))| {
             let by_pixels = map.cell_reason(grid.shape(), place, min_valid);
             let reason = cell.reason.unwrap_or(by_pixels);
-            Self::new(report, cell, reason, table)
+            let levels = levels.get(i).copied().unwrap_or_default();
+            let count = levels.last().map_or(1, |last| usize::from(last.level) + 1);
+            let table = choice.map(|choice| choice.table(cell.level.into(), count, is_small));
+            Self::new(report, cell, reason, (table, levels))
         });
         cells.collect()
+    }
+}
+
+impl LevelPart {
+    fn new(level: &LevelCell) -> Self {
+        let px = |report: i64| (report << level.level) as f64 / f64::from(BINS_PER_PX);
+        let evidence = level.evidence.as_ref();
+        Self {
+            level: level.level,
+            disparity_px: evidence.map(|evidence| px(evidence.report)),
+            log_odds: evidence.map(|_| level.scores[1] as f64 / 1000.0),
+            verdict: level.verdict,
+        }
     }
 }
 
@@ -210,8 +254,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         depth::grid(map, GridSettings::default(), rig)
     });
     outputs.commit();
-    let table = choice.map(|choice| choice.table);
-    let report = MatchReport::new(&args.algo, &output, &grid, table.as_ref(), rig);
+    let report = MatchReport::new(&args.algo, &output, &grid, choice.as_ref(), rig);
     if args.json {
         print_json(&report)
     } else {
@@ -302,7 +345,7 @@ impl<'a> MatchReport<'a> {
         algorithm: &'a Algorithm,
         output: &MatchOutput,
         grid: &DepthGrid,
-        table: Option<&VerdictTable>,
+        choice: Option<&SafeChoice>,
         rig: Option<&Rig>,
     ) -> Self {
         let (map, times) = (&output.disparity, output.clock.times());
@@ -324,7 +367,7 @@ impl<'a> MatchReport<'a> {
             hash: format!("{:032x}", map.hash()),
             median_row_offset: map.median_row_offset(),
             distances_m: rig.map(|_| distances(grid)),
-            cells: MatchCell::all(map, grid, table),
+            cells: MatchCell::all(map, grid, choice),
         }
     }
 }

@@ -29,7 +29,7 @@ pub use {
     parameter::{Parameter, ParameterFile, Parameters, Range, Value},
     program::ProgramRecord,
     recorded::{MapPlace, MapRequest},
-    v5::{GapSampler, GapWeights, V5Model},
+    v5::{GapSampler, GapWeights, V5Model, has_small_cells},
 };
 
 use crate::depth::decision::SafeChoice;
@@ -38,8 +38,8 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RecordedMap, RectifiedPair, Rgb, Rig,
-    Truth, buffer,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, LevelCell, RecordedMap,
+    RectifiedPair, Rgb, Rig, Truth, buffer,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -74,6 +74,12 @@ pub trait Matcher: Send {
 
     /// Forgets all earlier pairs.
     fn reset(&mut self) {}
+
+    /// Remark on the pairs so far, in one line.
+    #[doc(hidden)]
+    fn remark(&self) -> Option<String> {
+        None
+    }
 
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
@@ -163,8 +169,9 @@ pub struct MatchOutput {
     pub decided: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
-    /// Memory for the cells of a grid, and for the disparities of one cell.
+    /// Memory for the cells of a grid and their levels, and for the disparities of one cell.
     cells: Vec<Cell>,
+    levels: Vec<LevelCell>,
     keys: Vec<i32>,
 }
 
@@ -186,6 +193,7 @@ impl MatchOutput {
             decided: None,
             clock: Clock::start(),
             cells: Vec::new(),
+            levels: Vec::new(),
             keys: Vec::new(),
         }
     }
@@ -197,10 +205,13 @@ impl MatchOutput {
         self.clock = Clock::start();
     }
 
-    /// Buffer for the cells of a grid: that of the last grid, if there was one.
-    pub fn take_cells(&mut self) -> Vec<Cell> {
+    /// Buffers for the cells of a grid and their levels: those of the last grid, if there was one.
+    pub(crate) fn take_cells(&mut self) -> (Vec<Cell>, Vec<LevelCell>) {
         self.take_back_cells();
-        std::mem::take(&mut self.cells)
+        (
+            std::mem::take(&mut self.cells),
+            std::mem::take(&mut self.levels),
+        )
     }
 
     /// Makes the grid of the medians, unless the algorithm answered one. Allocates nothing after
@@ -223,7 +234,7 @@ impl MatchOutput {
 
     fn take_back_cells(&mut self) {
         if let Some(grid) = self.grid.take() {
-            self.cells = grid.into_cells();
+            (self.cells, self.levels) = grid.into_parts();
         }
     }
 }

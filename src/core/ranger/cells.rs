@@ -20,6 +20,8 @@ pub struct RangedCell {
     /// Why the cell is unknown: [`Reason::Disagreement`], or the most frequent reason of its
     /// pixels. [`Reason::Valid`] of a known one.
     pub reason: Reason,
+    /// Size of the image at which the cell was decided, as [`Cell::level`].
+    pub level: u8,
 }
 
 impl RangedCell {
@@ -32,6 +34,7 @@ impl RangedCell {
             valid_share: cell.valid_share,
             state: cell.state(),
             reason,
+            level: cell.level,
         }
     }
 }

@@ -65,6 +65,9 @@ pub struct Cell {
     /// Probability that something is nearer than the rule's `obstacle_m`, of an unknown cell that
     /// is flagged.
     pub near: Option<f64>,
+    /// Size of the image at which the cell was decided: 0 is that of the pair, each further level
+    /// half of the one before; 0 for algorithms without levels.
+    pub level: u8,
 }
 
 /// Evidence on a cell, from which it is decided whether to report it ([`crate::depth::decision`]).
@@ -86,6 +89,51 @@ impl CellEvidence {
     pub const NOT_MEASURED: i64 = i64::MIN;
 }
 
+/// The decision on a cell at one size of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LevelCell {
+    /// Number of the size, as [`Cell::level`].
+    pub level: u8,
+    /// `None` if nothing was seen, or the cell has no pixels there.
+    pub evidence: Option<CellEvidence>,
+    /// 20th and 80th percentile of the disparities, bins of 1/8 pixel of that size.
+    pub percentiles: [i64; 2],
+    /// Log odds that the report is right, thousandths: by the pair alone, and with earlier pairs.
+    pub scores: [i64; 2],
+    /// Least score of a known cell.
+    pub least_score: i64,
+    pub verdict: LevelVerdict,
+}
+
+impl LevelCell {
+    /// A level that says nothing.
+    pub const NOTHING: Self = Self {
+        level: 0,
+        evidence: None,
+        percentiles: [0; 2],
+        scores: [i64::MIN; 2],
+        least_score: i64::MAX,
+        verdict: LevelVerdict::NoReport,
+    };
+}
+
+/// Result of the tests that a size passes before it decides on a cell, in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LevelVerdict {
+    NoReport,
+    /// The tolerance of the report is narrower than the size can tell.
+    Span,
+    /// The next finer size reports something else.
+    Contradiction,
+    /// The next coarser size reports something that may be nearer than the range of this one.
+    Range,
+    /// The report is not probable enough.
+    Score,
+    /// It may decide, if no finer one may.
+    Passed,
+}
+
 impl Cell {
     /// A cell without any disparity.
     pub const UNKNOWN: Self = Self {
@@ -96,6 +144,7 @@ impl Cell {
         reason: None,
         evidence: None,
         near: None,
+        level: 0,
     };
 
     pub fn state(&self) -> CellState {
@@ -216,6 +265,8 @@ impl CellDepth {
 pub struct DepthGrid {
     shape: GridShape,
     cells: Vec<Cell>,
+    /// Of an algorithm that decides at several sizes, those of each cell, cells in raster order.
+    levels: Vec<LevelCell>,
 }
 
 impl DepthGrid {
@@ -223,7 +274,12 @@ impl DepthGrid {
     /// [`Error::Invalid`] unless there is one cell per element of `shape`.
     pub fn new(shape: GridShape, cells: Vec<Cell>) -> Result<Self> {
         if shape.cells() != 0 && shape.cells() == cells.len() {
-            Ok(Self { shape, cells })
+            let levels = Vec::new();
+            Ok(Self {
+                shape,
+                cells,
+                levels,
+            })
         } else {
             Err(Error::Invalid(format!(
                 "a grid of {}x{} needs that many cells, got {}",
@@ -232,6 +288,20 @@ impl DepthGrid {
                 cells.len()
             )))
         }
+    }
+
+    /// The same grid with the decisions at each size, as many of each cell.
+    #[must_use]
+    pub(crate) fn with_levels(self, levels: Vec<LevelCell>) -> Self {
+        Self { levels, ..self }
+    }
+
+    /// The decisions on the cells in raster order at each size of the image, finest first; empty
+    /// for an algorithm without levels.
+    #[doc(hidden)]
+    pub fn levels(&self) -> impl Iterator<Item = &[LevelCell]> {
+        let levels = self.levels.len() / self.cells.len();
+        self.levels.chunks_exact(levels.max(1))
     }
 
     pub fn shape(&self) -> GridShape {
@@ -264,6 +334,11 @@ impl DepthGrid {
     /// The cells in raster order.
     pub fn into_cells(self) -> Vec<Cell> {
         self.cells
+    }
+
+    /// The memory of the grid.
+    pub(crate) fn into_parts(self) -> (Vec<Cell>, Vec<LevelCell>) {
+        (self.cells, self.levels)
     }
 
     /// The cell at (`column`, `row`).
@@ -349,6 +424,17 @@ impl CellRule {
         match self {
             Self::Distance { .. } if !has_rig => Self::Disparity { tolerance_px: 2.0 },
             rule => rule,
+        }
+    }
+
+    /// The rule in pixels of twice the size.
+    #[must_use]
+    pub(crate) fn halved(self) -> Self {
+        match self {
+            Self::Disparity { tolerance_px } => Self::Disparity {
+                tolerance_px: tolerance_px / 2.0,
+            },
+            rule @ Self::Distance { .. } => rule,
         }
     }
 

@@ -45,7 +45,7 @@ pub use {
         Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
         TruthKind, TruthOrigin, Visibility,
     },
-    grid::CellEvidence,
+    grid::{CellEvidence, LevelCell, LevelVerdict},
     identity::{FittedTo, PairId},
     image::{MAX_SIDE, buffer, reserve},
     occlusion::cross_check,

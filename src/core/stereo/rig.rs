@@ -116,6 +116,18 @@ impl Rig {
         self.doffs_px
     }
 
+    /// The rig of images of half the size: pixels are twice as large.
+    #[must_use]
+    pub(crate) fn halved(self) -> Self {
+        Self {
+            focal_px: self.focal_px / 2.0,
+            cx_px: self.cx_px / 2.0,
+            cy_px: self.cy_px / 2.0,
+            doffs_px: self.doffs_px / 2.0,
+            ..self
+        }
+    }
+
     /// True if a point can have that disparity: not beyond infinity by more than a pixel.
     pub fn is_possible(&self, disparity_px: f64) -> bool {
         disparity_px + self.doffs_px >= -1.0

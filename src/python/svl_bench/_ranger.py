@@ -39,7 +39,7 @@ class State(enum.IntEnum):
 
 
 class Match(NamedTuple):
-    """The answer for a pair. The first six are arrays of cells, rows x columns from the top left; the
+    """The answer for a pair. The first seven are arrays of cells, rows x columns from the top left; the
     last two have the height and width of the rectified images."""
 
     distance_m: Floats
@@ -54,6 +54,8 @@ class Match(NamedTuple):
     """uint8, of State."""
     reason: Codes
     """uint8, index into REASONS: why a cell is unknown."""
+    level: Codes
+    """uint8, size of the image that decided the cell (v5): 0 the pair's, 1 half of it, ..."""
     disparity: Floats
     """float32, pixels: the left pixel (x, y) shows what the right one (x - d, y) does; infinite: none.
     v5 decides cells by more than this map."""

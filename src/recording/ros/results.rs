@@ -195,6 +195,7 @@ pub(super) mod tests {
             disparity_px: None,
             probability: (z == 2.0).then_some(0.75),
             near_probability: None,
+            level: 0,
         };
         let rows_of_cells = rows.iter().enumerate();
         let cells = rows_of_cells.flat_map(|(row, cells)| {

@@ -259,6 +259,7 @@ impl Scenario {
                 None => "arena",
                 Some(RandomScenes::Worlds) => "worlds",
                 Some(RandomScenes::Shapes) => "shapes",
+                Some(RandomScenes::Boards) => "boards",
             },
             ScenarioSource::Drive { .. } => "courses",
             ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => &self.name,
@@ -268,7 +269,9 @@ impl Scenario {
     /// True if each pair shows another scene, so that none has a past: data sets, random shapes.
     pub fn has_separate_pairs(&self) -> bool {
         match &self.source {
-            ScenarioSource::Arena { config, .. } => config.random == Some(RandomScenes::Shapes),
+            ScenarioSource::Arena { config, .. } => {
+                config.random.is_some_and(RandomScenes::are_layers)
+            }
             ScenarioSource::Dataset { .. } => true,
             ScenarioSource::Drive { .. } | ScenarioSource::Recording(_) => false,
         }

@@ -28,6 +28,15 @@ pub enum RandomScenes {
     Worlds,
     /// Layers of shapes, new ones in every frame; the head does not move.
     Shapes,
+    /// Boards of squares, 0.2 to 1 m away, in front of a wall; as shapes in all else.
+    Boards,
+}
+
+impl RandomScenes {
+    /// True for scenes that are new in every frame, without a world that the head is in.
+    pub fn are_layers(self) -> bool {
+        matches!(self, Self::Shapes | Self::Boards)
+    }
 }
 
 /// The stereo head (thesis, sections 6.1 and 6.2).

@@ -80,7 +80,7 @@ impl Arena {
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let config = &*config.for_seed(seed)?;
-        if config.random == Some(RandomScenes::Shapes) {
+        if config.random.is_some_and(RandomScenes::are_layers) {
             let shapes = Shapes::new(config, seed)?;
             return Ok(Self(Scenes::Shapes(Box::new(shapes))));
         }
@@ -313,7 +313,7 @@ impl ArenaConfig {
     /// [`Error::Invalid`] for shapes.
     fn in_a_world(self) -> Result<Self> {
         match self.random {
-            Some(RandomScenes::Shapes) => Err(Error::Invalid(
+            Some(RandomScenes::Shapes | RandomScenes::Boards) => Err(Error::Invalid(
                 "arena.random: shapes are not in a world; use \"worlds\"".into(),
             )),
             _ => Ok(self),

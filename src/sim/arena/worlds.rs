@@ -47,7 +47,7 @@ impl ArenaConfig {
         Ok(match self.random {
             None => Cow::Borrowed(self),
             Some(RandomScenes::Worlds) => Cow::Owned(self.random_world(seed)?),
-            Some(RandomScenes::Shapes) => {
+            Some(RandomScenes::Shapes | RandomScenes::Boards) => {
                 let mut dice = Dice::new(seed, NoiseStream::World);
                 Cow::Owned(self.random_head(&mut dice))
             }

@@ -91,15 +91,18 @@ pub fn fit_cells(
     })
 }
 
-/// More margin, support, seen pixels and votes never make a report less probable, nor do a greater
-/// shift and cost make it more so. So a fit contains less that holds only for its samples.
+/// More margin, support, seen pixels, votes and a wider tolerance never make a report less probable,
+/// nor do a greater shift and cost make it more so. So a fit contains less that holds only for its samples.
 fn side(feature: Feature) -> StepSide {
     match feature {
-        Feature::Margin | Feature::Support | Feature::Seen | Feature::Voted | Feature::Agreed => {
-            StepSide::Rises
-        }
+        Feature::Margin
+        | Feature::Support
+        | Feature::Seen
+        | Feature::Span
+        | Feature::Voted
+        | Feature::Agreed => StepSide::Rises,
         Feature::Shift | Feature::Cost => StepSide::Falls,
-        Feature::Texture | Feature::Span => StepSide::Either,
+        Feature::Texture => StepSide::Either,
     }
 }
 

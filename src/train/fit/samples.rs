@@ -1,7 +1,8 @@
 //! Cells of frames with a truth, as samples for the tables of cells.
 
 use svl_core::depth::decision::{SafeChoice, Tolerance, reported_depth};
-use svl_core::stereo::{Cell, CellDepth, CellEvidence};
+use svl_core::matcher::has_small_cells;
+use svl_core::stereo::{Cell, CellDepth, CellEvidence, LevelCell, LevelVerdict};
 use svl_score::judge::{Judge, Judged, is_right};
 
 /// A cell, reportable or not.
@@ -37,11 +38,16 @@ pub enum CellTarget {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PairCells {
     pub stamp_ns: u64,
-    /// In raster order.
+    /// Number of sizes at which each cell is decided.
+    pub levels: usize,
+    /// True if the cells have fewer pixels than usual.
+    pub is_small: bool,
+    /// The decisions on the cells in raster order, those of a cell one after the other, finest
+    /// first.
     pub cells: Vec<PairCell>,
 }
 
-/// A cell of a pair.
+/// The decision on a cell of a pair at one size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairCell {
     /// `None` if there is nothing to report.
@@ -50,7 +56,9 @@ pub struct PairCell {
     pub right: Option<bool>,
     /// True if the algorithm reported it.
     pub known: bool,
-    /// The first and the last bin for which the report is right.
+    /// True if the report failed a test that no probability outweighs.
+    pub is_refused: bool,
+    /// The first and the last bin for which the report is right, at full size.
     pub ends: [i32; 2],
     /// True if the report is nearer than the rule's `clear_m`.
     pub is_near: bool,
@@ -92,31 +100,42 @@ pub fn pair_cells(
             }
             (Some(truth), CellTarget::Near) => truth.near().collect(),
         };
-        let cell = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
-            let found = cell.evidence.and_then(|evidence| {
+        let (_, clear_m) = judge.cells.obstacle_and_clear_m();
+        let decision = |i: usize, cell: &Cell, level: &LevelCell| {
+            let found = level.evidence.and_then(|evidence| {
                 let report = [evidence.report; 3];
-                Some((evidence, reported_depth(report, rig)?))
+                Some((evidence, reported_depth(report, level.level, rig)?))
             });
             let (evidence, reported) = found.unzip();
             let report = evidence.map_or(0, |evidence| evidence.report);
-            let (_, clear_m) = judge.cells.obstacle_and_clear_m();
             PairCell {
                 evidence,
                 // `None` if the rule finds no truth.
-                right: wanted.zip(truth).and_then(|(wanted, truth)| {
+                right: wanted[i].zip(truth).and_then(|(wanted, truth)| {
                     is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
                 }),
-                known: cell.depth.is_some(),
+                known: cell.depth.is_some() && cell.level == level.level,
+                is_refused: matches!(
+                    level.verdict,
+                    LevelVerdict::Span | LevelVerdict::Contradiction | LevelVerdict::Range
+                ),
                 ends: Tolerance::ends_of(judge.cells, rig, choice.allowance_px, report as i32),
                 is_near: reported
                     .and_then(|depth| depth.distance_m)
                     .is_some_and(|distance_m| distance_m < clear_m),
             }
         };
-        let cells = scored.estimate.grid.iter().zip(wanted).enumerate();
+        let grid = &scored.estimate.grid;
+        let cells = grid.iter().zip(grid.levels()).enumerate();
+        let cells: Vec<_> = cells
+            .flat_map(|(i, ((_, cell), levels))| levels.iter().map(move |level| (i, cell, level)))
+            .map(|(i, cell, level)| decision(i, cell, level))
+            .collect();
         PairCells {
             stamp_ns: judged.frame.stamp_ns,
-            cells: cells.map(cell).collect(),
+            levels: cells.len() / grid.shape().cells(),
+            is_small: has_small_cells(judged.frame.pair.size(), grid.shape().cells()),
+            cells,
         }
     };
     judged

@@ -437,7 +437,7 @@ fn other_pairs_before_each_pair_explain_a_history() {
     let fixture = Fixture::new();
     fixture.run("record arena --frames 60 --seed 7 -o run.mcap -q");
     for (out, options) in [("0", ""), ("1", "--every 5"), ("2", "--every 1 --to 1")] {
-        let algorithms = "--algo v5 --algo v5:revision=2 --algo bm";
+        let algorithms = "--algo v5 --algo v5:target=near --algo bm";
         fixture.run(&format!(
             "score run.mcap -q {algorithms} {options} --rerun none -o {out}"
         ));

@@ -176,8 +176,7 @@ const COMMANDS: &str = "
     match l.pgm r.pgm -o there.pfm
     match l.pgm r.pgm -o o.pfm --algo v5:model=none.safetensors
     match l.pgm r.pgm -o o.pfm --algo v5:model=rank.toml
-    match l.pgm r.pgm -o o.pfm --algo v5:revision=3
-    match l.pgm r.pgm -o o.pfm --algo v5:revision=2,model=rank.toml
+    match l.pgm r.pgm -o o.pfm --algo v5:revision=4
     # eval
     eval small.pfm truth.pfm --protocol eth3d
     eval small.pfm truth.pfm --protocol middeval3
@@ -263,7 +262,7 @@ const COMMANDS: &str = "
     label checkpoints p --script wrong
     label checkpoints p
     label checkpoints p --script keys -o bad.toml
-    train v5 short.toml --seeds 4..5 -o t.safetensors --algo v5:revision=2
+    train v5 short.toml --seeds 4..5 -o t.safetensors --algo v5:target=near
     train v5 short.toml --scenes cones -o t.safetensors
     train v5 short.toml --seeds 5..4 -o t.safetensors
     train v5 short.toml --seeds 3,3 -o t.safetensors

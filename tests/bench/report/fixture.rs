@@ -87,6 +87,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         near_probability: None,
         stress: None,
         true_points: None,
+        level: 0,
     }
 }
 

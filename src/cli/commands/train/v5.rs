@@ -11,7 +11,7 @@ use svl::matcher::{Algorithm, V5Model, Value};
 use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
-use svl::train::{CellAlgorithms, TrainingScenario, train_v5};
+use svl::train::{CellAlgorithms, CellTraining, TrainingScenario, train_v5};
 
 /// Train the model of v5: the network of its gaps, and the tables of its probabilities
 ///
@@ -81,14 +81,11 @@ pub(crate) struct Args {
 
 fn check_algorithm(algorithm: &Algorithm) -> anyhow::Result<()> {
     let parameters = algorithm.parameters();
-    let is_current = algorithm.spec().name == "v5"
-        && parameters.choice("revision") != "2"
-        && parameters.choice("target") == "median";
-    if is_current {
+    if algorithm.spec().name == "v5" && parameters.choice("target") == "median" {
         return Ok(());
     }
     let label = algorithm.label();
-    let words = format!("--algo {label}: only v5 is trained, without revision= and target=");
+    let words = format!("--algo {label}: only v5 is trained, without target=");
     Err(usage::wrong(words))
 }
 
@@ -129,7 +126,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let manifest = Manifest::new("train v5", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     write(&args.output, trained.model.to_bytes())?;
-    write(&page, training.cells.page(manifest.entries())?)?;
+    write(
+        &page,
+        CellTraining::page(&training.tables, manifest.entries())?,
+    )?;
     outputs.commit();
     if args.json {
         print_json(training)

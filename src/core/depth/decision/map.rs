@@ -1,5 +1,6 @@
 //! The safe choice for any disparity map.
 
+use super::table::cell;
 use super::{BINS_PER_PX, CellPixels, Feature, Tolerance, VerdictTable, fill_empty_rows, fill_row};
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
@@ -68,7 +69,7 @@ pub fn safe_grid(
     let count = most as usize + 1;
     let tolerance = Tolerance::new(rule, rig, ALLOWANCE_PX, count);
     let mut pixels = CellPixels::new(count);
-    let cell = |place| {
+    let safe_cell = |place| {
         let (columns, rows) = settings.shape().pixels(place, (width, height));
         if !map.sees || columns.is_empty() || rows.is_empty() {
             return Cell::UNKNOWN;
@@ -83,11 +84,13 @@ pub fn safe_grid(
         let evidence = TABLE.evidence(&pixels, &tolerance);
         let seen = evidence.features[Feature::Seen as usize] as f64;
         let score = TABLE.score(&evidence);
-        let mut cell = TABLE.cell(&pixels, &evidence, [score, TABLE.least_score], rig);
-        cell.depth = cell.depth.filter(|_| seen >= 1000.0 * settings.min_valid);
-        cell
+        let is_known = score >= TABLE.least_score && seen >= 1000.0 * settings.min_valid;
+        Cell {
+            valid_share: pixels.valid_share(),
+            ..cell(&evidence, pixels.percentiles(), (score, is_known), 0, rig)
+        }
     };
-    let cells = settings.shape().iter().map(cell).collect();
+    let cells = settings.shape().iter().map(safe_cell).collect();
     // There is one cell per element of the shape.
     DepthGrid::new(settings.shape(), cells).expect("a grid has at least one cell")
 }

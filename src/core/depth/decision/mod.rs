@@ -8,6 +8,7 @@
 //! Disparities are in bins of 1/8 pixel.
 
 mod fill;
+mod levels;
 mod map;
 mod steps;
 mod table;
@@ -15,9 +16,10 @@ mod time;
 mod tolerance;
 
 pub use fill::{fill_empty_rows, fill_row};
+pub use levels::{DECIDES, LevelRule};
 pub use map::safe_grid;
 pub use steps::Steps;
-pub use table::{Feature, VerdictTable, least_score, probability, reported_depth};
+pub use table::{Feature, VerdictTable, cell, least_score, probability, reported_depth};
 pub use time::{CellPast, Past, TimeTable, follows};
 pub use tolerance::Tolerance;
 
@@ -29,15 +31,39 @@ pub const BINS_PER_PX: i32 = 8;
 /// Computation of cells from a disparity map: the filling of gaps, and the decision.
 #[derive(Clone, Debug)]
 pub struct SafeChoice {
+    /// For images that are decided at their own size alone.
     pub table: VerdictTable,
+    /// For those that are decided at several, and for small cells; `None` if none are.
+    pub levels: Option<Box<LevelTables>>,
     /// The second decision, on unknown cells: whether something near is in them.
     pub near: Option<VerdictTable>,
-    /// Ends of a gap whose disparities differ by more belong to two surfaces, bins.
-    pub jump: i32,
     /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
     /// The runs that tables and network were fitted to.
     pub fitted: FittedTo,
+}
+
+/// The decisions on the cells of images that are decided at several sizes, and on small cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelTables {
+    pub finest: VerdictTable,
+    pub middle: VerdictTable,
+    pub coarsest: VerdictTable,
+    /// For cells of few pixels, at any size.
+    pub small: VerdictTable,
+}
+
+impl SafeChoice {
+    /// The table of a level, of that many, for small cells or others.
+    pub fn table(&self, level: usize, levels: usize, is_small: bool) -> &VerdictTable {
+        match &self.levels {
+            Some(tables) if is_small => &tables.small,
+            Some(tables) if levels > 1 && level + 1 == levels => &tables.coarsest,
+            Some(tables) if levels > 1 && level == 0 => &tables.finest,
+            Some(tables) if levels > 1 => &tables.middle,
+            _ => &self.table,
+        }
+    }
 }
 
 /// The pixels of a cell, collected: each votes for its bin, or for several and for none.
@@ -127,6 +153,11 @@ impl CellPixels {
     /// Fraction of the pixels that were seen.
     pub fn valid_share(&self) -> f64 {
         self.seen as f64 / self.pixels.max(1) as f64
+    }
+
+    /// The 20th and the 80th percentile of the disparities.
+    pub fn percentiles(&self) -> [i64; 2] {
+        [20, 80].map(|percent| self.percentile(percent))
     }
 
     /// The first bin that is at least the disparity of `percent` of the votes for any.

@@ -204,37 +204,38 @@ impl VerdictTable {
             ],
         }
     }
+}
 
-    /// The cell of a grid, known if `score` is at least `least_score` and the report has a depth;
-    /// far only with some support and texture.
-    pub fn cell(
-        &self,
-        pixels: &CellPixels,
-        evidence: &CellEvidence,
-        [score, least_score]: [i64; 2],
-        rig: Option<&Rig>,
-    ) -> Cell {
-        let [p20, p80] = [20, 80].map(|percent| pixels.percentile(percent));
-        let depth = reported_depth([p20, evidence.report, p80], rig);
-        let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
-        let is_far = depth.is_some_and(|depth| depth.is_far());
-        // Without a report there is nothing that may be right.
-        let report = depth.filter(|_| !is_far || FAR.into_iter().all(is_shown));
-        Cell {
-            valid_share: pixels.valid_share(),
-            depth: report.filter(|_| score >= least_score),
-            probability: report.map(|_| probability(score)),
-            reason: (is_far && !is_shown(TEXTURED)).then_some(Reason::Untextured),
-            evidence: Some(*evidence),
-            ..Cell::UNKNOWN
-        }
+/// The cell of a report at a level, with its score; known if `is_known` and the report has a depth;
+/// far only with some support and texture. `percentiles` are the 20th and the 80th.
+pub fn cell(
+    evidence: &CellEvidence,
+    percentiles: [i64; 2],
+    (score, is_known): (i64, bool),
+    level: u8,
+    rig: Option<&Rig>,
+) -> Cell {
+    let [p20, p80] = percentiles;
+    let depth = reported_depth([p20, evidence.report, p80], level, rig);
+    let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
+    let is_far = depth.is_some_and(|depth| depth.is_far());
+    // Without a report there is nothing that may be right.
+    let report = depth.filter(|_| !is_far || FAR.into_iter().all(is_shown));
+    Cell {
+        depth: report.filter(|_| is_known),
+        probability: report.map(|_| probability(score)),
+        reason: (is_far && !is_shown(TEXTURED)).then_some(Reason::Untextured),
+        evidence: Some(*evidence),
+        level,
+        ..Cell::UNKNOWN
     }
 }
 
-/// The depth of a report, which is the middle of these bins: of 0 only at infinity, as 0 stands for
-/// all that is farther than the range of disparities.
-pub fn reported_depth(bins: [i64; 3], rig: Option<&Rig>) -> Option<CellDepth> {
-    let depth = CellDepth::new(bins.map(|bin| bin as f32 / BINS_PER_PX as f32), rig);
+/// The depth of a report, which is the middle of these bins of a level: of 0 only at infinity, as 0
+/// stands for all that is farther than the range of disparities. `rig`: that of the pair.
+pub fn reported_depth(bins: [i64; 3], level: u8, rig: Option<&Rig>) -> Option<CellDepth> {
+    let px = |bin: i64| (bin << level) as f32 / BINS_PER_PX as f32;
+    let depth = CellDepth::new(bins.map(px), rig);
     (bins[1] > 0 || depth.is_far()).then_some(depth)
 }
 

@@ -102,32 +102,30 @@ impl HalfImage {
         i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
     }
 
-    /// Halves an image and computes its censuses.
-    pub(super) fn load(&mut self, isa: Isa, image: &Gray) {
-        self.load_rows(isa, image.height(), |rows, smooth, out| {
+    /// Halves an image.
+    pub(super) fn halve(&mut self, isa: Isa, image: &Gray) {
+        self.load_rows(image.height(), |rows, smooth, out| {
             let smooth = &mut smooth[..image.width() + 2];
             halve_row(isa, rows.map(|y| image.row(y)), smooth, out);
         });
     }
 
-    /// Halves a half image again, and computes its censuses.
-    pub(super) fn load_half(&mut self, isa: Isa, half: &HalfImage) {
+    /// Halves a half image again.
+    pub(super) fn halve_again(&mut self, isa: Isa, half: &HalfImage) {
         let (width, height) = half.size;
-        self.load_rows(isa, height, |rows, smooth, out| {
+        self.load_rows(height, |rows, smooth, out| {
             let smooth = &mut smooth[..width + 2];
             quarter_row(isa, rows.map(|y| half.row(y)), smooth, out);
         });
     }
 
-    /// Fills each row by that function from four rows of an image of that height, and computes the
-    /// censuses.
+    /// Fills each row by that function from four rows of an image of that height.
     fn load_rows(
         &mut self,
-        isa: Isa,
         full_height: usize,
         halve: impl Fn([usize; 4], &mut [u16], &mut [u16]),
     ) {
-        let ((width, height), stride) = (self.size, self.stride());
+        let (width, stride) = (self.size.0, self.stride());
         let last = full_height - 1;
         for (y, out) in self.half.chunks_exact_mut(stride).enumerate() {
             let rows = [
@@ -141,6 +139,11 @@ impl HalfImage {
             out[..REACH].fill(first);
             out[REACH + width..].fill(end);
         }
+    }
+
+    /// Computes the censuses.
+    pub(super) fn describe(&mut self, isa: Isa) {
+        let ((width, height), stride) = (self.size, self.stride());
         for y in 0..height {
             let rows = std::array::from_fn(|j| {
                 let y = (y + j).saturating_sub(REACH).min(height - 1);

@@ -25,7 +25,6 @@ pub(super) struct HalfMap {
     /// The least sums, those of rivals, and the right image's winners, which only the weighing of
     /// gaps reads.
     winners: [Vec<u8>; 3],
-    keeps_winners: bool,
     /// 1 for a pixel that is seen.
     seen: Vec<u8>,
     /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
@@ -65,8 +64,8 @@ fn stride(width: usize, count: usize) -> usize {
 }
 
 impl HalfMap {
-    /// The map of `count` disparities, with or without what the weighing of gaps reads.
-    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Result<Self> {
+    /// The map of `count` disparities.
+    pub(super) fn new(size: (usize, usize), count: usize) -> Result<Self> {
         let (width, height) = size;
         // More bands than threads, so that a thread that finishes early finds another.
         let bands = match rayon::current_num_threads() {
@@ -93,7 +92,6 @@ impl HalfMap {
             own: buffer(0, pixels)?,
             why: buffer(Reason::Border, pixels)?,
             winners: [buffer(0, pixels)?, buffer(0, pixels)?, buffer(0, pixels)?],
-            keeps_winners,
             seen: buffer(0, pixels)?,
             filled: buffer(0, pixels)?,
             bands: (0..height.div_ceil(band_rows))
@@ -116,7 +114,6 @@ impl HalfMap {
         test: &WinnerTest,
     ) {
         let ((width, _), count, band_rows) = (self.size, self.count, self.band_rows);
-        let keeps_winners = self.keeps_winners;
         let stride = stride(width, count);
         let pixels = band_rows * width;
         let [least, second, right] = &mut self.winners;
@@ -142,9 +139,6 @@ impl HalfMap {
                 winner_fractions(isa, &scratch.winners, count, bins);
                 let censuses = images.each_ref().map(|image| image.censuses(y));
                 test_winners(isa, test, &scratch.winners, censuses, own, why);
-                if !keeps_winners {
-                    continue;
-                }
                 let winners = &scratch.winners;
                 for (to, from) in [
                     (&mut *least, &winners.least),
@@ -217,9 +211,9 @@ impl HalfMap {
         )
     }
 
-    /// Writes the seen disparities to the full image: each to its four pixels; an odd last column
-    /// or row copies its neighbour.
-    pub(super) fn write(&mut self, map: &mut DisparityMap) {
+    /// Writes the seen disparities of a level to the pair's map: each to all its pixels; what is
+    /// left at the right and at the bottom copies its neighbour.
+    pub(super) fn write(&mut self, level: usize, map: &mut DisparityMap) {
         let Self {
             size: (width, height),
             bins,
@@ -229,38 +223,62 @@ impl HalfMap {
             band_rows,
             ..
         } = self;
-        let (width, height) = (*width, *height);
-        // The bands of the full image; an odd last row may need one more band than there are.
-        let full_rows =
-            (2 * *band_rows).max(map.size().1.div_ceil(bands.len()).next_multiple_of(2));
+        let (width, height, shift) = (*width, *height, level + 1);
+        // The bands of the map; odd last rows may need one more band than there are.
+        let full_rows = *band_rows << shift;
+        let rest = map.size().1.div_ceil(bands.len());
+        let full_rows = full_rows.max(rest.next_multiple_of(1 << shift));
         let bands = &mut bands[..map.size().1.div_ceil(full_rows)];
         map.each_band_mut(full_rows, bands, |top, band, scratch| {
             let (disparities, reasons) = &mut scratch.row;
             for (y, mut row) in (top..).zip(band.into_rows()) {
-                // Two rows are equal, and so is an odd last one.
-                if y % 2 == 0 && y < 2 * height || y == top {
-                    let start = (y / 2).min(height - 1) * width;
+                disparities.resize(row.width(), 0.0);
+                reasons.resize(row.width(), Reason::Border);
+                // All rows of a pixel are equal, and so are the rest.
+                if y % (1 << shift) == 0 && y >> shift < height || y == top {
+                    let start = (y >> shift).min(height - 1) * width;
                     let places = start..start + width;
-                    let seen = &seen[places.clone()];
-                    let bins = bins[places.clone()].iter().zip(seen);
-                    for (out, (bin, &seen)) in disparities.as_chunks_mut().0.iter_mut().zip(bins) {
-                        let disparity = f32::from(*bin) / 8.0;
-                        *out = [if seen == 1 { disparity } else { f32::INFINITY }; 2];
-                    }
-                    let whys = why[places].iter().zip(seen);
-                    for (out, (&why, &seen)) in reasons.as_chunks_mut().0.iter_mut().zip(whys) {
-                        *out = [match (seen, why) {
-                            // The pixel matched, but its neighbours failed.
-                            (0, Reason::Valid) => Reason::Ambiguous,
-                            (_, why) => why,
-                        }; 2];
-                    }
-                    disparities[2 * width] = disparities[2 * width - 1];
-                    reasons[2 * width] = reasons[2 * width - 1];
+                    let pixels = bins[places.clone()].iter().zip(&seen[places.clone()]);
+                    let scale = (1 << level) as f32 / 8.0;
+                    let disparity = |(bin, seen): (&i16, &u8)| match seen {
+                        1 => f32::from(*bin) * scale,
+                        _ => f32::INFINITY,
+                    };
+                    repeat(pixels.map(disparity), shift, disparities);
+                    let pixels = why[places.clone()].iter().zip(&seen[places]);
+                    let reason = |(why, seen): (&Reason, &u8)| match (seen, *why) {
+                        // The pixel matched, but its neighbours failed.
+                        (0, Reason::Valid) => Reason::Ambiguous,
+                        (_, why) => why,
+                    };
+                    repeat(pixels.map(reason), shift, reasons);
                 }
-                row.write(&disparities[..row.width()], &reasons[..row.width()]);
+                row.write(&disparities[..], &reasons[..]);
             }
         });
+    }
+}
+
+/// Writes each value `1 << shift` times, and the last one to what is left.
+fn repeat<T: Copy>(values: impl Iterator<Item = T>, shift: usize, out: &mut [T]) {
+    let mut last = None;
+    let mut rest = &mut *out;
+    if shift == 1 {
+        // Half size, with pairs that the compiler writes at once.
+        let (pairs, odd) = rest.as_chunks_mut::<2>();
+        for (out, value) in pairs.iter_mut().zip(values) {
+            (*out, last) = ([value; 2], Some(value));
+        }
+        rest = odd;
+    } else {
+        for value in values {
+            let (own, others) = rest.split_at_mut(1 << shift);
+            own.fill(value);
+            (rest, last) = (others, Some(value));
+        }
+    }
+    if let Some(last) = last {
+        rest.fill(last);
     }
 }
 

@@ -6,9 +6,11 @@
 //! its uncertain pixels ([`crate::depth::decision`]).
 
 mod census;
+mod decide;
 mod gaps;
 mod half_map;
 mod level;
+mod levels;
 mod model;
 mod past;
 mod sums;
@@ -16,18 +18,18 @@ mod sums;
 use super::{
     MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec, Parameter, Parameters, Range,
 };
-use crate::depth::decision::{
-    BINS_PER_PX, CellPast, CellPixels, Past, SafeChoice, Tolerance, probability,
-};
+use crate::depth::decision::{LevelTables, SafeChoice, VerdictTable};
 use crate::error::{Error, Result};
-use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
-use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
+use crate::kernel::{GapCandidates, GapNetwork, Isa, WinnerTest};
+use crate::stereo::{
+    Cell, DepthGrid, ExtraPlanes, GridShape, LevelCell, LevelVerdict, Reason, RectifiedPair,
+};
 use crate::timing::Stage;
-use gaps::Gaps;
-use level::MatchLevel;
-use past::{CellPasts, PairKey};
-use rayon::prelude::*;
+use level::MatchSettings;
+use levels::{LevelPlan, Levels};
+use past::CellPasts;
 
+pub use levels::has_small_cells;
 pub use model::{GapWeights, V5Model};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -53,19 +55,16 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             Mutual Information, PAMI 30(2), 2008",
     parameters: &[
         Parameter {
-            name: "revision",
-            unit: "",
-            range: Range::Choice {
-                default: "4",
-                options: &["2", "4"],
-            },
-            description: "4 has learned gaps and a memory; 2 has neither and takes half the time",
-        },
-        Parameter {
             name: "max_disparity",
             unit: "px",
             range: Range::int(80, 0..=255),
-            description: "largest disparity; half as many are tried, at half size",
+            description: "largest disparity at full size; what is nearer is found at half the size",
+        },
+        Parameter {
+            name: "width",
+            unit: "px",
+            range: Range::int(0, 0..=65_535),
+            description: "wider sizes of the image are not matched, 0 = all are; for speed",
         },
         Parameter {
             name: "out",
@@ -129,7 +128,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
             description: "least probability of a cell that is reported, 0 = the model's: 0.9, \
-                          0.93 with earlier reports; 0.85 in revision 2",
+                          up to 400 px of width 0.93 with earlier reports",
         },
     ],
     cells: Some(safe_choice),
@@ -137,28 +136,17 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
 };
 
 struct V5 {
-    isa: Isa,
-    /// Number of disparities at half size.
-    count: usize,
-    /// Cost of a disparity that leads out of the right image, and of a change by one.
-    out_and_small: [u8; 2],
-    /// Penalty for a jump of disparity, by the difference of the pixels.
-    jumps: [u8; STEPS],
-    test: WinnerTest,
+    settings: MatchSettings,
+    max_disparity: usize,
+    /// Widest size that is matched.
+    width: usize,
     choice: SafeChoice,
-    gaps: Option<GapNetwork>,
-    past: CellPasts,
-    scratch: Option<Scratch>,
-    tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
-    cells: Vec<CellPixels>,
-}
-
-/// Memory for pairs of one size.
-struct Scratch {
-    size: (usize, usize),
-    half: MatchLevel,
-    /// Memory of a network for gaps, if the half image can be halved again.
-    gaps: Option<Gaps>,
+    network: Option<GapNetwork>,
+    /// Memory for pairs of one size; none for one that cannot be halved.
+    levels: Option<Levels>,
+    /// Cells so far, and those that are unknown because they are outside of the fit.
+    cells: u64,
+    outside: u64,
 }
 
 impl V5 {
@@ -171,205 +159,54 @@ impl V5 {
             )));
         }
         let edge = parameters.int("edge");
-        let count = parameters.int("max_disparity") as usize / 2 + 1;
         let model = model(parameters)?;
-        let network = model.network.as_ref();
         Ok(Self {
-            isa,
-            count,
-            out_and_small: [out, p1],
-            jumps: std::array::from_fn(|difference| {
-                p1.max((i32::from(p2) * edge / edge.max(difference as i32)) as u8)
-            }),
-            test: WinnerTest {
-                unique: parameters.int("unique") as u32,
-                out,
+            settings: MatchSettings {
+                isa,
+                out_and_small: [out, p1],
+                jumps: std::array::from_fn(|difference| {
+                    p1.max((i32::from(p2) * edge / edge.max(difference as i32)) as u8)
+                }),
+                test: WinnerTest {
+                    unique: parameters.int("unique") as u32,
+                    out,
+                },
+                jump: parameters.int("jump"),
             },
-            gaps: network.map(GapWeights::network),
+            max_disparity: parameters.int("max_disparity") as usize,
+            width: parameters.int("width") as usize,
+            network: model.network.as_ref().map(GapWeights::network),
             choice: choice_of(model, parameters),
-            past: CellPasts::default(),
-            scratch: None,
-            tolerance: None,
-            cells: Vec::new(),
+            levels: None,
+            cells: 0,
+            outside: 0,
         })
     }
 
-    /// Number of bins that distinguish disparities.
-    fn bins(&self) -> usize {
-        16 * self.count
-    }
-
-    /// Makes memory for half images of `size`, unless there is some.
-    fn reserve(&mut self, size: (usize, usize), has_gaps: bool) -> Result<()> {
+    /// Memory for pairs of `size`, at least 2 x 2, and that many cells.
+    fn reserve(&mut self, size: (usize, usize), cells: usize) -> Result<()> {
+        let plan = LevelPlan {
+            size,
+            cells,
+            max_disparity: self.max_disparity,
+            width: self.width,
+            halves: self.choice.levels.is_some(),
+            has_gaps: self.network.is_some(),
+        };
         // Freed before the new memory is allocated, so that both sizes are never held at once.
-        self.scratch.take_if(|scratch| scratch.size != size);
-        if self.scratch.is_none() {
-            self.scratch = Some(Scratch::new(size, self.count, has_gaps)?);
+        self.levels.take_if(|levels| levels.plan != plan);
+        if self.levels.is_none() {
+            self.levels = Some(Levels::new(plan)?);
         }
         Ok(())
-    }
-
-    /// Matches at half size, and at quarter size for gaps; `lap` is called after each stage.
-    fn follow(&mut self, pair: RectifiedPair<'_>, lap: &mut dyn FnMut(Stage)) {
-        let Some(Scratch { half, gaps, .. }) = &mut self.scratch else {
-            return;
-        };
-        let isa = self.isa;
-        let (jumps, test, paths) = (&self.jumps, &self.test, self.out_and_small);
-        half.load(
-            isa,
-            jumps,
-            |image| image.load(isa, pair.left()),
-            |image| image.load(isa, pair.right()),
-        );
-        lap(Stage::Smoothing);
-        half.choose(isa, test, paths);
-        lap(Stage::Matching);
-        half.map.fill(self.choice.jump);
-        if let Some(gaps) = gaps {
-            let [left, right] = &half.images;
-            gaps.quarter.load(
-                isa,
-                jumps,
-                |image| image.load_half(isa, left),
-                |image| image.load_half(isa, right),
-            );
-            gaps.quarter.choose(isa, test, paths);
-            gaps.measure(half);
-        }
-    }
-
-    /// Decides on the cells of a pair of that size, in raster order.
-    fn decide(&mut self, context: &MatchContext, size: (usize, usize), cells: &mut Vec<Cell>) {
-        let bins = self.bins();
-        let rule = context.cells.for_rig(context.rig.is_some());
-        let known = self.tolerance.take();
-        let known = known.filter(|(known_rule, rig, _)| *known_rule == rule && *rig == context.rig);
-        let (_, _, tolerance) = self.tolerance.insert(known.unwrap_or_else(|| {
-            let made = Tolerance::new(rule, context.rig.as_ref(), self.choice.allowance_px, bins);
-            (rule, context.rig, made)
-        }));
-        let shape = context.grid.shape();
-        cells.clear();
-        cells.resize(shape.cells(), Cell::UNKNOWN);
-        let (before, after) = self.past.begin(PairKey::new(context, size), shape.cells());
-        let Some(Scratch { half, gaps, .. }) = &self.scratch else {
-            return;
-        };
-        let (images, map) = (&half.images, &half.map);
-        if !map.sees() {
-            return;
-        }
-        self.cells
-            .resize_with(shape.cells(), || CellPixels::new(bins));
-        let rig = context.rig.as_ref();
-        let deciding = Deciding {
-            choice: &self.choice,
-            tolerance,
-            rig,
-            near_m: context.cells.obstacle_and_clear_m(),
-            stamp_ns: context.stamp_ns,
-        };
-        let decide = |i: usize, cell: &mut Cell, pixels: &mut CellPixels, past: &mut CellPast| {
-            let place = (i % shape.columns, i / shape.columns);
-            let (columns, rows) = shape.pixels(place, map.size());
-            if columns.is_empty() || rows.is_empty() {
-                return;
-            }
-            pixels.clear();
-            for y in rows.clone() {
-                let (bins, seen, cost) = map.part(y, &columns);
-                let texture = images[0].texture(y, &columns);
-                match gaps {
-                    Some(_) => pixels.measure(seen, cost, texture),
-                    None => pixels.add(bins, seen, cost, texture),
-                }
-            }
-            for pixel_votes in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
-                pixels.vote(&pixel_votes.bins, &pixel_votes.votes, pixel_votes.agreed);
-            }
-            pixels.count();
-            (*cell, *past) = deciding.cell(pixels, &before[i]);
-        };
-        let cells = cells.par_iter_mut().zip(&mut self.cells).zip(after);
-        cells
-            .enumerate()
-            .for_each(|(i, ((cell, pixels), past))| decide(i, cell, pixels, past));
-    }
-}
-
-/// The decision on the cells of a pair.
-struct Deciding<'a> {
-    choice: &'a SafeChoice,
-    tolerance: &'a Tolerance,
-    rig: Option<&'a Rig>,
-    /// `obstacle_m` and `clear_m` of the rule.
-    near_m: (f64, f64),
-    stamp_ns: Option<u64>,
-}
-
-impl Deciding<'_> {
-    /// The cell of those pixels, and its state, from its state before the pair.
-    fn cell(&self, pixels: &CellPixels, before: &CellPast) -> (Cell, CellPast) {
-        let table = &self.choice.table;
-        let evidence = table.evidence(pixels, self.tolerance);
-        let own = table.score(&evidence);
-        let (mut scores, mut after) = ([own, table.least_score], CellPast::default());
-        // A report of 0 has no past, and leaves none.
-        if let Some(time) = &table.time
-            && evidence.report > 0
-        {
-            let ends = self.tolerance.ends(evidence.report as usize);
-            let relation = before.relation(evidence.report, ends);
-            let mut added = time.score(relation, before.trust);
-            if self.is_nearer(evidence.report, self.near_m.1) {
-                added = added.max(0);
-            }
-            if relation != Past::None {
-                scores = [own + added, time.least_score];
-            }
-            after = before.after(relation, evidence.report, own, self.stamp_ns);
-        }
-        let mut cell = table.cell(pixels, &evidence, scores, self.rig);
-        if cell.depth.is_none() {
-            cell.near = self.near(pixels);
-        }
-        (cell, after)
-    }
-
-    /// The probability that something is nearer than `obstacle_m`, if it is high enough.
-    fn near(&self, pixels: &CellPixels) -> Option<f64> {
-        let table = self.choice.near.as_ref().filter(|_| self.rig.is_some())?;
-        let evidence = table.evidence(pixels, self.tolerance);
-        let score = table.score(&evidence);
-        let is_near = score >= table.least_score && self.is_nearer(evidence.report, self.near_m.0);
-        is_near.then(|| probability(score))
-    }
-
-    /// True if a report above 0 is nearer than that; never without a rig.
-    fn is_nearer(&self, report: i64, metres: f64) -> bool {
-        let px = report as f64 / f64::from(BINS_PER_PX);
-        let depth_m = self
-            .rig
-            .filter(|_| report > 0)
-            .and_then(|rig| rig.depth_m(px));
-        depth_m.is_some_and(|depth_m| depth_m < metres)
     }
 }
 
 /// The model that the parameters select.
 fn model(parameters: &Parameters) -> Result<V5Model> {
-    let is_fast = parameters.choice("revision") == "2";
     let (path, bytes) = match parameters.file("model") {
-        Some(file) if is_fast => {
-            return Err(Error::Usage(format!(
-                "v5: revision=2 has its own tables, and model={} is for revision 4; leave one out",
-                file.path
-            )));
-        }
         Some(file) => (file.path.as_str(), &file.bytes[..]),
-        None if is_fast => ("v5", V5Model::REVISION_2),
-        None => ("v5", V5Model::REVISION_4),
+        None => ("v5", V5Model::BUILT_IN),
     };
     V5Model::from_bytes(bytes).map_err(|why| Error::Usage(format!("{path}: {why}")))
 }
@@ -380,20 +217,31 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
 }
 
 fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
-    let is_median = parameters.choice("target") == "median";
-    let has_flags = is_median && parameters.choice("revision") != "2";
-    let table = if is_median {
-        model.median
+    let known = |table: VerdictTable| match parameters.real("confidence") {
+        0.0 => table,
+        confidence => table.known_from(confidence),
+    };
+    let (table, levels, near) = if parameters.choice("target") == "median" {
+        let LevelTables {
+            finest,
+            middle,
+            coarsest,
+            small,
+        } = model.levels;
+        let levels = LevelTables {
+            finest: known(finest),
+            middle: known(middle),
+            coarsest: known(coarsest),
+            small: known(small),
+        };
+        (model.median, Some(Box::new(levels)), Some(model.near))
     } else {
-        model.near.clone()
+        (model.near, None, None)
     };
     SafeChoice {
-        table: match parameters.real("confidence") {
-            0.0 => table,
-            confidence => table.known_from(confidence),
-        },
-        near: has_flags.then_some(model.near),
-        jump: parameters.int("jump"),
+        table: known(table),
+        levels,
+        near,
         allowance_px: parameters.real("allowance_px"),
         fitted: model.fitted,
     }
@@ -408,25 +256,35 @@ impl Matcher for V5 {
     ) -> Result<()> {
         let (width, height) = pair.size();
         output.disparity.resize(width, height, ExtraPlanes::NONE)?;
-        let size = (width / 2, height / 2);
-        if size.0 == 0 || size.1 == 0 {
+        let shape = context.grid.shape();
+        let (mut cells, mut decisions) = output.take_cells();
+        cells.clear();
+        cells.resize(shape.cells(), Cell::UNKNOWN);
+        decisions.clear();
+        if width < 2 || height < 2 {
             // The image is too small for a half image.
-            self.scratch = None;
+            self.levels = None;
             let rows = output.disparity.rows_mut();
             rows.for_each(|mut row| row.clear(Reason::Border));
         } else {
-            self.reserve(size, self.gaps.is_some())?;
-            self.follow(pair, &mut |stage| output.clock.lap(stage));
-            if let Some(Scratch { half, gaps, .. }) = &mut self.scratch {
-                if let (Some(gaps), Some(network)) = (gaps, &self.gaps) {
-                    gaps.weigh(self.isa, half, network);
+            self.reserve((width, height), shape.cells())?;
+            if let Some(levels) = &mut self.levels {
+                let settings = &self.settings;
+                levels.follow(settings, pair, &mut |stage| output.clock.lap(stage));
+                if let Some(network) = &self.network {
+                    levels.weigh(settings.isa, network);
                 }
-                half.map.write(&mut output.disparity);
+                levels.write(&mut output.disparity);
+                levels.decide(&self.choice, context, &mut cells, &mut decisions);
+                let is_outside = |decision: &&LevelCell| {
+                    decision.level == 0 && decision.verdict == LevelVerdict::Span
+                };
+                let outside = decisions.iter().filter(is_outside).count();
+                self.cells += cells.len() as u64;
+                self.outside += outside as u64;
             }
         }
-        let mut cells = output.take_cells();
-        self.decide(context, pair.size(), &mut cells);
-        output.grid = Some(DepthGrid::new(context.grid.shape(), cells)?);
+        output.grid = Some(DepthGrid::new(shape, cells)?.with_levels(decisions));
         output.clock.lap(Stage::Checks);
         Ok(())
     }
@@ -435,24 +293,21 @@ impl Matcher for V5 {
         self.choice.table.time.is_some()
     }
 
-    fn reset(&mut self) {
-        self.past = CellPasts::default();
-    }
-}
-
-impl Scratch {
-    fn new(size: (usize, usize), count: usize, has_gaps: bool) -> Result<Self> {
-        // Disparities at quarter size, of at least one pixel.
-        let has_gaps = has_gaps && size.0 >= 2 && size.1 >= 2;
-        Ok(Self {
-            size,
-            half: MatchLevel::new(size, count, has_gaps)?,
-            gaps: if has_gaps {
-                Some(Gaps::new(size, (count - 1) / 2 + 1)?)
-            } else {
-                None
-            },
+    fn remark(&self) -> Option<String> {
+        let share = 100.0 * self.outside as f64 / self.cells.max(1) as f64;
+        (self.outside > 0).then(|| {
+            format!(
+                "v5 was fitted to a tolerance of 20 % and 0.1 m, and to cells as large as those \
+                 of 24x12 at 320 px: {share:.0} % of the cells cannot be decided at the image's \
+                 size, as the tolerance there is finer than a pixel can tell"
+            )
         })
+    }
+
+    fn reset(&mut self) {
+        if let Some(levels) = &mut self.levels {
+            levels.past = CellPasts::default();
+        }
     }
 }
 
@@ -482,17 +337,18 @@ impl GapSampler {
         take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
     ) -> Result<()> {
         let (width, height) = pair.size();
-        let size = (width / 2, height / 2);
-        if size.0 < 2 || size.1 < 2 {
+        if width < 4 || height < 4 {
             return Ok(());
         }
-        self.v5.reserve(size, true)?;
-        self.v5.follow(pair, &mut |_| {});
-        if let Some(Scratch { half, gaps, .. }) = &mut self.v5.scratch
-            && let Some(gaps) = gaps
-            && half.map.sees()
-        {
-            gaps.sample(self.v5.isa, half, take);
+        let isa = self.v5.settings.isa;
+        self.v5.reserve(pair.size(), GridShape::default().cells())?;
+        if let Some(levels) = &mut self.v5.levels {
+            levels.follow(&self.v5.settings, pair, &mut |_| {});
+            if let Some((matched, gaps)) = levels.finest_gaps()
+                && matched[0].map.sees()
+            {
+                gaps.sample(isa, matched, take);
+            }
         }
         Ok(())
     }

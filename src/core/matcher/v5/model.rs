@@ -1,6 +1,6 @@
 //! The file of a model: safetensors of the network's whole numbers, with the tables as metadata.
 
-use crate::depth::decision::VerdictTable;
+use crate::depth::decision::{LevelTables, VerdictTable};
 use crate::filter::{ModelFacts, safetensors_bytes};
 use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
 use crate::stereo::FittedTo;
@@ -9,10 +9,12 @@ use safetensors::{Dtype, SafeTensors};
 /// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct V5Model {
-    /// The network that weighs disparities for gaps, if there is one.
+    /// The network that weighs disparities for gaps; without one they are filled along rows.
     pub network: Option<GapWeights>,
-    /// The decision on the median of a cell.
+    /// The decision on the median of a cell, of images that are decided at their own size alone.
     pub median: VerdictTable,
+    /// Those of images that are decided at several sizes.
+    pub levels: LevelTables,
     /// The decision on its nearest quarter.
     pub near: VerdictTable,
     /// The runs that network and tables were fitted to.
@@ -25,9 +27,10 @@ pub struct V5Model {
 #[derive(Clone, Debug, PartialEq)]
 pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 
-/// Key and version of the format: hypotheses, features, layers, evidence and state of a cell.
+/// Key and version of the format: hypotheses, features, layers, evidence, levels and state of a
+/// cell.
 const KEY: &str = "v5";
-const VERSION: &str = "1";
+const VERSION: &str = "2";
 
 const CURE: &str = "`svl train v5` makes one";
 
@@ -90,13 +93,12 @@ impl GapWeights {
 }
 
 impl V5Model {
-    /// The built-in models, by revision.
-    pub(super) const REVISION_2: &[u8] = include_bytes!("revision_2.safetensors");
-    pub(super) const REVISION_4: &[u8] = include_bytes!("revision_4.safetensors");
+    /// The file of the built-in model.
+    pub(super) const BUILT_IN: &[u8] = include_bytes!("model.safetensors");
 
-    /// The model of the current revision.
+    /// The built-in model.
     pub fn built_in() -> Self {
-        Self::from_bytes(Self::REVISION_4).expect("a test reads it")
+        Self::from_bytes(Self::BUILT_IN).expect("a test reads it")
     }
 
     /// Parses the bytes of a file.
@@ -137,6 +139,12 @@ impl V5Model {
             Ok(table)
         };
         let (median, near) = (table("median", 50)?, table("near", 75)?);
+        let levels = LevelTables {
+            finest: table("finest", 50)?,
+            middle: table("middle", 50)?,
+            coarsest: table("coarsest", 50)?,
+            small: table("small", 50)?,
+        };
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));
         }
@@ -146,6 +154,7 @@ impl V5Model {
         Ok(Self {
             network,
             median,
+            levels,
             near,
             fitted,
             facts,
@@ -159,13 +168,15 @@ impl V5Model {
         facts.extend([
             (KEY.to_owned(), VERSION.to_owned()),
             ("median".to_owned(), self.median.to_json()),
+            ("finest".to_owned(), self.levels.finest.to_json()),
+            ("middle".to_owned(), self.levels.middle.to_json()),
+            ("coarsest".to_owned(), self.levels.coarsest.to_json()),
+            ("small".to_owned(), self.levels.small.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
-        let mut rest = self
-            .network
-            .as_ref()
-            .map_or(&[][..], |weights| &weights.0[..]);
-        let tensors = GAP_TENSORS.iter().filter(|_| self.network.is_some());
+        let network = self.network.as_ref();
+        let mut rest = network.map_or(&[][..], |weights| &weights.0[..]);
+        let tensors = GAP_TENSORS.iter().filter(|_| network.is_some());
         let tensors = tensors.map(|(name, shape)| {
             let (tensor, others) = rest.split_at(shape[0] * shape[1]);
             rest = others;

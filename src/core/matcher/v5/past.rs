@@ -40,7 +40,7 @@ impl PairKey {
     }
 }
 
-/// The states of a run's cells.
+/// The states of a run's cells, those of all levels of a cell one after the other.
 #[derive(Default)]
 pub(super) struct CellPasts {
     last: Option<PairKey>,
@@ -49,9 +49,9 @@ pub(super) struct CellPasts {
 }
 
 impl CellPasts {
-    /// The states of the cells before a pair, and those after it, to be set. A pair that is matched
-    /// once more has the same states before it.
-    pub(super) fn begin(&mut self, pair: PairKey, cells: usize) -> (&[CellPast], &mut [CellPast]) {
+    /// That many states before a pair, and those after it, to be set. A pair that is matched once
+    /// more has the same states before it.
+    pub(super) fn begin(&mut self, pair: PairKey, states: usize) -> (&[CellPast], &mut [CellPast]) {
         let is_again = self.last == Some(pair);
         if !is_again {
             match &self.last {
@@ -62,9 +62,9 @@ impl CellPasts {
             }
             self.last = Some(pair);
         }
-        self.before.resize(cells, CellPast::default());
+        self.before.resize(states, CellPast::default());
         self.after.clear();
-        self.after.resize(cells, CellPast::default());
+        self.after.resize(states, CellPast::default());
         (&self.before, &mut self.after)
     }
 }

@@ -3,7 +3,7 @@
 use crate::arena::noise::Dice;
 use crate::arena::texture::clouds;
 use rayon::prelude::*;
-use svl_core::stereo::Surface;
+use svl_core::stereo::{Rig, Surface};
 
 /// Least and largest disparity of a layer, as fractions of the width.
 pub(super) const FARTHEST: f32 = 0.001;
@@ -134,6 +134,49 @@ impl Layer {
             limits_px: (FARTHEST * w, NEAREST * w),
             tones: LayerTones::draw((width, height), dice),
         }
+    }
+
+    /// A board of 4 to 10 dark and light squares along its longer side of 0.2 to 0.5 m, with a
+    /// margin, 0.2 to 1 m away.
+    pub(super) fn board((width, height): (usize, usize), rig: &Rig, dice: &mut Dice) -> Self {
+        let (w, h) = (width as f32, height as f32);
+        let focal_px = rig.focal_px() as f32;
+        let distance_m = dice.between(0.2, 1.0);
+        let disparity_px = focal_px * rig.baseline_m() as f32 / distance_m;
+        let squares = dice.between(4.0, 11.0).floor();
+        let rows = (squares * dice.between(0.5, 0.9)).floor().max(3.0);
+        let square_px = focal_px * dice.between(0.2, 0.5) / distance_m / squares;
+        let sin = dice.between(-0.3, 0.3);
+        let mut board = Self {
+            outline: Outline::Plate,
+            shows: Surface::Object,
+            disparity_px: disparity_px.min(0.8 * NEAREST * w),
+            slope: (dice.between(-0.03, 0.03), dice.between(-0.03, 0.03)),
+            middle_px: (w * dice.between(0.2, 0.8), h * dice.between(0.2, 0.8)),
+            half_px: (
+                0.5 * (squares + 1.0) * square_px,
+                0.5 * (rows + 1.0) * square_px,
+            ),
+            turn: ((1.0 - sin * sin).sqrt(), sin),
+            limits_px: (FARTHEST * w, NEAREST * w),
+            tones: LayerTones::draw((width, height), dice),
+        };
+        let (cos, (cx, cy)) = (board.turn.0, board.middle_px);
+        let [dark, light] = [(0.02, 0.3), (0.4, 1.0)].map(|(from, to)| dice.between(from, to));
+        let shift = board.tones.shift;
+        let columns = board.tones.width;
+        for (i, tone) in board.tones.tones.iter_mut().enumerate() {
+            let (x, y) = (
+                (i % columns) as f32 - shift - cx,
+                (i / columns) as f32 - shift - cy,
+            );
+            let u = (cos * x + sin * y) / square_px + 0.5 * squares;
+            let v = (cos * y - sin * x) / square_px + 0.5 * rows;
+            let is_inside = (0.0..squares).contains(&u) && (0.0..rows).contains(&v);
+            let is_dark = is_inside && (u.floor() + v.floor()) % 2.0 == 0.0;
+            *tone = if is_dark { dark } else { light };
+        }
+        board
     }
 
     /// Disparity of the layer's plane at a point of the left or right image.

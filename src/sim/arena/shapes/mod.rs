@@ -5,7 +5,7 @@
 
 mod layer;
 
-use super::config::ArenaConfig;
+use super::config::{ArenaConfig, RandomScenes};
 use super::noise::{Dice, NoiseStream, mix};
 use super::path::Twist;
 use super::render::{SAMPLES_PX, SharpImage};
@@ -59,7 +59,11 @@ impl Shapes {
         } else {
             sensor.right_gain_db
         };
-        let layers = Layers::draw(size, &mut dice);
+        let layers = if self.config.random == Some(RandomScenes::Boards) {
+            Layers::draw_boards(size, &self.rig, &mut dice)
+        } else {
+            Layers::draw(size, &mut dice)
+        };
         let expose = |right: bool| {
             let skew = if right {
                 rig.right_skew()
@@ -95,6 +99,14 @@ impl Layers {
         }
         let count = dice.between(3.0, 12.0) as usize;
         layers.extend((0..count).map(|_| Layer::shape(size, dice)));
+        Self(layers)
+    }
+
+    /// One or two boards in front of a background.
+    fn draw_boards(size: (usize, usize), rig: &Rig, dice: &mut Dice) -> Self {
+        let mut layers = vec![Layer::background(size, dice)];
+        let count = 1 + usize::from(dice.chance(0.3));
+        layers.extend((0..count).map(|_| Layer::board(size, rig, dice)));
         Self(layers)
     }
 

@@ -10,15 +10,6 @@ use std::ops::Range;
 
 pub(super) const LANES: usize = Group::ROWS;
 
-/// Columns and rows of a half image of which the lattice has one: neighbouring rows say nearly the
-/// same.
-pub(super) const STEPS: [usize; 2] = [2, 4];
-
-/// Columns and rows of the lattice.
-pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
-    (width.div_ceil(STEPS[0]), height.div_ceil(STEPS[1]))
-}
-
 /// Reach of the windows around a pixel.
 const NEAR_REACH: usize = 2;
 const WIDE_REACH: usize = 7;
@@ -36,8 +27,10 @@ pub(super) struct Quality {
 
 /// Planes that the hypotheses are read from.
 pub(super) struct Measured<'a> {
-    /// Columns and rows of the lattice.
+    /// Columns and rows of the lattice, and of the half image those of which it has one, as powers
+    /// of two.
     pub(super) lattice: (usize, usize),
+    pub(super) steps: [u32; 2],
     pub(super) half: HalfPixels<'a>,
     pub(super) image: &'a HalfImage,
     pub(super) sums: &'a StripSums,
@@ -174,10 +167,11 @@ impl Measured<'_> {
         let width = self.half.size.0;
         for place in places {
             let (column, row) = (place % self.lattice.0, place / self.lattice.0);
+            let [x, y] = [column << self.steps[0], row << self.steps[1]];
             if column == 0 {
-                sums.load(self, STEPS[1] * row);
+                sums.load(self, y);
             }
-            let pixel = STEPS[1] * row * width + STEPS[0] * column;
+            let pixel = y * width + x;
             if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= MIN_SEEN {
                 take(GapStep::Sure(place, self.half.bins[pixel]));
                 continue;
@@ -207,7 +201,7 @@ impl Measured<'_> {
         // The compiler then knows that it is within bounds.
         let lane = lane % LANES;
         let (half, width) = (&self.half, self.half.size.0);
-        let (x, y) = (STEPS[0] * column, STEPS[1] * row);
+        let (x, y) = (column << self.steps[0], row << self.steps[1]);
         let pixel = y * width + x;
         let grey = i32::from(self.image.at(x, y));
         let small = self.quarter_pixel([x, y]);
@@ -237,12 +231,14 @@ impl Measured<'_> {
         };
         measured.put(candidates, lane, 0, own);
         self.put_seen(&measured, candidates, lane, [column, row]);
-        let small_hypothesis = Hypothesis {
-            bin: small.bin.min(16 * half.count as i32 - 1),
-            quality: small.quality,
-            ..own
-        };
-        measured.put(candidates, lane, 11, small_hypothesis);
+        if !small.is_beyond {
+            let small_hypothesis = Hypothesis {
+                bin: small.bin,
+                quality: small.quality,
+                ..own
+            };
+            measured.put(candidates, lane, 11, small_hypothesis);
+        }
 
         candidates.filled[lane] = half.filled[pixel].into();
         let features = self.pixel_features([x, y], &own, &small, sums);
@@ -258,11 +254,15 @@ impl Measured<'_> {
         let (width, height) = quarter.size;
         let place = [(x / 2).min(width - 1), (y / 2).min(height - 1)];
         let pixel = place[1] * width + place[0];
+        let bin = i32::from(quarter.bins[pixel]);
+        // The winner's own disparity, of both ends of its bins.
+        let is_beyond = (bin + 8) / 16 > (self.half.count as i32 - 1) / 2;
         QuarterPixel {
             place,
-            bin: 2 * i32::from(quarter.bins[pixel]),
+            is_beyond,
+            bin: (2 * bin).min(16 * self.half.count as i32 - 1),
             quality: Quality {
-                seen: 25 * u8::from(quarter.why[pixel] == Reason::Valid),
+                seen: 25 * u8::from(!is_beyond && quarter.why[pixel] == Reason::Valid),
                 unique: uniqueness(quarter.least[pixel], quarter.second[pixel]),
                 own: quarter.own[pixel],
             },
@@ -280,7 +280,7 @@ impl Measured<'_> {
         lane: usize,
         [column, row]: [usize; 2],
     ) {
-        let (x, y) = (STEPS[0] * column, STEPS[1] * row);
+        let (x, y) = (column << self.steps[0], row << self.steps[1]);
         let lines = [
             &self.along_rows[row * self.lattice.0 + column],
             &self.along_columns[column * self.lattice.1 + row],
@@ -362,6 +362,8 @@ impl Measured<'_> {
 /// The winner of a pixel at quarter size.
 struct QuarterPixel {
     place: [usize; 2],
+    /// True if the winner is farther than the half image's range.
+    is_beyond: bool,
     /// Bin of the half image.
     bin: i32,
     quality: Quality,

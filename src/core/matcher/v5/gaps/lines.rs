@@ -27,10 +27,11 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Finds the nearest seen pixels of each `EVERY`-th pixel. `bins` and `seen` are planes
-    /// of pixels; `grey` are the line's own.
-    pub(super) fn scan<const EVERY: usize>(
+    /// Finds the nearest seen pixels of every pixel whose number is a multiple of `1 << step`.
+    /// `bins` and `seen` are planes of pixels; `grey` are the line's own.
+    pub(super) fn scan(
         self,
+        step: u32,
         bins: &[i16],
         seen: &[u8],
         grey: impl Fn(usize) -> u16,
@@ -50,9 +51,9 @@ impl Line {
                 let here = grey(i);
                 last.barrier = last.barrier.max(here.abs_diff(before));
                 before = here;
-                if i.is_multiple_of(EVERY) {
+                if i & ((1 << step) - 1) == 0 {
                     let barrier = other.barrier.max(last.barrier);
-                    out[i / EVERY][direction] = [last, SeenPixel { barrier, ..other }];
+                    out[i >> step][direction] = [last, SeenPixel { barrier, ..other }];
                 }
                 let place = self.first + i * self.step;
                 if seen[place] == 1 {
