@@ -32,7 +32,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let messages = messages(bytes, count);
     let ahead = messages.len().min(usize::from(*ahead));
     for (topic, _, data) in &messages[..ahead] {
-        pairs.look_at(*topic, data);
+        pairs.look_at(*topic, 0, data);
     }
     // Bits beyond those of the images are refused.
     if pairs.begin().is_err() {

@@ -88,7 +88,7 @@ impl Container {
 
 /// Unpacks messages that rosbag2 compressed on their own. One that cannot be unpacked stays as it
 /// is: its reader reports why.
-struct UnpackedMessages<R>(R);
+pub(super) struct UnpackedMessages<R>(pub(super) R);
 
 impl<R: EventReader> EventReader for UnpackedMessages<R> {
     fn next(&mut self) -> Result<Option<FileEvent<'_>>> {

@@ -1,7 +1,7 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
-use super::foreign::stamp;
 use super::messages::Channel;
+use super::stamp_rule::StampRule;
 use super::{Encoded, RosStamp, decode_protobuf, frame_id};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
@@ -101,7 +101,9 @@ pub(super) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>
             Translation3::new(t.x, t.y, t.z),
             UnitQuaternion::new_unchecked(rotation),
         );
-        Ok((stamp(timestamp.map(|t| (t.sec(), t.nsec()))), pose))
+        let parts = timestamp.map(|t| (t.sec(), t.nsec()));
+        let stamp = parts.and_then(|parts| StampRule::default().stamp(parts));
+        Ok((stamp, pose))
     } else {
         Err(format!(
             "translation {t:?} and rotation {q:?} are not a pose"

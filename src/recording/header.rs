@@ -58,6 +58,9 @@ pub enum StampOrigin {
 }
 
 impl StampOrigin {
+    /// Stamps of pairs whose times are unknown: so far apart that none is the past of another.
+    pub const UNKNOWN: Self = Self::Nominal(0.5);
+
     /// The stamp of pair `number`, from 0.
     pub fn stamp_ns(&self, number: u64) -> u64 {
         let (Self::Given(hz) | Self::Nominal(hz)) = self;

@@ -22,6 +22,8 @@ pub(super) struct Index {
     pub(super) metadata: Vec<Metadata>,
     /// Names of the attachments and positions of their records, in file order.
     pub(super) attachments: Vec<(String, u64)>,
+    /// Starts of the chunks in file order, if there is an intact summary.
+    pub(super) chunks: Vec<u64>,
     /// The first damage, if the file was read for want of a summary.
     damage: Option<String>,
 }
@@ -138,6 +140,8 @@ impl Index {
         };
         // The counts of an intact summary are valid even if its index entries are not.
         let is_whole = summary.declared.is_whole();
+        let chunks = summary.chunks.iter();
+        let chunks = chunks.map(|chunk| chunk.chunk_start_offset).collect();
         let index = match Self::from_summary(file, &summary)? {
             Some(index) if is_whole => index,
             _ => Self::walk(file)?,
@@ -147,7 +151,11 @@ impl Index {
         } else {
             index.declared.with_counts(summary.declared)
         };
-        Ok(Self { declared, ..index })
+        Ok(Self {
+            declared,
+            chunks,
+            ..index
+        })
     }
 
     /// The index from the summary section; `None` if that does not list everything, or points to a

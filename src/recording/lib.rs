@@ -58,12 +58,14 @@ mod own_topics;
 mod reader;
 mod records;
 mod recovery;
+mod restamped;
 mod result;
 mod ros;
 mod ros1_bag;
 mod search;
 mod skew;
 mod sqlite;
+mod stamp_rule;
 mod stream_facts;
 mod summary;
 mod sync;
@@ -76,9 +78,9 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
-    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, SensorRole,
-    SensorSelection, SensorTopic, TopicLatency, TopicPairs, UnpairedImages, VideoSummary,
-    truth_topics,
+    ClockFault, ClockOffset, ClockRole, ClockTable, FramePoses, LiveTopic, PoseStep, PoseSummary,
+    RawCamera, Selection, SensorRole, SensorSelection, SensorTopic, TopicClock, TopicLatency,
+    TopicPairs, UnpairedImages, VideoSummary, truth_topics,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
@@ -91,6 +93,7 @@ pub use ros::{
     CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, static_transforms,
 };
 pub use skew::{SkewBin, SkewSummary};
+pub use stamp_rule::StampUnit;
 pub use stream_facts::{CameraFacts, StreamFacts};
 pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;

@@ -3,6 +3,7 @@
 use super::file::McapFile;
 use super::records::{ANOTHER, Records};
 use super::ros::ROS1;
+use super::stamp_rule::StampRule;
 use mcap::records::{self, Header, Metadata, Record, SchemaHeader, op};
 use parking_lot::Mutex;
 use std::borrow::Cow;
@@ -16,6 +17,7 @@ pub(super) struct Channel {
     pub(super) topic: String,
     pub(super) schema: String,
     pub(super) encoding: String,
+    pub(super) stamps: StampRule,
 }
 
 impl Channel {
@@ -30,6 +32,15 @@ impl Channel {
             topic,
             schema,
             encoding,
+            stamps: StampRule::default(),
+        }
+    }
+
+    /// The same with another rule for its stamps.
+    pub(super) fn restamped(&self, stamps: StampRule) -> Self {
+        Self {
+            stamps,
+            ..self.clone()
         }
     }
 

@@ -2,11 +2,12 @@
 
 use super::CALIBRATION;
 use super::bag::{files, several_files};
-use super::container::Container;
+use super::container::{Container, UnpackedMessages};
 use super::header::{Header, RECORD};
 use super::index::Index;
-use super::messages::Channel;
+use super::messages::{Channel, EventReader, Messages};
 use super::records::attachment;
+use super::restamped::{Restamped, StampRules};
 use super::ros1_bag::Ros1Messages;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -20,6 +21,14 @@ const MAX_OPEN: usize = 256;
 pub struct Recording {
     path: PathBuf,
     parts: Arc<[RecordingFile]>,
+    /// The rules by which its stamps are read.
+    rules: StampRules,
+}
+
+/// A file of a recording, with the rules by which its stamps are read.
+pub(super) struct RestampedFile<'a> {
+    part: &'a RecordingFile,
+    rules: &'a StampRules,
 }
 
 /// One file, with its index once needed.
@@ -49,7 +58,11 @@ impl Recording {
             })
         };
         let parts = files.iter().map(open).collect::<Result<_>>()?;
-        Ok(Self { path, parts })
+        Ok(Self {
+            path,
+            parts,
+            rules: StampRules::default(),
+        })
     }
 
     pub fn path(&self) -> &Path {
@@ -117,8 +130,19 @@ impl Recording {
     }
 
     /// The files, in the order of the recording.
-    pub(super) fn files(&self) -> impl Iterator<Item = &Container> {
-        self.parts.iter().map(|part| &part.file)
+    pub(super) fn files(&self) -> impl Iterator<Item = RestampedFile<'_>> {
+        self.parts.iter().map(|part| RestampedFile {
+            part,
+            rules: &self.rules,
+        })
+    }
+
+    /// The same recording, with its stamps read by rules.
+    pub(super) fn restamped(&self, rules: StampRules) -> Self {
+        Self {
+            rules,
+            ..self.clone()
+        }
     }
 
     /// The only file.
@@ -133,7 +157,8 @@ impl Recording {
         match &*self.parts {
             [part] => Ok(part),
             _ => {
-                let paths: Vec<_> = self.files().map(|file| file.path().to_owned()).collect();
+                let files = self.parts.iter().map(|part| part.file.path().to_owned());
+                let paths: Vec<_> = files.collect();
                 Err(several_files(&self.path, &paths))
             }
         }
@@ -171,6 +196,47 @@ impl Recording {
             }
         }
         Ok(Some(sum))
+    }
+}
+
+impl RestampedFile<'_> {
+    /// Messages from the start.
+    ///
+    /// # Errors
+    /// The errors of [`Container::messages`].
+    pub(super) fn messages(&self) -> Result<Box<dyn EventReader>> {
+        let messages = self.part.file.messages()?;
+        Ok(Restamped::over(messages, self.rules))
+    }
+
+    /// Messages from `places` places on, all over the file; none if it has no index.
+    ///
+    /// # Errors
+    /// The errors of [`Container::messages`].
+    pub(super) fn places(&self, places: usize) -> Result<Vec<Box<dyn EventReader>>> {
+        let boxed = |messages: Box<dyn EventReader>| Restamped::over(messages, self.rules);
+        Ok(match &self.part.file {
+            Container::Sqlite(file) => {
+                let places = file.places(places)?.into_iter();
+                places
+                    .map(|place| boxed(Box::new(UnpackedMessages(place))))
+                    .collect()
+            }
+            Container::Ros1(file) => {
+                let places = Ros1Messages::places(file, places)?.into_iter();
+                places.map(|place| boxed(Box::new(place))).collect()
+            }
+            Container::Mcap(file) => {
+                let index = self.part.index()?;
+                let step = (index.chunks.len() / (places + 1)).max(1);
+                let starts = index.chunks.iter().skip(step).step_by(step).take(places);
+                let place = |start: &u64| {
+                    let messages = Messages::from(file, *start, index.declared.clone())?;
+                    Ok(boxed(Box::new(UnpackedMessages(messages))))
+                };
+                starts.map(place).collect::<Result<_>>()?
+            }
+        })
     }
 }
 

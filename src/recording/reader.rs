@@ -1,7 +1,7 @@
 //! Reads the pairs of a recording.
 
 use super::container::Container;
-use super::foreign::{PairReader, Selection, SensorSelection, SensorTopic};
+use super::foreign::{ClockTable, PairReader, Selection, SensorSelection, SensorTopic};
 use super::index::PairIndex;
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::{Header, PROFILE, Recording, StreamFacts, sync, topic};
@@ -32,6 +32,8 @@ pub struct Reader {
     damage: Option<Error>,
     /// Unreadable messages other than images, by topic.
     broken: BTreeMap<String, u64>,
+    /// The clocks of another program's recording.
+    clocks: ClockTable,
 }
 
 /// Limit on unreadable pairs before the first readable one.
@@ -53,10 +55,31 @@ impl Reader {
     /// The errors of [`Reader::open`]; [`Error::Format`] also if the topics of the cameras are
     /// missing or ambiguous.
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
+        let is_own = !selection.names_topics() && is_own(&recording)?;
+        let clocks = if is_own {
+            if selection.stamps.is_some() || selection.right_offset_ns.is_some() {
+                let cure = "svl recorded it by one clock; leave them out";
+                return Err(Error::Usage(format!(
+                    "{}: --stamps and --right-offset-ms are for other programs' recordings: {cure}",
+                    recording.path().display()
+                )));
+            }
+            None
+        } else {
+            ClockTable::read(&recording, selection)?
+        };
+        let recording = match &clocks {
+            Some(clocks) => {
+                let name = recording.path().display().to_string();
+                let checked = clocks.check(&name);
+                checked.map_err(|reason| Error::format(recording.path(), reason))?;
+                recording.restamped(clocks.rules())
+            }
+            None => recording,
+        };
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let messages = first.messages()?;
-        let is_own = !selection.names_topics() && is_own(&recording)?;
         let source = PairReader::open(&recording, selection, is_own)?;
         let mut reader = Self {
             messages,
@@ -74,6 +97,7 @@ impl Reader {
             ahead: VecDeque::new(),
             damage: None,
             broken: BTreeMap::new(),
+            clocks: clocks.unwrap_or_default(),
             recording,
         };
         reader.read_first()?;
@@ -137,6 +161,11 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] for a topic that cannot have any; [`Error::Io`].
     pub fn sensor(&self, selection: &SensorSelection) -> Result<SensorTopic> {
+        let checked = self.clocks.check_measurements(&selection.topic);
+        checked.map_err(|reason| {
+            let reason = format!("{}: {reason}", selection.asked());
+            Error::format(self.recording.path(), reason)
+        })?;
         SensorTopic::open(
             &self.recording,
             &self.topics,
@@ -265,7 +294,7 @@ impl Reader {
 }
 
 /// True if svl wrote the recording in its own dialect, which is always one file.
-fn is_own(recording: &Recording) -> Result<bool> {
+pub(super) fn is_own(recording: &Recording) -> Result<bool> {
     if recording.only_file().is_err() {
         return Ok(false);
     }

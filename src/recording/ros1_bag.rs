@@ -137,6 +137,25 @@ impl Ros1Messages {
         ))
     }
 
+    /// The messages from `places` places on, all over the bag; none without an index.
+    ///
+    /// # Errors
+    /// The errors of [`Ros1Messages::open`].
+    pub(super) fn places(file: &McapFile, places: usize) -> Result<Vec<Self>> {
+        let mut found = Vec::new();
+        for place in 1..=places as u64 {
+            let mut messages = Self::open(file)?;
+            let at = file.len() / (places as u64 + 1) * place;
+            if let Ok(Some(at)) = messages.search(at)
+                && !messages.channels.is_empty()
+            {
+                messages.at = at;
+                found.push(messages);
+            }
+        }
+        Ok(found)
+    }
+
     /// The channels: those of the index, or else those found in reading the bag to its end.
     pub(super) fn channels(mut self) -> Vec<Channel> {
         if self.channels.is_empty() {

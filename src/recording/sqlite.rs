@@ -47,6 +47,23 @@ impl SqliteFile {
         Ok(channels)
     }
 
+    /// The messages from `places` places on, all over the file.
+    ///
+    /// # Errors
+    /// The errors of [`SqliteFile::messages`].
+    pub(super) fn places(&self, places: usize) -> Result<Vec<SqliteMessages>> {
+        let read = |place: usize| {
+            let messages = self.messages()?;
+            let last = messages.connection.query_row(LAST, [], |row| row.get(0));
+            let last: i64 = last.unwrap_or(0);
+            Ok(SqliteMessages {
+                last: last / (places as i64 + 1) * place as i64,
+                ..messages
+            })
+        };
+        (1..=places).map(read).collect()
+    }
+
     /// # Errors
     /// [`Error::Format`] for a file that is not a bag, or whose topics are corrupt.
     pub(super) fn messages(&self) -> Result<SqliteMessages> {
@@ -83,11 +100,7 @@ fn channels(connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> 
     let mut topics =
         connection.prepare("SELECT id, name, type, serialization_format FROM topics")?;
     let channels = topics.query_map([], |row| {
-        let channel = Channel {
-            topic: row.get(1)?,
-            schema: row.get(2)?,
-            encoding: row.get(3)?,
-        };
+        let channel = Channel::new(row.get(1)?, row.get(2)?, row.get(3)?);
         Ok((row.get(0)?, channel))
     })?;
     channels.collect()
@@ -107,6 +120,9 @@ pub(super) struct SqliteMessages {
 /// One message at a time: the bag may be larger than memory. SQLite itself limits one to 10⁹ bytes.
 const NEXT: &str = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ?1 ORDER BY id \
                     LIMIT 1";
+
+/// The number of the last message.
+const LAST: &str = "SELECT coalesce(max(id), 0) FROM messages";
 
 impl EventReader for SqliteMessages {
     fn next(&mut self) -> Result<Option<FileEvent<'_>>> {

@@ -3,11 +3,13 @@
 use super::container::{Container, unpack_message};
 use super::file::McapFile;
 use super::foreign::{
-    PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head,
-    is_image, is_picture, pair_stamps, pose_summary,
+    ClockTable, PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary,
+    choose, head, is_image, is_picture, pair_stamps, pose_summary, without_stamp,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
+use super::reader::is_own;
 use super::records::{DamagedPart, attachment};
+use super::restamped::StampRules;
 use super::ros1_bag::Ros1Messages;
 use super::skew::SkewSummary;
 use super::sync::StereoSync;
@@ -79,6 +81,8 @@ pub struct RecordingSummary {
     /// Images of each camera that are equal to the one before, left and right: pictures of a camera
     /// at rest, or of one that repeats them.
     pub repeated_images: [u64; 2],
+    /// The clocks of the topics in another program's recording.
+    pub clocks: Option<ClockTable>,
     /// The poses in another program's recording, if it has any.
     pub poses: Option<PoseSummary>,
     /// Topics of videos, by name.
@@ -139,7 +143,17 @@ impl Recording {
     /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP, and for a
     /// bag of several files.
     pub fn summary(&self) -> Result<RecordingSummary> {
-        let mut seen = SummaryScan::default();
+        let clocks = match is_own(self) {
+            Ok(false) => ClockTable::read(self, &Selection::default()),
+            _ => Ok(None),
+        };
+        // Damage is reported with the messages.
+        let clocks = clocks.ok().flatten();
+        let mut seen = SummaryScan {
+            rules: clocks.as_ref().map(ClockTable::rules).unwrap_or_default(),
+            ..SummaryScan::default()
+        };
+        seen.found.clocks = clocks;
         let (losses, library, profile) = match self.only_file()? {
             Container::Mcap(file) => return seen.mcap(self, file),
             Container::Ros1(file) => {
@@ -176,6 +190,8 @@ impl RecordingSummary {
 struct SummaryScan {
     /// The parts of the summary that are found as they come.
     found: RecordingSummary,
+    /// The rules by which stamps are read.
+    rules: StampRules,
     /// Start of the first attached manifest.
     manifest: Option<u64>,
     topics: BTreeMap<String, Topic>,
@@ -289,6 +305,7 @@ impl SummaryScan {
             topic,
             schema,
             encoding,
+            ..
         } = channel;
         let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
             name: topic.clone(),
@@ -316,6 +333,9 @@ impl SummaryScan {
         images.hash = hash;
         let unpacked = unpack_message(data).ok().flatten();
         let data = unpacked.as_deref().unwrap_or(data);
+        let restamped = self.rules.get(&channel.topic);
+        let restamped = restamped.map(|rule| channel.restamped(*rule));
+        let channel = restamped.as_ref().unwrap_or(channel);
         let head = head(channel, data);
         let video = is_picture(channel, data).then(|| self.videos.entry(topic()));
         let is_decodable = video.is_none_or(|video| video.or_default().take_in(channel, data));
@@ -392,10 +412,13 @@ impl SummaryScan {
             channels.and_then(|channels| choose(channels, &Selection::default()).ok());
         let [left, right] = self.take_sides();
         if let Some(channels) = channels.filter(|_| self.found.stereo.is_some()) {
-            let (skews, unpaired) = pair_stamps([&left.images, &right.images]);
-            self.found.pairs = skews.len() as u64;
-            self.found.unpaired = Some(unpaired);
-            self.skews = skews;
+            let clocks = self.found.clocks.as_ref();
+            if clocks.is_none_or(ClockTable::permits_pairs) {
+                let (skews, unpaired) = pair_stamps([&left.images, &right.images]);
+                self.found.pairs = skews.len() as u64;
+                self.found.unpaired = Some(unpaired);
+                self.skews = skews;
+            }
             let stamps = left.images.iter().map(|image| image.stamp_ns);
             let frame = left.frame.as_deref().unwrap_or_default();
             // Damage is reported with the pairs.
@@ -452,18 +475,6 @@ fn gaps(steps: &[(u64, u64)], period_ns: u64) -> Vec<Gap> {
         length_ns,
     };
     long.map(gap).collect()
-}
-
-/// The bytes of an image's message behind its stamp, which comes first in all of them.
-fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
-    let stamp = match (channel.encoding.as_str(), data) {
-        // A number and the stamp; or the encapsulation and the stamp.
-        ("ros1" | "cdr", _) => 12,
-        // The first field, a message of its own.
-        ("protobuf", [0x0a, len, ..]) => 2 + usize::from(*len),
-        _ => 0,
-    };
-    data.get(stamp..).unwrap_or(data)
 }
 
 /// Where the stamps of images in file order jump: a clock that was set, or a camera that began

@@ -10,6 +10,8 @@ pub(super) const OPTIONS: &[&str] = &[
     "right",
     "bits",
     "max_skew_ms",
+    "stamps",
+    "right_offset_ms",
     "queue",
     "when_full",
     "camera_height_m",

@@ -14,7 +14,9 @@ use super::{
 use std::path::Path;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
-use svl_recording::{CameraFacts, Header, Recording, StreamFacts, TRUTH_DEPTH, is_bag};
+use svl_recording::{
+    CameraFacts, Header, Recording, StampOrigin, StreamFacts, TRUTH_DEPTH, is_bag,
+};
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
 use svl_sim::arena::{Arena, RandomScenes};
 
@@ -204,6 +206,8 @@ pub const SOURCES: &[SourceKind] = &[
             "right",
             "bits",
             "max_skew_ms",
+            "stamps",
+            "right_offset_ms",
             "truth",
             "camera_height_m",
         ],
@@ -535,7 +539,7 @@ fn opened_scenes(
     }
     let source = SceneSource::with_bits(scenes, folder.bits)?;
     let header = Header {
-        stamps: Some(SceneSource::STAMPS),
+        stamps: Some(StampOrigin::UNKNOWN),
         bits: source.bits(),
         ..header
     };

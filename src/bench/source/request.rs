@@ -4,8 +4,8 @@ use super::FolderRequest;
 use super::calibration::Calib;
 use svl_core::matcher::{Algorithm, MapRequest};
 use svl_grab::{GrabRequest, Host};
-use svl_recording::{Selection, SensorRole, SensorSelection};
-use svl_score::scenario::SourceOptions;
+use svl_recording::{Selection, SensorRole, SensorSelection, StampUnit};
+use svl_score::scenario::{SourceOptions, StampSource};
 
 /// A source to open, with its options.
 #[derive(Clone, Default)]
@@ -57,6 +57,12 @@ impl<'a> Request<'a> {
             right: options.right.clone(),
             max_skew_ns: self.max_skew_ns().unwrap_or(Selection::MAX_SKEW_NS),
             bits: options.bits,
+            stamps: options.stamps.map(|stamps| match stamps {
+                StampSource::Ms => StampUnit::Milliseconds,
+                StampSource::Us => StampUnit::Microseconds,
+                StampSource::Log => StampUnit::Log,
+            }),
+            right_offset_ns: options.right_offset_ms.map(|ms| (ms * 1e6).round() as i64),
         }
     }
 

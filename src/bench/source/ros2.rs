@@ -168,14 +168,17 @@ impl Receiver {
         let mut first = None;
         let mut ahead = Vec::new();
         let mut is_ready = false;
-        while !is_ready && first.is_none_or(|first: Instant| first.elapsed() < MAX_CALIBRATION_WAIT)
+        let is_waiting = |pairs: &TopicPairs, is_ready: bool| !is_ready || !pairs.knows_clocks();
+        while is_waiting(&self.pairs, is_ready)
+            && first.is_none_or(|first: Instant| first.elapsed() < MAX_CALIBRATION_WAIT)
         {
             self.check_patience(began, stopped)?;
             let pairs = &mut self.pairs;
             self.inbox.receive(STEP, |topic, data| {
                 first.get_or_insert_with(Instant::now);
-                is_ready |= pairs.look_at(topic, &data);
-                ahead.push((topic, now_ns(), data));
+                let at_ns = now_ns();
+                is_ready |= pairs.look_at(topic, at_ns, &data);
+                ahead.push((topic, at_ns, data));
             })?;
         }
         self.pairs.begin()?;

@@ -167,6 +167,7 @@ const FIELDS: &[DataField] = &[
     field("gaps", "gaps"),
     events("repeated_images", "repeated images"),
     field("clock_jumps", "clock jumps"),
+    field("clocks.faults", "clock faults"),
     field("poses", "poses"),
     field("poses.frames", "frames"),
     field("missing", "missing"),

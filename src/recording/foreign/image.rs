@@ -45,22 +45,34 @@ pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
         ("foxglove.RawImage", "protobuf") => {
             let m: RawImage = decode_protobuf(data)?;
             let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
-            Ok((stamp(m.timestamp.map(|t| (t.sec(), t.nsec()))), image))
+            Ok((
+                stamp(channel, m.timestamp.map(|t| (t.sec(), t.nsec()))),
+                image,
+            ))
         }
         ("foxglove.CompressedImage", "protobuf") => {
             let m: CompressedImage = decode_protobuf(data)?;
             let image = decompress(&m.data, &m.format);
-            Ok((stamp(m.timestamp.map(|t| (t.sec(), t.nsec()))), image))
+            Ok((
+                stamp(channel, m.timestamp.map(|t| (t.sec(), t.nsec()))),
+                image,
+            ))
         }
         ("foxglove.RawImage", "json") => {
             let m: json::JsonRawImage = json::read(data)?;
             let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
-            Ok((stamp(Some((m.timestamp.sec, m.timestamp.nsec))), image))
+            Ok((
+                stamp(channel, Some((m.timestamp.sec, m.timestamp.nsec))),
+                image,
+            ))
         }
         ("foxglove.CompressedImage", "json") => {
             let m: json::JsonCompressedImage = json::read(data)?;
             let image = decompress(&m.data, &m.format);
-            Ok((stamp(Some((m.timestamp.sec, m.timestamp.nsec))), image))
+            Ok((
+                stamp(channel, Some((m.timestamp.sec, m.timestamp.nsec))),
+                image,
+            ))
         }
         (schema, encoding) => Err(format!(
             "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
@@ -94,11 +106,10 @@ pub(super) fn ros_stamp(
     if signed < 0 && channel.encoding != ros::ROS1 {
         return Err(format!("its stamp of {signed} s is before 1970"));
     }
-    Ok(stamp(Some((sec, nanosec))))
+    Ok(stamp(channel, Some((sec, nanosec))))
 }
 
-/// Nanoseconds; a stamp of 0 means that it was never set.
-pub(crate) fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
-    let (seconds, nanoseconds) = parts?;
-    Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)).filter(|&ns| ns > 0)
+/// Nanoseconds by the rule of the topic; `None` if the stamp was never set.
+pub(crate) fn stamp(channel: &Channel, parts: Option<(u32, u32)>) -> Option<u64> {
+    channel.stamps.stamp(parts?)
 }

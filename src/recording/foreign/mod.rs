@@ -7,6 +7,7 @@ mod calibration_wait;
 mod calibrations;
 mod camera;
 mod camera_track;
+mod clocks;
 mod encoding;
 mod first_messages;
 mod image;
@@ -25,7 +26,9 @@ mod topics;
 mod transforms;
 mod video;
 
-pub(super) use image::{decode as decode_image, stamp};
+pub(super) use clocks::without_stamp;
+pub use clocks::{ClockFault, ClockOffset, ClockRole, ClockTable, TopicClock};
+pub(super) use image::decode as decode_image;
 pub use motion::PoseStep;
 pub(super) use pair_stamps::PairStamps;
 pub(super) use pose_summary::pose_summary;
@@ -422,7 +425,9 @@ impl PairReader {
                     Ok(PairImage::Image(image)) => image.image.bytes(),
                     _ => 0,
                 };
-                self.check_stamp(side, stamp, log_time);
+                if !channel.stamps.is_log() {
+                    self.check_stamp(side, stamp, log_time);
+                }
                 let stamp_ns = stamp.unwrap_or(log_time);
                 self.partners.push(side, stamp_ns, log_time, image, bytes);
             }

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 use svl_core::Result;
 
-const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+pub(super) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 /// Longest time between two poses, of which one in between is interpolated.
 const MAX_GAP_NS: u64 = 500_000_000;
 /// Poses of a frame are read on until one is this much later than the pair, as messages arrive out

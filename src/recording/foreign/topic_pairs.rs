@@ -1,13 +1,14 @@
 //! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
 
 use super::calibration_wait::CalibrationWait;
+use super::clocks::ClockScan;
 use super::stamp_order::ImagePairing;
 use super::transforms::Transforms;
-use super::{FirstMessages, PairReader, Selection, camera, head, image, video};
+use super::{ClockTable, FirstMessages, PairReader, Selection, camera, head, image, video};
 use crate::messages::Channel;
 use crate::{LEFT_FRAME, StreamFacts};
-use svl_core::Result;
 use svl_core::stereo::Frame;
+use svl_core::{Error, Result};
 
 /// Limit on the bytes of images that wait for their partners: while one camera is silent, those of
 /// the other wait.
@@ -38,11 +39,7 @@ impl LiveTopic {
     }
 
     fn channel(&self) -> Channel {
-        Channel {
-            topic: self.name.clone(),
-            schema: self.schema.clone(),
-            encoding: "cdr".to_owned(),
-        }
+        Channel::new(self.name.clone(), self.schema.clone(), "cdr".to_owned())
     }
 }
 
@@ -53,7 +50,7 @@ pub struct TopicPairs {
     channels: Vec<Channel>,
     selection: Selection,
     /// Until the first pair.
-    first: Option<FirstMessages>,
+    first: Option<(FirstMessages, ClockScan)>,
     /// True once the user was warned of another frame of the left images.
     warned_of_frame: bool,
 }
@@ -94,11 +91,12 @@ impl TopicPairs {
                 .filter(|channel| Transforms::reads(channel))
                 .cloned(),
         );
+        let clocks = ClockScan::new(&pairs.images);
         Ok(Self {
             pairs,
             channels: needed,
             selection: selection.clone(),
-            first: Some(FirstMessages::default()),
+            first: Some((FirstMessages::default(), clocks)),
             warned_of_frame: false,
         })
     }
@@ -109,26 +107,44 @@ impl TopicPairs {
         self.channels.iter().map(|channel| channel.topic.as_str())
     }
 
-    /// Looks at a message of the topic at that index before the first pair. True once calibrations,
-    /// baseline and bit depth can be decided.
-    pub fn look_at(&mut self, topic: usize, data: &[u8]) -> bool {
+    /// Looks at a message of the topic at that index, received at `received_ns`, before the first
+    /// pair. True once calibrations, baseline and bit depth can be decided.
+    pub fn look_at(&mut self, topic: usize, received_ns: u64, data: &[u8]) -> bool {
         let channel = &self.channels[topic];
-        let Some(first) = &mut self.first else {
+        let Some((first, clocks)) = &mut self.first else {
             return true;
         };
-        first.take_in(&mut self.pairs, channel, 0, data);
+        first.take_in(&mut self.pairs, channel, received_ns, data);
+        clocks.take_in(channel, received_ns, data);
         first.are_enough(&self.pairs)
     }
 
-    /// Decides the bit depth by the messages that it looked at.
+    /// True once the clocks of both cameras can be measured by the messages that it looked at.
+    pub fn knows_clocks(&self) -> bool {
+        let first = self.first.as_ref();
+        first.is_none_or(|(_, clocks)| clocks.has_enough())
+    }
+
+    /// Decides the bit depth and the clocks by the messages that it looked at.
     ///
     /// # Errors
-    /// The errors of the bit depth: 16-bit images that use no bits, or more than the selected ones.
+    /// The errors of the bit depth: 16-bit images that use no bits, or more than the selected ones;
+    /// clocks that permit no pair.
     pub fn begin(&mut self) -> Result<()> {
-        match self.first.take() {
-            Some(first) => first.end(&mut self.pairs, &self.selection),
-            None => Ok(()),
+        let Some((first, clocks)) = self.first.take() else {
+            return Ok(());
+        };
+        let channels: Vec<_> = self.channels.iter().collect();
+        let clocks = ClockTable::new(&clocks, &channels, &self.selection);
+        let name = &self.pairs.name;
+        let checked = clocks.check(name);
+        checked.map_err(|reason| Error::other(format!("{name}: {reason}")))?;
+        for channel in &mut self.channels {
+            if let Some(rule) = clocks.rules().get(&channel.topic) {
+                channel.stamps = *rule;
+            }
         }
+        first.end(&mut self.pairs, &self.selection)
     }
 
     /// Adds a message of the topic at that index, received at `received_ns`.
@@ -213,7 +229,7 @@ mod tests {
         let mut data = ros::encode_8bit(&image, stamp, "left").data;
         let name = data.windows(4).position(|bytes| bytes == b"left").unwrap();
         data[name] = 0xff;
-        assert!(!pairs.look_at(0, &data) && pairs.facts().frame_id.is_none());
+        assert!(!pairs.look_at(0, 0, &data) && pairs.facts().frame_id.is_none());
         let reason = pairs.take_in(0, 0, &data).unwrap_err();
         assert!(reason.starts_with("/left/image_rect: "), "{reason}");
         // Cut anywhere, it is unreadable too.

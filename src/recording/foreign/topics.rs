@@ -2,6 +2,7 @@
 
 use super::{camera, image, video};
 use crate::messages::Channel;
+use crate::stamp_rule::StampUnit;
 use svl_core::joined;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
@@ -14,6 +15,10 @@ pub struct Selection {
     pub max_skew_ns: u64,
     /// Number of bits of 16 that the images use; by default decided by the first images.
     pub bits: Option<u8>,
+    /// Unit of stamps that are not in nanoseconds.
+    pub stamps: Option<StampUnit>,
+    /// Added to the stamps of the right images and their calibrations.
+    pub right_offset_ns: Option<i64>,
 }
 
 impl Selection {
@@ -34,6 +39,8 @@ impl Default for Selection {
             right: None,
             max_skew_ns: Self::MAX_SKEW_NS,
             bits: None,
+            stamps: None,
+            right_offset_ns: None,
         }
     }
 }
@@ -327,11 +334,7 @@ mod tests {
             } else {
                 "sensor_msgs/msg/Image"
             };
-            Channel {
-                topic: topic.to_owned(),
-                schema: schema.to_owned(),
-                encoding: "cdr".to_owned(),
-            }
+            Channel::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
         };
         let channels: Vec<_> = topics.iter().map(channel).collect();
         choose(&channels.iter().collect::<Vec<_>>(), selection)
@@ -427,11 +430,7 @@ mod tests {
     }
 
     fn channel_of(topic: &str, schema: &str) -> Channel {
-        Channel {
-            topic: topic.to_owned(),
-            schema: schema.to_owned(),
-            encoding: "cdr".to_owned(),
-        }
+        Channel::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
     }
 
     #[test]
@@ -505,11 +504,8 @@ mod tests {
         let complaint = |schema: &str, encoding: &str, left: Option<&str>| {
             let channel = |topic: &str| (topic.to_owned(), schema.to_owned(), encoding.to_owned());
             let channels = ["/cam0/image", "/cam1/image"].map(channel);
-            let channels = channels.map(|(topic, schema, encoding)| Channel {
-                topic,
-                schema,
-                encoding,
-            });
+            let channels =
+                channels.map(|(topic, schema, encoding)| Channel::new(topic, schema, encoding));
             choose(
                 &channels.each_ref(),
                 &Selection {

@@ -340,11 +340,11 @@ mod tests {
             };
             let mut data = Vec::new();
             foxglove::Encode::encode(&message, &mut data).unwrap();
-            let channel = Channel {
-                topic: "/tf_static".to_owned(),
-                schema: "foxglove.FrameTransform".to_owned(),
-                encoding: "protobuf".to_owned(),
-            };
+            let channel = Channel::new(
+                "/tf_static".to_owned(),
+                "foxglove.FrameTransform".to_owned(),
+                "protobuf".to_owned(),
+            );
             (channel, data)
         };
         let conflict = |parent: &str, child: &str, x: f64| {

@@ -89,6 +89,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.fps", OF_PAIRS),
     ("description.source.bits", OF_PAIRS),
     ("description.source.max_skew_ms", OF_PAIRS),
+    ("description.source.stamps", OF_PAIRS),
+    ("description.source.right_offset_ms", OF_PAIRS),
     ("description.source.truth", OF_PAIRS),
     ("description.source.truth_skew_ms", OF_PAIRS),
     // The truth as used is in the input hashes of rows.
@@ -298,7 +300,8 @@ mod tests {
             "dataset" => "scenes = [\"a\"]\ndata = \"d\"",
             _ => {
                 "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nside_by_side = true\n\
-                 fps = 1.0\nbits = 8\nmax_skew_ms = 1.0\ntruth = \"t\"\n\
+                 fps = 1.0\nbits = 8\nmax_skew_ms = 1.0\nstamps = \"us\"\nright_offset_ms = 1.0\n\
+                 truth = \"t\"\n\
                  truth_skew_ms = 1.0\ncamera_height_m = 1.0\ncalib = \"c\"\n\
                  alpha = 0.5\ncrop = [0, 0, 9, 9]\nscale = 0.5"
             }

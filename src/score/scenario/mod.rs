@@ -22,7 +22,7 @@ pub use limit::{Limit, PRIOR};
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{InputFile, InputFiles};
 pub use seeds::SeedList;
-pub use source::{ScenarioKind, SourceOptions, flag, within};
+pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};

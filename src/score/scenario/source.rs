@@ -16,6 +16,8 @@ use svl_core::{Error, Result, joined};
 const FPS: RangeInclusive<f64> = 0.001..=100_000.0;
 const BITS: RangeInclusive<u8> = 8..=16;
 const SKEW_MS: RangeInclusive<f64> = 0.0..=60_000.0;
+/// A clock may begin when its machine starts.
+const OFFSET_MS: RangeInclusive<f64> = -1e13..=1e13;
 const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 
 /// The source of a run, with its options.
@@ -75,6 +77,17 @@ pub struct SourceOptions {
     /// half of it when they are free-running]
     #[arg(long, value_name = "MS", value_parser = within(SKEW_MS))]
     pub max_skew_ms: Option<f64>,
+    /// Unit of the stamps of a recording that are not in nanoseconds though they are written so:
+    /// milliseconds or microseconds; or use log times, which are later, in place of all stamps
+    /// [default: the stamps as they are written]
+    #[arg(long, value_name = "ms|us|log")]
+    pub stamps: Option<StampSource>,
+    /// Added to the stamps of the right images of a recording, whose clock is not that of the left
+    /// ones [default: 0, and no pairs if log times show another offset]
+    #[arg(
+        long, value_name = "MS", value_parser = within(OFFSET_MS), allow_negative_numbers = true
+    )]
+    pub right_offset_ms: Option<f64>,
     /// Topic of another sensor in the recording that measures the truth: a depth image, a
     /// disparity image, a point cloud or a laser scan; of a folder, the files: `depth/*.png`,
     /// `velodyne/*.bin`, with the unit in metres `depth/*.png:unit=0.0002`, or disparities
@@ -122,6 +135,15 @@ pub struct SourceOptions {
     /// fails on, of its pairs [default: 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
     pub allow_loss: Option<LossLimit>,
+}
+
+/// What the stamps of a recording are in truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum StampSource {
+    Ms,
+    Us,
+    Log,
 }
 
 /// The kind of a scenario's frames.
@@ -174,6 +196,8 @@ impl ScenarioKind {
                 "fps",
                 "bits",
                 "max_skew_ms",
+                "stamps",
+                "right_offset_ms",
                 "truth",
                 "truth_skew_ms",
                 "camera_height_m",

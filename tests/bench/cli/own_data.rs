@@ -49,7 +49,7 @@ fn rates_are_told_or_not_known() {
     );
     ran.done();
     let info = fixture.run("info plain.mcap");
-    assert!(info.contains("stamps          nominal 10\n"), "{info}");
+    assert!(info.contains("stamps          nominal 0.5\n"), "{info}");
     for label in ["period", "skew", "gaps"] {
         assert!(!info.contains(label), "{info}");
     }

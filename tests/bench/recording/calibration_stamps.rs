@@ -270,7 +270,8 @@ impl Live {
         let pairs = TopicPairs::new("ros2:", &topics, &Selection::default()).unwrap();
         let mut live = Self { pairs, now_ns: 0 };
         for message in Shot::FIRST.messages(0, CAMERAS) {
-            live.pairs.look_at(live.place(message.topic), &message.data);
+            live.pairs
+                .look_at(live.place(message.topic), message.log_time, &message.data);
         }
         live.pairs.begin().unwrap();
         live

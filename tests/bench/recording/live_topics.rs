@@ -54,7 +54,7 @@ fn pairs_have_the_calibration_that_comes_after_them() {
     );
     let ready = first.iter().enumerate();
     let ready: Vec<_> = ready
-        .map(|(i, message)| pairs.look_at(i, &message.data))
+        .map(|(i, message)| pairs.look_at(i, 0, &message.data))
         .collect();
     assert_eq!(ready, [false, false, false, true]);
     pairs.begin().unwrap();
@@ -97,7 +97,7 @@ fn the_frame_is_that_of_the_left_images() {
     for (first, expected) in [([0, 1], "left"), ([1, 0], "left")] {
         let mut pairs = pairs();
         for topic in first {
-            pairs.look_at(topic, &header(["left", "right"][topic]));
+            pairs.look_at(topic, 0, &header(["left", "right"][topic]));
         }
         pairs.begin().unwrap();
         assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
@@ -106,7 +106,7 @@ fn the_frame_is_that_of_the_left_images() {
         assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
     }
     let mut pairs = pairs();
-    pairs.look_at(0, &header(""));
+    pairs.look_at(0, 0, &header(""));
     assert_eq!(pairs.facts().frame_id, None);
 }
 
@@ -125,7 +125,7 @@ fn the_baseline_is_in_the_static_transforms() {
     ];
     for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]] {
         let mut pairs = TopicPairs::new("ros2:", &topics(&all), &Selection::default()).unwrap();
-        let ready = order.map(|i: usize| pairs.look_at(i, &all[i].data));
+        let ready = order.map(|i: usize| pairs.look_at(i, 0, &all[i].data));
         assert_eq!(ready, [false, false, false, false, true], "{order:?}");
         pairs.begin().unwrap();
         for i in order {
@@ -217,7 +217,7 @@ fn cut_messages_are_errors_of_a_line() {
         for length in 0..message.data.len() - 1 {
             let mut pairs = pairs();
             let cut = &message.data[..length];
-            pairs.look_at(topic, cut);
+            pairs.look_at(topic, 0, cut);
             pairs.begin().unwrap();
             // Pixels that are missing are reported with the pair.
             let taken = pairs.take_in(topic, 0, cut);

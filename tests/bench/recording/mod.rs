@@ -4,6 +4,7 @@ mod bad_input;
 pub(crate) mod bag;
 mod bag_folders;
 mod calibration_stamps;
+mod clocks;
 mod damage;
 mod disk;
 mod drivers;

@@ -185,7 +185,11 @@ fn info_says_what_is_published_and_why_there_are_no_pairs() {
             &["pairs      ", "baseline        0.1000 m", "24x16 px"][..],
         ),
         (3, Fault::Silent, &["silent topics   /cam1/image_rect 1"]),
-        (4, Fault::OtherClock, &["are within 5 ms of each other"]),
+        (
+            4,
+            Fault::OtherClock,
+            &["its clock is 3600.", "--right-offset-ms"],
+        ),
         (5, Fault::OtherSize, &["24x16", "12x16"]),
     ] {
         let robot = Robot::start(n, fault);

@@ -195,7 +195,7 @@ impl Scene {
         let geometry = Geometry::Rectified(self.rig(pair.size())?);
         Ok(Frame {
             sequence,
-            stamp_ns: SceneSource::STAMPS.stamp_ns(sequence),
+            stamp_ns: StampOrigin::UNKNOWN.stamp_ns(sequence),
             name: Some(self.name.clone()),
             truth: truth::read(|name| self.file(name), pair.size())?,
             color,
@@ -302,9 +302,6 @@ pub struct SceneSource {
 }
 
 impl SceneSource {
-    /// Stamps of scenes.
-    pub const STAMPS: StampOrigin = StampOrigin::Nominal(0.5);
-
     pub fn new(scenes: Vec<Scene>) -> Self {
         Self::with_bits(scenes, None).expect("only requested bits can be wrong")
     }

@@ -36,9 +36,6 @@ pub struct FolderRequest {
     pub bits: Option<u8>,
 }
 
-/// Rate of the stamps if none is known.
-const NOMINAL_HZ: f64 = 10.0;
-
 /// The pairs of a folder, in the natural order of their names.
 ///
 /// Pairs that cannot be read are dropped and counted, and the first one is reported.
@@ -71,7 +68,7 @@ impl FolderSource {
         let (origin, stamps) = match (request.fps, stamps(folder, found.layout, &found.pairs)?) {
             (None, Some(stamps)) => (None, stamps),
             (hz, _) => {
-                let origin = hz.map_or(StampOrigin::Nominal(NOMINAL_HZ), StampOrigin::Given);
+                let origin = hz.map_or(StampOrigin::UNKNOWN, StampOrigin::Given);
                 let numbers = 0..found.pairs.len() as u64;
                 let stamps = numbers.map(|i| (origin.stamp_ns(i), None)).collect();
                 (Some(origin), stamps)

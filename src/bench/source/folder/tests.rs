@@ -116,11 +116,7 @@ fn every_layout_pairs_its_images() {
         let folder = folder(&layout, &[("readme.txt", "not an image")]);
         let mut source = open(&folder).unwrap();
         assert_eq!(source.pairs(), Some(2), "{layout:?}");
-        assert_eq!(
-            source.stamps(),
-            Some(StampOrigin::Nominal(10.0)),
-            "{layout:?}"
-        );
+        assert_eq!(source.stamps(), Some(StampOrigin::UNKNOWN), "{layout:?}");
         // By their numbers, 8 before 13, whatever their extensions: the content decides.
         assert_eq!(pixels(&mut source), [[0, 1], [2, 3]], "{layout:?}");
     }
@@ -174,10 +170,7 @@ fn stamps_come_from_the_files_beside_the_images() {
         &images,
         &[("image_00/timestamps.txt", "2011-09-26 13:02:25.0\n")],
     );
-    assert_eq!(
-        open(&few).unwrap().stamps(),
-        Some(StampOrigin::Nominal(10.0))
-    );
+    assert_eq!(open(&few).unwrap().stamps(), Some(StampOrigin::UNKNOWN));
 }
 
 #[test]
@@ -378,4 +371,15 @@ fn cameras_of_a_folder_are_read() {
     ));
     let baseline_m = source.unwrap().geometry.rig().unwrap().baseline_m();
     assert!((baseline_m - 0.54).abs() < 1e-9, "{baseline_m}");
+}
+
+#[test]
+fn pairs_without_times_have_no_past() {
+    let names = ["left/a.png", "right/a.png", "left/b.png", "right/b.png"];
+    let folder = folder(&names, &[]);
+    let stamps = stamps(&mut open(&folder).unwrap());
+    assert!(!svl_core::depth::decision::follows(
+        stamps[0].0,
+        stamps[1].0
+    ));
 }

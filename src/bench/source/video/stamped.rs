@@ -6,9 +6,6 @@ use svl_core::Result;
 use svl_files::DecodedImage;
 use svl_recording::StampOrigin;
 
-/// Rate of the stamps if none is known.
-const NOMINAL_HZ: f64 = 10.0;
-
 /// Origin of the stamps of a video.
 #[derive(Clone, Copy)]
 pub(super) enum FrameClock {
@@ -23,7 +20,7 @@ impl FrameClock {
         let firsts: Option<Vec<i64>> = videos.iter().map(|video| video.first_ns).collect();
         let periods = videos.iter().filter_map(|video| video.info.period_ns);
         let rate = videos.iter().find_map(|video| video.info.rate_hz);
-        let nominal = StampOrigin::Nominal(rate.unwrap_or(NOMINAL_HZ));
+        let nominal = rate.map_or(StampOrigin::UNKNOWN, StampOrigin::Nominal);
         match (fps, firsts.and_then(|firsts| firsts.into_iter().min())) {
             (Some(hz), _) => Self::Numbers(StampOrigin::Given(hz)),
             (None, Some(origin_ns)) => Self::Times {

@@ -47,6 +47,8 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRe
         right: None,
         bits: None,
         max_skew_ms: None,
+        stamps: None,
+        right_offset_ms: None,
         calib: None,
         alpha: None,
         ..source.clone()
@@ -106,6 +108,8 @@ fn record(
             right: options.right.clone(),
             bits: options.bits,
             max_skew_ms: options.max_skew_ms,
+            stamps: options.stamps,
+            right_offset_ms: options.right_offset_ms,
             calib: options.calib.clone(),
             alpha: options.alpha,
             ..SourceOptions::default()

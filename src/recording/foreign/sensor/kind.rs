@@ -230,7 +230,7 @@ pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Strin
     macro_rules! foxglove {
         ($kind:ident) => {{
             let message: messages::$kind = decode_protobuf(data)?;
-            let stamp = image::stamp(message.timestamp.map(|t| (t.sec(), t.nsec())));
+            let stamp = image::stamp(channel, message.timestamp.map(|t| (t.sec(), t.nsec())));
             Ok((stamp, message.frame_id))
         }};
     }
@@ -247,7 +247,7 @@ pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Strin
                 timestamp,
                 frame_id,
             } = json::read(data)?;
-            let stamp = image::stamp(Some((timestamp.sec, timestamp.nsec)));
+            let stamp = image::stamp(channel, Some((timestamp.sec, timestamp.nsec)));
             Ok((stamp, frame_id))
         }
         ("foxglove.RawImage", _) => foxglove!(RawImage),

@@ -54,9 +54,6 @@ impl Stamps {
     }
 }
 
-/// Stamps that are later than the log time by no more are rounded.
-const MAX_EARLY_NS: i64 = 1_000_000;
-
 /// Log time minus stamp, sorted, ns: transport and processing on the robot. A clock that differs
 /// from the recorder's makes it negative, or too long.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -70,13 +67,6 @@ pub struct TopicLatency {
 impl TopicLatency {
     fn median(delays: &[i64]) -> Option<i64> {
         nearest_rank(delays, 0.5)
-    }
-
-    /// Time by which messages are logged before their stamps, if most are: their clock is not that
-    /// of the recorder.
-    pub(super) fn early_ns(&self) -> Option<u64> {
-        let median = Self::median(&self.topic_ns)?;
-        (median < -MAX_EARLY_NS).then(|| median.unsigned_abs())
     }
 
     /// Time by which the stamps of the measurements are behind those of the images, by their log
@@ -132,7 +122,8 @@ impl StampScan {
                 }
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);
-                    let has_none = matches!(&head, Ok((None, _))) && log_time > 0;
+                    let is_used = !channel.stamps.is_log();
+                    let has_none = is_used && matches!(&head, Ok((None, _))) && log_time > 0;
                     found.without_stamp += u64::from(has_none);
                     let stamp = head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next));
                     found.stamps.0.extend(stamp);

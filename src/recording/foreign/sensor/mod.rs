@@ -63,7 +63,7 @@ impl SensorSelection {
     pub const MAX_SKEW_NS: u64 = 20_000_000;
 
     /// The option, as the user wrote it.
-    fn asked(&self) -> String {
+    pub(crate) fn asked(&self) -> String {
         match self.role {
             SensorRole::Truth => format!("--truth {}", self.topic),
             SensorRole::Map => format!("topic:{}", self.topic),
@@ -126,6 +126,11 @@ pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<St
         }
     }
     Ok(found.into_iter().collect())
+}
+
+/// True if the messages of a channel measure distances.
+pub(super) fn measures_distances(channel: &Channel) -> bool {
+    kind::find(channel).is_ok()
 }
 
 fn is_named_depth(topic: &str) -> bool {
@@ -212,15 +217,6 @@ impl SensorTopic {
             tracing::warn!(
                 "{}: {why}; floor is not told apart",
                 recording.path().display()
-            );
-        }
-        if let Some(early_ns) = measurements.latency().early_ns() {
-            let path = recording.path().display();
-            tracing::warn!(
-                "{path}: {}: its stamps are {:.0} ms later than their log times: the clock of its \
-                 sensor is not the recorder's, and its measurements may be those of other pairs",
-                selection.asked(),
-                early_ns as f64 / 1e6
             );
         }
         Ok(Self {

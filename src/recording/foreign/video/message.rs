@@ -85,7 +85,7 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
         ("foxglove.CompressedVideo", "protobuf") => {
             let m: CompressedVideo = decode_protobuf(data)?;
             Ok(Packet {
-                stamp: image::stamp(m.timestamp.map(|t| (t.sec(), t.nsec()))),
+                stamp: image::stamp(channel, m.timestamp.map(|t| (t.sec(), t.nsec()))),
                 codec: Codec::from_format(&m.format),
                 data: m.data.to_vec().into(),
             })
@@ -93,7 +93,7 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
         ("foxglove.CompressedVideo", "json") => {
             let m: json::JsonCompressedImage = json::read(data)?;
             Ok(Packet {
-                stamp: image::stamp(Some((m.timestamp.sec, m.timestamp.nsec))),
+                stamp: image::stamp(channel, Some((m.timestamp.sec, m.timestamp.nsec))),
                 codec: Codec::from_format(&m.format),
                 data: m.data.into(),
             })
@@ -123,11 +123,11 @@ mod tests {
 
     #[test]
     fn a_compressed_image_is_a_picture_by_its_format() {
-        let channel = Channel {
-            topic: "/left/image_compressed".to_owned(),
-            schema: COMPRESSED_IMAGE.to_owned(),
-            encoding: "cdr".to_owned(),
-        };
+        let channel = Channel::new(
+            "/left/image_compressed".to_owned(),
+            COMPRESSED_IMAGE.to_owned(),
+            "cdr".to_owned(),
+        );
         // An empty header and no data.
         let message = |format: &str| {
             let mut data = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];

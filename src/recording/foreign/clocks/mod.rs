@@ -1,0 +1,120 @@
+//! The clock of each topic, by the proof beside its stamps: the log times.
+//!
+//! Offsets are compared with those of the left images at equal log times, so that a log clock that
+//! runs at another speed, as that of a slowed simulation, is none of a topic.
+
+mod faults;
+mod measure;
+mod scan;
+
+use super::{Selection, choose, topics};
+use crate::Recording;
+use crate::messages::{Channel, warn_once};
+use crate::restamped::StampRules;
+use crate::stamp_rule::StampRule;
+pub use faults::ClockFault;
+use faults::{ClockCheck, copies, unused_unit};
+pub use measure::{ClockOffset, TopicClock};
+pub use scan::ClockRole;
+pub(crate) use scan::{ClockScan, without_stamp};
+use std::collections::BTreeMap;
+use svl_core::Result;
+use svl_core::stereo::Side;
+
+/// The clocks of a source's topics.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct ClockTable {
+    /// By name, as their stamps are read.
+    pub topics: Vec<TopicClock>,
+    /// What is wrong with them, each with its cure.
+    pub faults: Vec<ClockFault>,
+    #[serde(skip)]
+    rules: BTreeMap<String, StampRule>,
+}
+
+impl ClockTable {
+    /// The clocks of a recording that svl did not write; `None` if no two topics are its cameras.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
+    pub(crate) fn read(recording: &Recording, selection: &Selection) -> Result<Option<Self>> {
+        let channels = recording.channels()?;
+        let Ok(images) = choose(&channels, selection) else {
+            return Ok(None);
+        };
+        let scan = ClockScan::read(recording, &images)?;
+        Ok(Some(Self::new(&scan, &channels, selection)))
+    }
+
+    /// The clocks of what was scanned, with the repairs that the user asked for.
+    pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
+        let right = &scan.images[Side::Right as usize];
+        let right = [Some(right.clone()), topics::calibration(channels, right)];
+        let mut rules = BTreeMap::new();
+        for (name, topic) in &scan.topics {
+            let rule = StampRule {
+                reading: topic.reading(selection.stamps),
+                begins_at_0: topic.begins_at_0(),
+                shift_ns: if right.iter().flatten().any(|right| right == name) {
+                    selection.right_offset_ns.unwrap_or_default()
+                } else {
+                    0
+                },
+            };
+            if rule != StampRule::default() {
+                rules.insert(name.clone(), rule);
+            }
+        }
+        let clocks = scan.measured(&rules);
+        let check = ClockCheck::new(&scan.images, &clocks, selection);
+        let mut faults = check.faults();
+        faults.extend(copies(scan));
+        if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
+            faults.push(unused_unit(scan));
+        }
+        Self {
+            topics: clocks,
+            faults,
+            rules,
+        }
+    }
+
+    /// The rules by which the stamps are read.
+    pub(crate) fn rules(&self) -> StampRules {
+        self.rules.clone().into()
+    }
+
+    /// False if a fault permits no pair.
+    pub(crate) fn permits_pairs(&self) -> bool {
+        self.faults.iter().all(|fault| !fault.denies_pairs)
+    }
+
+    /// Warns of the faults of a source called `name`.
+    ///
+    /// # Errors
+    /// The first that permits no pair.
+    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), String> {
+        if let Some(fault) = self.faults.iter().find(|fault| fault.denies_pairs) {
+            return Err(fault.to_string());
+        }
+        for fault in &self.faults {
+            warn_once(format!("{name}: {fault}"));
+        }
+        Ok(())
+    }
+
+    /// Refuses a topic whose measurements are used, if its stamps cannot be.
+    ///
+    /// # Errors
+    /// The fault of its stamps.
+    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), String> {
+        let mut faults = self.faults.iter();
+        match faults.find(|fault| fault.topic == topic && fault.is_of_unit) {
+            Some(fault) => Err(fault.reason.clone()),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

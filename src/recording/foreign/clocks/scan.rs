@@ -1,0 +1,272 @@
+//! Stamps and log times of the topics of a recording: of its first messages, and at places all over
+//! it.
+
+use super::super::poses::ODOMETRY;
+use super::super::{Transforms, camera, head, is_image, sensor};
+use crate::Recording;
+use crate::messages::{Channel, EventReader, FileEvent};
+use crate::stamp_rule::StampRule;
+use std::collections::BTreeMap;
+use svl_core::Result;
+
+/// Number of first messages of each camera, and of places behind them.
+const FIRST_MESSAGES: usize = 200;
+const PLACES: usize = 20;
+/// Number of images of each camera that the first messages have to contain.
+pub(super) const MIN_MESSAGES: usize = 10;
+/// Bytes of the first messages, unless they have too few images, and then; bytes of a place, and of
+/// one without an image of each camera.
+const FIRST_BYTES: [usize; 2] = [8 << 20, 64 << 20];
+const PLACE_BYTES: [usize; 2] = [128 << 10, 8 << 20];
+
+/// The use of a topic's messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ClockRole {
+    Image,
+    Calibration,
+    /// Distances of another sensor or program.
+    Measurement,
+    Pose,
+}
+
+impl ClockRole {
+    pub(super) fn for_channel(channel: &Channel) -> Option<Self> {
+        if camera::is_calibration(channel) {
+            Some(Self::Calibration)
+        } else if is_image(channel) {
+            Some(Self::Image)
+        } else if sensor::measures_distances(channel) {
+            Some(Self::Measurement)
+        } else if channel.schema == ODOMETRY || Transforms::are_moving(channel) {
+            Some(Self::Pose)
+        } else {
+            None
+        }
+    }
+}
+
+/// Log time and stamp of a message; the stamp as it is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TimedMessage {
+    pub(super) log_ns: u64,
+    pub(super) stamp_ns: u64,
+}
+
+impl TimedMessage {
+    /// The time from the stamp to the log time. Stamps above 2⁶³ ns are damage; wrapping still
+    /// keeps their difference right.
+    pub(super) fn delay_ns(&self) -> i64 {
+        self.log_ns.wrapping_sub(self.stamp_ns).cast_signed()
+    }
+
+    /// The same by another rule.
+    pub(super) fn restamped(self, rule: StampRule) -> Self {
+        let parts = (
+            (self.stamp_ns / 1_000_000_000) as u32,
+            (self.stamp_ns % 1_000_000_000) as u32,
+        );
+        Self {
+            stamp_ns: rule.stamp(parts).unwrap_or(self.log_ns),
+            ..self
+        }
+    }
+}
+
+/// The messages of a topic.
+#[derive(Clone, Debug)]
+pub(super) struct TopicScan {
+    pub(super) role: ClockRole,
+    /// Consecutive messages from the first one on, and those at other places.
+    pub(super) first: Vec<TimedMessage>,
+    pub(super) later: Vec<TimedMessage>,
+    /// Messages before the first one that has a stamp.
+    pub(super) unset: u64,
+    /// Hash of the last message without its stamp; messages equal to the one before, and those
+    /// among them whose predecessor is not.
+    hash: Option<u64>,
+    is_copy: bool,
+    pub(super) copies: u64,
+    pub(super) lone_copies: u64,
+}
+
+impl TopicScan {
+    fn new(role: ClockRole) -> Self {
+        Self {
+            role,
+            first: Vec::new(),
+            later: Vec::new(),
+            unset: 0,
+            hash: None,
+            is_copy: false,
+            copies: 0,
+            lone_copies: 0,
+        }
+    }
+
+    /// True if the messages differ in more than their stamps.
+    pub(super) fn changes(&self) -> bool {
+        self.copies + 1 < self.first.len() as u64
+    }
+
+    fn compare(&mut self, channel: &Channel, data: &[u8]) {
+        // The stamp may be anywhere in JSON.
+        let hash = if channel.encoding == "json" {
+            0
+        } else {
+            xxhash_rust::xxh3::xxh3_64(without_stamp(channel, data))
+        };
+        let is_copy = self.hash.replace(hash) == Some(hash);
+        self.copies += u64::from(is_copy);
+        self.lone_copies += u64::from(is_copy && !self.is_copy);
+        self.is_copy = is_copy;
+    }
+}
+
+/// The bytes of a message behind its stamp, which comes first in all of them.
+pub(crate) fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
+    let stamp = match (channel.encoding.as_str(), data) {
+        // A number and the stamp; or the encapsulation and the stamp.
+        ("ros1" | "cdr", _) => 12,
+        // The first field, a message of its own.
+        ("protobuf", [0x0a, len, ..]) => 2 + usize::from(*len),
+        _ => 0,
+    };
+    data.get(stamp..).unwrap_or(data)
+}
+
+/// The stamp of a message, as it is written.
+fn stamp(role: ClockRole, channel: &Channel, data: &[u8]) -> Option<u64> {
+    if role == ClockRole::Pose && channel.schema != ODOMETRY {
+        let transforms = Transforms::read(channel, data).ok()?;
+        return transforms.into_iter().find_map(|(_, _, stamp)| stamp);
+    }
+    head(channel, data).ok()?.0
+}
+
+/// The topics of a source whose stamps are used.
+#[derive(Clone, Debug)]
+pub(crate) struct ClockScan {
+    pub(super) images: [String; 2],
+    pub(super) topics: BTreeMap<String, TopicScan>,
+    bytes: usize,
+}
+
+impl ClockScan {
+    /// `images`: topics of the left and the right images.
+    pub(crate) fn new(images: &[String; 2]) -> Self {
+        Self {
+            images: images.clone(),
+            topics: BTreeMap::new(),
+            bytes: 0,
+        }
+    }
+
+    /// Reads as much of a recording as clocks need.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
+    pub(super) fn read(recording: &Recording, images: &[String; 2]) -> Result<Self> {
+        let mut scan = Self::new(images);
+        for file in recording.files() {
+            let mut messages = file.messages()?;
+            // Damage is reported with the pairs.
+            while let Ok(Some(event)) = messages.next() {
+                if let FileEvent::Message(channel, log_ns, data) = event {
+                    scan.take_in(channel, log_ns, &data);
+                    if scan.has_first() {
+                        scan.read_places(recording)?;
+                        return Ok(scan);
+                    }
+                }
+            }
+        }
+        Ok(scan)
+    }
+
+    /// Adds one of the first messages.
+    pub(crate) fn take_in(&mut self, channel: &Channel, log_ns: u64, data: &[u8]) {
+        self.bytes += data.len();
+        let Some((topic, sample)) = self.sample(channel, log_ns, data) else {
+            return;
+        };
+        match sample {
+            Some(sample) => topic.first.push(sample),
+            None => topic.unset += u64::from(topic.first.is_empty()),
+        }
+        if matches!(topic.role, ClockRole::Image | ClockRole::Calibration) {
+            topic.compare(channel, data);
+        }
+    }
+
+    fn sample(
+        &mut self,
+        channel: &Channel,
+        log_ns: u64,
+        data: &[u8],
+    ) -> Option<(&mut TopicScan, Option<TimedMessage>)> {
+        if !self.topics.contains_key(&channel.topic) {
+            let role = ClockRole::for_channel(channel)?;
+            self.topics
+                .insert(channel.topic.clone(), TopicScan::new(role));
+        }
+        let topic = self.topics.get_mut(&channel.topic)?;
+        let stamp_ns = stamp(topic.role, channel, data);
+        let sample = stamp_ns.map(|stamp_ns| TimedMessage { log_ns, stamp_ns });
+        Some((topic, sample))
+    }
+
+    /// True if each camera has so many first images.
+    pub(crate) fn has_images(&self, least: usize) -> bool {
+        let mut images = self.images.iter().map(|topic| self.topics.get(topic));
+        images.all(|topic| topic.is_some_and(|topic| topic.first.len() >= least))
+    }
+
+    /// True if each camera has the images that clocks need.
+    pub(crate) fn has_enough(&self) -> bool {
+        self.has_images(MIN_MESSAGES)
+    }
+
+    fn has_first(&self) -> bool {
+        let [usual, most] = FIRST_BYTES;
+        self.has_images(FIRST_MESSAGES)
+            || self.bytes > usual && self.has_enough()
+            || self.bytes > most
+    }
+
+    fn read_places(&mut self, recording: &Recording) -> Result<()> {
+        let files: Vec<_> = recording.files().collect();
+        let places = PLACES.div_ceil(files.len());
+        for file in files.iter().step_by((files.len() / PLACES).max(1)) {
+            for mut messages in file.places(places)? {
+                self.read_place(&mut *messages);
+            }
+        }
+        Ok(())
+    }
+
+    fn read_place(&mut self, messages: &mut dyn EventReader) {
+        let [least, most] = PLACE_BYTES;
+        let (mut bytes, mut seen) = (0, [false; 2]);
+        while bytes < least || bytes < most && seen.contains(&false) {
+            let Ok(Some(event)) = messages.next() else {
+                return;
+            };
+            let FileEvent::Message(channel, log_ns, data) = event else {
+                continue;
+            };
+            bytes += data.len();
+            for (topic, seen) in self.images.iter().zip(&mut seen) {
+                *seen |= *topic == channel.topic;
+            }
+            self.take_in_later(channel, log_ns, &data);
+        }
+    }
+
+    /// Adds a message of a place behind the first ones.
+    pub(super) fn take_in_later(&mut self, channel: &Channel, log_ns: u64, data: &[u8]) {
+        if let Some((topic, Some(sample))) = self.sample(channel, log_ns, data) {
+            topic.later.push(sample);
+        }
+    }
+}
