@@ -12,6 +12,7 @@ use super::{
     VideoSource,
 };
 use std::path::Path;
+use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
 use svl_recording::{CameraFacts, Header, Recording, StreamFacts, TRUTH_DEPTH, is_bag};
@@ -214,7 +215,7 @@ pub const SOURCES: &[SourceKind] = &[
             is_file(
                 name,
                 &[
-                    "mcap", "db3", "zstd", "zst", "bag", "svo", "svo2", "tar", "gz",
+                    "mcap", "db3", "zstd", "zst", "bag", "active", "svo", "svo2", "tar", "gz",
                 ],
             ) || is_bag(path) && Scene::find(path, name).is_none()
         },
@@ -493,6 +494,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         Err(reason) => (None, Some(reason)),
     };
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
+    let checks = calibration.as_ref().map(StereoCalibration::checks);
     let facts = StreamFacts {
         bits: source.bits(),
         note: source.note(),
@@ -500,6 +502,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         remarks: unread.map(lacks).into_iter().collect(),
         camera: CameraFacts {
             calibration_fault: unread.cloned(),
+            checks: checks.unwrap_or_default(),
             ..CameraFacts::default()
         },
         ..StreamFacts::default()

@@ -1,5 +1,6 @@
 //! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
+use super::checks::check_baseline;
 use super::{Distortion, DistortionModel, Intrinsics, Rig, Side};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
@@ -27,8 +28,8 @@ impl StereoCalibration {
     /// down, z forward), `T` in `unit`.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless it is finite, the baseline is not zero, the right camera is on the
-    /// right, both cameras have one distortion model or none, and the models reach at least the
+    /// [`Error::Rig`] unless it is finite, the baseline is not zero, and in metres between 0.5 mm
+    /// and 30 m, the right camera is on the right, both cameras have one distortion model or none, and the models reach at least the
     /// nearest sides of the images before they fold ([`Intrinsics::fold_px`]).
     pub fn new(
         left: Intrinsics,
@@ -58,6 +59,7 @@ impl StereoCalibration {
                 place.x
             )));
         }
+        check_baseline(place.norm(), unit)?;
         check_models(left.distortion(), right.distortion())?;
         check_fold("left", &left)?;
         check_fold("right", &right)?;

@@ -11,6 +11,7 @@
 //! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
 
 mod calibration;
+mod checks;
 mod disparity;
 mod distortion;
 mod floor;
@@ -26,6 +27,7 @@ mod rig;
 mod row;
 
 pub use calibration::{LengthUnit, Rectification, StereoCalibration};
+pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};
@@ -40,6 +42,7 @@ pub use row::RowMut;
 #[doc(hidden)]
 pub use {
     calibration::{motion, rotation},
+    checks::{check_doffs, check_size},
     floor::FloorPlane,
     frame::{
         Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
