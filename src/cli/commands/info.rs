@@ -2,10 +2,11 @@
 
 use crate::cli::shared::data::{DataColumns, DataField, data_table, data_text, events, field};
 use crate::cli::shared::progress::listen_for_interrupt;
+use crate::cli::shared::source::hidden;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use std::path::{Path, PathBuf};
 use svl::recording::{Recording, RecordingSummary, files, is_bag};
-use svl::scenario::SourceOptions;
+use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
 use svl::{Error, interrupt};
 
@@ -18,6 +19,7 @@ use svl::{Error, interrupt};
 /// distance by the default range of disparities, and the number of cells that each ground truth
 /// would score. For a folder of images only these are shown.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| hidden(arg, NOT_TAKEN)))]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
@@ -26,8 +28,8 @@ Examples:
   svl info pictures/    image size, focal length, baseline, truth
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
-    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
-    /// of images, or live topics: ros2:[LEFT,RIGHT]
+    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag, a folder of images,
+    /// or live topics: ros2:[LEFT,RIGHT]
     file: PathBuf,
     #[command(flatten)]
     options: SourceOptions,
@@ -70,7 +72,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
         Ok(facts) => {
             let pairs = summary.as_ref().map(|summary| summary.pairs);
-            let all = pairs.filter(|_| args.options == SourceOptions::default());
+            let is_all = args.options.range() == PairRange::default();
+            let all = pairs.filter(|_| is_all);
             let usability = Usability::from_facts(all.or(facts.pairs), &facts);
             (usability, Some(facts), None)
         }
