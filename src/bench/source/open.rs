@@ -57,6 +57,12 @@ impl SourceKind {
         kinds.find(|kind| (kind.recognizes)(name))
     }
 
+    /// True if the frames of that name are rendered, or in a file that is no recording.
+    pub fn is_unrecorded(name: &str) -> bool {
+        let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+        kind.is_some_and(|kind| kind.is_simulated() || matches!(kind.origin, SourceOrigin::File))
+    }
+
     /// True if `name` names cameras.
     pub fn are_cameras(name: &str) -> bool {
         Self::without_files(name).is_some_and(Self::is_cameras)
