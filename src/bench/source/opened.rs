@@ -156,7 +156,7 @@ impl Opened {
         let (calibration, by, files) = match (&calib, &self.facts.calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
-                // Its doubts are among the notes of the file.
+                // The doubts are among the notes of the file.
                 self.facts.camera.checks.clear();
                 let calibration = calibration::framed(calibration, alpha)?;
                 if calibration.unit() == LengthUnit::Squares {

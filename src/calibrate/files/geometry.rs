@@ -193,8 +193,8 @@ pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isomet
     motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))
 }
 
-/// The rig of two projection matrices, whose baseline is in `unit`. Both are relative to one frame, not
-/// necessarily the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
+/// The rig of two projection matrices, whose baseline is in `unit`. Both are relative to one frame,
+/// not necessarily the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
 pub(super) fn rig(
     left: &Matrix3x4<f64>,
     right: &Matrix3x4<f64>,

@@ -1,17 +1,9 @@
 //! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
-use super::checks::check_baseline;
+use super::limits::{LengthUnit, check_baseline};
 use super::{Distortion, DistortionModel, Intrinsics, Rig, Side};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
-
-/// Unit of a calibration's lengths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LengthUnit {
-    Metres,
-    /// Squares of a calibration board of unknown size: directions are correct, distances unknown.
-    Squares,
-}
 
 /// A calibrated pair of cameras.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +21,9 @@ impl StereoCalibration {
     ///
     /// # Errors
     /// [`Error::Rig`] unless it is finite, the baseline is not zero, and in metres between 0.5 mm
-    /// and 30 m, the right camera is on the right, both cameras have one distortion model or none, and the models reach at least the
-    /// nearest sides of the images before they fold ([`Intrinsics::fold_px`]).
+    /// and 30 m, the right camera is on the right, both cameras have one distortion model or none,
+    /// and the models reach at least the nearest sides of the images before they fold
+    /// ([`Intrinsics::fold_px`]).
     pub fn new(
         left: Intrinsics,
         right: Intrinsics,

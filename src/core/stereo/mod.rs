@@ -20,13 +20,14 @@ mod grid;
 mod identity;
 mod image;
 mod intrinsics;
+mod limits;
 mod occlusion;
 mod pair;
 mod reason;
 mod rig;
 mod row;
 
-pub use calibration::{LengthUnit, Rectification, StereoCalibration};
+pub use calibration::{Rectification, StereoCalibration};
 pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
@@ -35,6 +36,7 @@ pub use grid::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 pub(crate) use image::luma;
 pub use image::{Gray, Plane, Rgb};
 pub use intrinsics::Intrinsics;
+pub use limits::LengthUnit;
 pub use pair::{RectifiedPair, Side, StereoPair};
 pub use reason::Reason;
 pub use rig::Rig;
@@ -42,7 +44,6 @@ pub use row::RowMut;
 #[doc(hidden)]
 pub use {
     calibration::{motion, rotation},
-    checks::{check_doffs, check_size},
     floor::FloorPlane,
     frame::{
         Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
@@ -51,6 +52,7 @@ pub use {
     grid::CellEvidence,
     identity::{FittedTo, PairId},
     image::{MAX_SIDE, buffer, reserve},
+    limits::{check_doffs, check_size},
     occlusion::cross_check,
     row::BandMut,
 };

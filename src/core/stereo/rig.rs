@@ -1,7 +1,7 @@
 //! The geometry of a rectified stereo camera.
 
-use super::checks::check_baseline;
-use super::{LengthUnit, Side};
+use super::Side;
+use super::limits::{LengthUnit, check_baseline};
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Matrix3x4};
 

@@ -122,7 +122,7 @@ impl MeasuredScales {
             origin: self.origin.clone(),
             algorithms: algorithms.clone(),
         };
-        if let Some(doubt) = by(others).of_truth() {
+        if let Some(doubt) = by(others).truth_doubt() {
             let either = match matched.is_empty() {
                 true => ", or the unit of the recorded map is wrong",
                 false => "",
@@ -130,12 +130,12 @@ impl MeasuredScales {
             return vec![format!("the truth is doubtful: {doubt}{either}")];
         }
         let maps = recorded.iter().filter(|_| !matched.is_empty());
-        maps.filter_map(|(label, scale)| scale.of_map(label))
+        maps.filter_map(|(label, scale)| scale.map_doubt(label))
             .collect()
     }
 
     /// The reason to doubt the truth, with the likely unit.
-    fn of_truth(&self) -> Option<String> {
+    fn truth_doubt(&self) -> Option<String> {
         let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {
             let constants = self.algorithms.values().map(value);
             let constants = constants.collect::<Option<Vec<_>>>()?;
@@ -178,7 +178,7 @@ impl MeasuredScales {
 
 impl AlgorithmScale {
     /// The reason to doubt a recorded map, where other algorithms agree with the truth.
-    fn of_map(&self, label: &str) -> Option<String> {
+    fn map_doubt(&self, label: &str) -> Option<String> {
         let doubtful = |what: &str| Some(format!("the map of {label} is doubtful: {what}"));
         let Some(factor) = self.factor else {
             self.inverse?;

@@ -14,17 +14,17 @@ const BASELINE_M: f64 = 0.044;
 
 /// A camera's K, D and P: focal length and principal point, and the fourth column of P.
 #[derive(Clone, Copy)]
-struct Info {
+pub(super) struct Info {
     size: (u32, u32),
     k: [f64; 3],
-    d: [f64; 5],
+    pub(super) d: [f64; 5],
     p: [f64; 3],
     tx: f64,
     binning: u32,
 }
 
 /// The arena's cameras, which are rectified.
-fn infos() -> [Info; 2] {
+pub(super) fn infos() -> [Info; 2] {
     [0.0, -F * BASELINE_M].map(|tx| Info {
         size: (320, 240),
         k: [F, 159.5, 119.5],
@@ -49,7 +49,7 @@ fn raw_infos() -> [Info; 2] {
     .map(|info| Info { d, ..info })
 }
 
-fn camera_info(topic: &'static str, frame: &str, stamp: u64, info: &Info) -> Message {
+pub(super) fn camera_info(topic: &'static str, frame: &str, stamp: u64, info: &Info) -> Message {
     let Info {
         size,
         k: [f, cx, cy],
@@ -75,14 +75,14 @@ fn camera_info(topic: &'static str, frame: &str, stamp: u64, info: &Info) -> Mes
     Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp, data)
 }
 
-fn arena(fixture: &Fixture) -> Vec<Frame> {
+pub(super) fn arena(fixture: &Fixture) -> Vec<Frame> {
     fixture.write_short_arena("arena.toml", 4);
     fixture.run("record arena.toml -q -o arena.mcap");
     read(&fixture.path("arena.mcap")).0
 }
 
 /// The messages of these pairs.
-fn messages(frames: &[Frame], infos: [Info; 2]) -> Vec<Message> {
+pub(super) fn messages(frames: &[Frame], infos: [Info; 2]) -> Vec<Message> {
     let sides = [
         ("cam0", "/cam0/image_raw", "/cam0/camera_info"),
         ("cam1", "/cam1/image_raw", "/cam1/camera_info"),
@@ -116,7 +116,7 @@ fn rig_of(frame: &Frame) -> Rig {
 }
 
 #[test]
-fn what_makes_no_sense_in_a_bag_is_named_first() {
+fn contradictions_in_a_bag_are_named_first() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
     let with = |change: &dyn Fn(&mut Info)| {
@@ -372,7 +372,10 @@ fn a_source_of_one_command_is_one_of_all() {
         ("score", "score NAME -q --algo v3 --rerun none -o REPORT"),
         ("check", "calibrate check NAME"),
         ("tune", "tune NAME --algo v3 --rerun none --script keys.txt"),
-        ("label", "label checkpoints NAME --script keys.txt"),
+        (
+            "label",
+            "label checkpoints NAME --script keys.txt -o REPORT.toml",
+        ),
         ("match", "match NAME NAME -o out.pfm"),
         ("eval", "eval NAME NAME --protocol kitti2012"),
     ];

@@ -6,6 +6,7 @@ mod bag_folders;
 mod calibration_checks;
 mod calibration_stamps;
 mod damage;
+mod depth_units;
 mod disk;
 mod drivers;
 mod encodings;
