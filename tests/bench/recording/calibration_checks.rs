@@ -100,6 +100,9 @@ pub(super) fn messages(frames: &[Frame], infos: [Info; 2]) -> Vec<Message> {
     all
 }
 
+/// A transform: its frames, and the place of the second in the first.
+type Link = (&'static str, &'static str, [f64; 3]);
+
 /// The first line of `svl info`, in one line.
 fn answer(fixture: &Fixture, what: &str) -> String {
     let ran: Ran = fixture.svl(&format!("info {what}"));
@@ -124,10 +127,10 @@ fn contradictions_in_a_bag_are_named_first() {
         all.iter_mut().for_each(change);
         all
     };
-    let none: &[(&str, &str, [f64; 3])] = &[];
+    let none: &[Link] = &[];
     let apart = |metres: f64| [("cam0", "cam1", [metres, 0.0, 0.0])];
     let (near, far) = (apart(0.045), apart(0.06));
-    let cases: [(&str, [Info; 2], &[(&str, &str, [f64; 3])]); 9] = [
+    let cases: [(&str, [Info; 2], &[Link]); 9] = [
         (
             "usable: 4 rectified pairs, calibrated, no truth",
             infos(),

@@ -44,6 +44,9 @@ fn depth_messages(
     frames.iter().enumerate().map(message).collect()
 }
 
+/// The change of a depth.
+type Change<'a> = &'a dyn Fn(f32) -> f32;
+
 /// All that a score says, in one line.
 fn said(fixture: &Fixture, options: &str) -> String {
     let ran = fixture.svl(&format!("score bag.mcap {options} --rerun none -o r"));
@@ -57,7 +60,7 @@ fn said(fixture: &Fixture, options: &str) -> String {
 fn a_map_and_a_truth_of_another_unit_are_told_apart() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let maps: [(&str, &dyn Fn(f32) -> f32); 4] = [
+    let maps: [(&str, Change<'_>); 4] = [
         ("", &|z| z),
         (
             "its distances are 1000 times those of the truth and of the matchers",
@@ -106,7 +109,7 @@ fn a_map_and_a_truth_of_another_unit_are_told_apart() {
 fn values_that_are_no_depths_are_named() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let cases: [(&str, &str, &dyn Fn(f32) -> f32); 4] = [
+    let cases: [(&str, &str, Change<'_>); 4] = [
         (
             "/depth16",
             "more than 1 % of the pixels of a depth image are 65535",
