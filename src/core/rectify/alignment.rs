@@ -312,7 +312,7 @@ mod tests {
         };
         let named = doubt(0.3, 4.0, 3).unwrap();
         assert!(named.contains("without rectification and 4.0"), "{named}");
-        for (before, after, pairs) in [(0.3, 4.0, 2), (1.3, 4.0, 3), (0.3, 0.4, 3), (6.0, 0.2, 3)] {
+        for (before, after, pairs) in [(0.3, 4.0, 2), (1.3, 4.0, 3), (0.3, 0.3, 3), (6.0, 0.2, 3)] {
             assert_eq!(doubt(before, after, pairs), None, "{before} {after}");
         }
     }
