@@ -5,7 +5,7 @@ use super::stamp_rule::StampRule;
 use super::{Encoded, RosStamp, decode_protobuf, frame_id};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
-use svl_core::stereo::{Pose, Rig, Side};
+use svl_core::stereo::{LengthUnit, Pose, Rig, Side};
 
 const CALIBRATION: &str = "foxglove.CameraCalibration";
 const TRANSFORM: &str = "foxglove.FrameTransform";
@@ -36,7 +36,8 @@ pub(super) fn encode_calibration(
 
 /// The rig with exactly these projection matrices, so that rigs survive the round trip.
 pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
-    let rig = Rig::from_projections(left, right, 0.0, 0.0).map_err(|e| e.to_string())?;
+    let rig = Rig::from_projections(left, right, 0.0, 0.0, LengthUnit::Metres)
+        .map_err(|e| e.to_string())?;
     let (focal, center) = (rig.focal_px(), rig.center_px());
     let (shift, cx) = (right[(0, 3)], right[(0, 2)]);
     let baseline_m = plainest(rig.baseline_m(), |b| -focal * b == shift);

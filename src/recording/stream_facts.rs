@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use svl_core::stereo::StereoCalibration;
+use svl_core::stereo::{CalibrationCheck, StereoCalibration};
 
 /// Facts of the pairs of a recording, or of live topics, so far. The counts are final at the end.
 #[derive(Clone, Debug, Default)]
@@ -47,4 +47,7 @@ pub struct CameraFacts {
     pub distortion_model: Option<String>,
     /// The reason why a calibration gives no distances; `None` if it does, and without any.
     pub calibration_fault: Option<String>,
+    /// Numbers of the calibrations beside their usual values.
+    #[serde(skip)]
+    pub checks: Vec<CalibrationCheck>,
 }

@@ -328,7 +328,7 @@ impl Report<'_> {
                 missing.pairs += run.facts.pairs.len() as u64;
                 missing.losses.add(losses.clone());
             }
-            missing.doubts.extend(run.doubt());
+            missing.doubts.extend(run.doubts());
         }
         let ReportTables {
             rows,

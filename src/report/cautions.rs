@@ -10,8 +10,7 @@ impl Results {
         let incomplete = self.ending.incomplete.iter();
         let incomplete = incomplete.map(|why| format!("incomplete: {why}"));
         let note = self.ending.note().map(|note| format!("not scored: {note}"));
-        let doubts = self.ending.missing.doubts.iter();
-        let doubts = doubts.map(|doubt| format!("the truth is doubtful: {doubt}"));
+        let doubts = self.ending.missing.doubts.iter().cloned();
         let failed = self.failed.iter().map(|f| {
             let pairs = if f.on_every_pair {
                 "every pair".to_owned()

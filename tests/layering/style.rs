@@ -68,17 +68,17 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12092),
+    ("bench", 12184),
     ("c", 468),
-    ("calibrate", 4866),
-    ("cli", 11309),
-    ("core", 17590),
+    ("calibrate", 4875),
+    ("cli", 11324),
+    ("core", 17798),
     ("files", 2077),
     ("grab", 5079),
     ("live", 419),
     ("python", 317),
-    ("recording", 12810),
-    ("report", 11588),
+    ("recording", 11781),
+    ("report", 11590),
     ("score", 7632),
     ("sim", 3497),
     ("thesis", 3693),

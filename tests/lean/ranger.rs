@@ -273,7 +273,7 @@ fn images_that_do_not_fit_are_an_error_and_the_next_pair_goes_on() {
     let mut ranger = open("v5", calibration()).unwrap();
     let error = ranger.cells(&small, &small).unwrap_err().to_string();
     assert!(
-        error.contains("8x8 pixels, but the calibration is for 160x96"),
+        error.contains("for images of 160x96 pixels, these have 8x8"),
         "{error}"
     );
     let mut ranger = open("v5", Optics::Unknown).unwrap();

@@ -47,8 +47,8 @@ pub fn frames_through<T: Send + 'static>(
     let (outcome, ran) = run_through(source, matchers, start, Pace::Asap, &mut sinks, monitor);
     ran?;
     // Reports show it among their cautions.
-    if let Some(doubt) = outcome.scales.doubt() {
-        tracing::warn!("{}: the truth is doubtful: {doubt}", source.name());
+    for doubt in outcome.scales.doubts() {
+        tracing::warn!("{}: {doubt}", source.name());
     }
     if outcome.interrupted {
         return Err(Error::Invalid("interrupted; nothing is written".to_owned()));

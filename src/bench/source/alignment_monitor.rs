@@ -3,7 +3,7 @@
 use super::{Source, wraps};
 use svl_core::Result;
 use svl_core::counted;
-use svl_core::rectify::AlignmentMeter;
+use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::Frame;
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
@@ -55,16 +55,36 @@ impl<'a> AlignmentMonitor<'a> {
                 self.meter.matches().len()
             );
         }
-        if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
+        // That their rectification misaligns them is said.
+        let doubt = self
+            .source
+            .rectification()
+            .and_then(RectificationMeter::doubt);
+        if last
+            && doubt.is_none()
+            && let Some(found) = self.meter.alignment().filter(|found| found.is_off())
+        {
             tracing::warn!(
                 "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \
-                 costs matches: rectify with --calib; `svl calibrate check` shows more",
+                 costs matches: {}; `svl calibrate check` shows more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,
-                counted(found.pairs as u64, "pair")
+                counted(found.pairs as u64, "pair"),
+                misalignment_cure(&*self.source)
             );
         }
+    }
+}
+
+/// The cure for vertical misalignment of the pairs that a source gives.
+pub fn misalignment_cure(source: &dyn Source) -> &'static str {
+    match source.rectification().map(RectificationMeter::doubt) {
+        None => "rectify with --calib FILE",
+        Some(None) => {
+            "the calibration is not, or no longer, that of these cameras: calibrate again"
+        }
+        Some(Some(_)) => "--calib none uses the images as they are",
     }
 }
 

@@ -20,34 +20,23 @@ pub enum Calib {
     /// A calibration: a file, two with a comma between, the folder of the two, or a recording that
     /// keeps it.
     File(PathBuf),
-    /// Nothing: the pairs are taken as rectified.
+    /// Nothing: the pairs are taken as rectified, with the projections of their calibration.
     None,
-    /// Nothing: the pairs are raw, to calibrate cameras with.
+    /// Nothing: the pairs stay raw, to rectify them later, or to calibrate cameras with.
     Raw,
 }
 
 impl FromStr for Calib {
     type Err = Infallible;
 
-    /// `own`, `none`, or a path.
+    /// `own`, `none`, `raw`, or a path.
     fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
         Ok(match text {
             "own" => Self::Own,
             "none" => Self::None,
+            "raw" => Self::Raw,
             path => Self::File(path.into()),
         })
-    }
-}
-
-impl Calib {
-    /// The cure if rows are misaligned nevertheless.
-    pub fn cure(&self) -> &'static str {
-        match self {
-            Self::Own | Self::None | Self::Raw => "rectify them with --calib FILE",
-            Self::File(_) => {
-                "the calibration is not, or no longer, that of these cameras: calibrate again"
-            }
-        }
     }
 }
 

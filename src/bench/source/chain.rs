@@ -5,7 +5,7 @@ use super::floored::LevelCamera;
 use super::limited::{FirstPairs, Limited};
 use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
-use super::rectified::{AppliedCalibration, RectifiedSource, assumed};
+use super::rectified::{AppliedCalibration, RectifiedSource, assumed, declared};
 use super::reference::ReferenceSource;
 use super::registered::{RegisteredSource, Registration};
 use super::resized::resized;
@@ -13,7 +13,7 @@ use super::stressed::{Perturbation, StressedSource};
 use super::{Source, wraps};
 use svl_core::Result;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::Frame;
+use svl_core::stereo::{Frame, Rig};
 use svl_score::scenario::{CropScale, PairRange, SourceOptions};
 
 /// Declares [`Chain`]: a line per layer with its settings and the wrapped source.
@@ -57,18 +57,20 @@ macro_rules! chain {
 }
 
 // Pairs outside the range are neither decoded further nor counted, so `limit` is first. Truth and
-// maps are of rectified images of full size: `measure` and `check` follow `rectify` and precede
-// `resize`. References match the images that the algorithms match, so they follow `resize`, and
-// `floor` divides the truth that is scored. A copy is known by the pair as it was read, which every
-// layer keeps, so `register` comes after the layers that drop pairs and before `perturb`, which
-// needs the neighbours that are left. `take` counts the pairs that come out. The user's word that
-// raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment are about the pairs
-// that are matched: they are last.
+// maps are of rectified images of full size: `measure` and `check` follow `rectify` and `declare`
+// and precede `resize`. References match the images that the algorithms match, so they follow
+// `resize`, and `floor` divides the truth that is scored. A copy is known by the pair as it was
+// read, which every layer keeps, so `register` comes after the layers that drop pairs and before
+// `perturb`, which needs the neighbours that are left. `take` counts the pairs that come out. The
+// user's word that raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment
+// are about the pairs that are matched: they are last.
 chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
     /// Raw pairs are rectified.
     rectify(by: AppliedCalibration), |source| RectifiedSource::new(source, by)?;
+    /// Raw pairs are rectified ones of that rig.
+    declare(rig: Rig), |source| Mapped { source, change: declared(rig) };
     /// Truth and maps of other sensors and programs.
     measure(maps: SourceMaps), |source| MeasuredSource::new(source, maps);
     /// Impossible truths are dropped.

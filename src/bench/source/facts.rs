@@ -8,8 +8,8 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
-use svl_core::rectify::{Alignment, AlignmentMeter};
-use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
+use svl_core::rectify::{Alignment, AlignmentMeter, RectificationMeter};
+use svl_core::stereo::{CalibrationCheck, CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result};
 use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
 use svl_score::judge::TrueCells;
@@ -48,6 +48,14 @@ pub struct SourceFacts {
     /// Vertical misalignment of the first pairs, of raw pairs after rectification; none if too few
     /// points matched.
     pub vertical_misalignment: Option<Alignment>,
+    /// The same of raw pairs before rectification.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unrectified_misalignment: Option<Alignment>,
+    /// Numbers of the calibration beside their usual values.
+    pub calibration_checks: Vec<CalibrationCheck>,
+    /// Contradictions between the calibration and the pairs, each with its cure.
+    #[serde(skip)]
+    pub doubts: Vec<String>,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
 }
@@ -128,6 +136,10 @@ impl SourceFacts {
             Some(recording) => truth_topics(recording, &opened.facts.topics)?,
             None => MapFiles::usual(Path::new(name)),
         };
+        let rectification = opened.source.rectification();
+        let checks = calibration_checks(&opened, &first);
+        let doubts = checks.iter().filter_map(|check| check.doubt.clone());
+        let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
@@ -143,6 +155,9 @@ impl SourceFacts {
             rig,
             is_constant,
             vertical_misalignment: meter.alignment(),
+            unrectified_misalignment: rectification.and_then(RectificationMeter::before),
+            doubts: doubts.collect(),
+            calibration_checks: checks,
             nearest: rig
                 .as_ref()
                 .and_then(NearestDistance::for_default_algorithm),
@@ -154,11 +169,30 @@ impl SourceFacts {
             } else {
                 topics
                     .into_iter()
-                    .map(|topic| TruthFacts::from_topic(name, topic, rig.is_some(), is_recording))
+                    .map(|topic| {
+                        TruthFacts::from_topic(request, topic, rig.is_some(), is_recording)
+                    })
                     .collect()
             },
         })
     }
+}
+
+/// The checks of the calibration of a source, else those of the rig of its pairs.
+fn calibration_checks(opened: &Opened, first: &Frame) -> Vec<CalibrationCheck> {
+    let own = &opened.facts.camera.checks;
+    let mut checks = match (first.rig(), &first.calibration) {
+        _ if !own.is_empty() => own.clone(),
+        (Some(rig), None) => rig.checks(first.pair.size()),
+        (_, Some(calibration)) => calibration.checks(),
+        (None, None) => Vec::new(),
+    };
+    // The principal point of a crop is where it was.
+    let changes = opened.header.changes.as_deref().unwrap_or_default();
+    if changes.contains("crop") {
+        checks.iter_mut().for_each(|check| check.doubt = None);
+    }
+    checks
 }
 
 /// A recording of raw pairs that keeps the files of their calibration.
@@ -219,7 +253,7 @@ impl TruthFacts {
     }
 
     /// The truth of another sensor of a recording or a folder.
-    fn from_topic(name: &str, topic: String, has_rig: bool, is_recording: bool) -> Self {
+    fn from_topic(request: &Request<'_>, topic: String, has_rig: bool, is_recording: bool) -> Self {
         let mut facts = Self {
             topic: Some(topic.clone()),
             is_asked_for: true,
@@ -234,9 +268,9 @@ impl TruthFacts {
         let request = Request {
             options: SourceOptions {
                 truth: Some(topic),
-                ..SourceOptions::default()
+                ..request.options.clone()
             },
-            ..Request::new(name)
+            ..request.clone()
         };
         let opened = if is_recording {
             open_recording(&request)

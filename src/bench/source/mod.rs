@@ -29,6 +29,7 @@ mod stressed;
 mod usability;
 mod video;
 
+pub use alignment_monitor::misalignment_cure;
 pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
@@ -52,6 +53,7 @@ pub use usability::Usability;
 pub use video::VideoSource;
 
 use svl_core::Result;
+use svl_core::rectify::RectificationMeter;
 use svl_core::stereo::Frame;
 use svl_score::judge::Judged;
 use svl_score::losses::Losses;
@@ -118,6 +120,11 @@ pub trait Source: Send {
     /// The reason why frames have no pose though the source has poses.
     fn why_no_pose(&self) -> Option<String> {
         self.wrapped()?.why_no_pose()
+    }
+
+    /// The misalignment before and after rectification; none of pairs that are not rectified here.
+    fn rectification(&self) -> Option<&RectificationMeter> {
+        self.wrapped()?.rectification()
     }
 
     /// Ends the source and returns its losses. `taken`: frames that were used.

@@ -12,6 +12,7 @@ use super::{
     VideoSource,
 };
 use std::path::Path;
+use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
 use svl_recording::{
@@ -56,6 +57,12 @@ impl SourceKind {
     pub fn without_files(name: &str) -> Option<&'static Self> {
         let mut kinds = SOURCES.iter().filter(|kind| !kind.is_path());
         kinds.find(|kind| (kind.recognizes)(name))
+    }
+
+    /// True if the frames of that name are rendered, or in a file that is no recording.
+    pub fn is_unrecorded(name: &str) -> bool {
+        let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+        kind.is_some_and(|kind| kind.is_simulated() || matches!(kind.origin, SourceOrigin::File))
     }
 
     /// True if `name` names cameras.
@@ -218,7 +225,7 @@ pub const SOURCES: &[SourceKind] = &[
             is_file(
                 name,
                 &[
-                    "mcap", "db3", "zstd", "zst", "bag", "svo", "svo2", "tar", "gz",
+                    "mcap", "db3", "zstd", "zst", "bag", "active", "svo", "svo2", "tar", "gz",
                 ],
             ) || is_bag(path) && Scene::find(path, name).is_none()
         },
@@ -497,6 +504,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         Err(reason) => (None, Some(reason)),
     };
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
+    let checks = calibration.as_ref().map(StereoCalibration::checks);
     let facts = StreamFacts {
         bits: source.bits(),
         note: source.note(),
@@ -504,6 +512,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         remarks: unread.map(lacks).into_iter().collect(),
         camera: CameraFacts {
             calibration_fault: unread.cloned(),
+            checks: checks.unwrap_or_default(),
             ..CameraFacts::default()
         },
         ..StreamFacts::default()

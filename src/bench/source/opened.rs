@@ -10,7 +10,7 @@ use super::request::Request;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::stereo::LengthUnit;
+use svl_core::stereo::{LengthUnit, Rig};
 use svl_core::{Error, Result};
 use svl_recording::{
     CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
@@ -103,8 +103,16 @@ impl Opened {
         let named_m = request.options.camera_height_m;
         self.header.camera_height_m = named_m.or(self.header.camera_height_m);
         self.latency = delays(&self.measured.maps);
+        let declare = self.declared_rig(request);
+        let rectify = self.rectification(request)?;
+        for check in &self.facts.camera.checks {
+            if let (Some(doubt), false) = (&check.doubt, request.raw) {
+                tracing::warn!("{}: {doubt}", self.source.name());
+            }
+        }
         let chain = Chain {
-            rectify: self.rectification(request)?,
+            rectify,
+            declare,
             measure: std::mem::take(&mut self.measured).with_files(&request.maps)?,
             floor: self.header.camera_height_m.map(|height_m| LevelCamera {
                 height_m,
@@ -135,6 +143,12 @@ impl Opened {
         Ok(self)
     }
 
+    /// The rig of raw pairs that the user declares rectified.
+    fn declared_rig(&self, request: &Request<'_>) -> Option<Rig> {
+        let own = self.facts.calibration.as_ref();
+        own.filter(|_| request.calib() == Calib::None)?.rig()
+    }
+
     /// The calibration that rectifies the pairs as requested.
     fn rectification(&mut self, request: &Request<'_>) -> Result<Option<AppliedCalibration>> {
         let name = self.source.name();
@@ -142,6 +156,8 @@ impl Opened {
         let (calibration, by, files) = match (&calib, &self.facts.calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
+                // The doubts are among the notes of the file.
+                self.facts.camera.checks.clear();
                 let calibration = calibration::framed(calibration, alpha)?;
                 if calibration.unit() == LengthUnit::Squares {
                     let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` sets \
@@ -156,8 +172,8 @@ impl Opened {
             }
             (Calib::Own, Some(own)) => {
                 self.notes.push(format!(
-                    "{name}: raw images, rectified by its own calibration; --calib none \
-                     leaves them"
+                    "{name}: raw images, rectified by its own calibration; --calib none uses them \
+                     as they are"
                 ));
                 let by = match self.recording {
                     Some(_) => "the recording's own calibration",
@@ -169,6 +185,13 @@ impl Opened {
                 return Err(Error::Usage(
                     "--alpha is for pairs that are rectified; omit it or --calib none".into(),
                 ));
+            }
+            (Calib::None, Some(own)) if own.rig().is_some() => {
+                self.notes.push(format!(
+                    "{name}: by its calibration the images are not rectified; --calib none uses \
+                     them as they are, with the focal length and baseline of its projections"
+                ));
+                return Ok(None);
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
                 if calib != Calib::Raw {

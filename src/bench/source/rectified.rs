@@ -2,8 +2,8 @@
 
 use super::{Source, wraps};
 use std::sync::Arc;
-use svl_core::rectify::{Framing, Rectifier, bouguet};
-use svl_core::stereo::{Frame, Geometry, Gray, StereoCalibration, StereoPair};
+use svl_core::rectify::{Framing, RectificationMeter, Rectifier, bouguet};
+use svl_core::stereo::{Frame, Geometry, Gray, Rig, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
 use svl_score::losses::Losses;
 
@@ -27,6 +27,7 @@ pub struct RectifiedSource<'a> {
     unreadable: u64,
     /// Buffers that the next pair is rectified into: the raw images of the last one.
     spare: [Gray; 2],
+    meter: RectificationMeter,
 }
 
 impl<'a> RectifiedSource<'a> {
@@ -44,6 +45,7 @@ impl<'a> RectifiedSource<'a> {
             rectified: 0,
             unreadable: 0,
             spare: [blank()?, blank()?],
+            meter: RectificationMeter::default(),
         })
     }
 
@@ -76,9 +78,13 @@ impl<'a> RectifiedSource<'a> {
             .as_ref()
             .map(|color| self.rectifier.apply_color(color));
         let color = color.transpose().map_err(context)?;
-        let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
+        let blank = Gray::filled(1, 1, 0)?;
+        let [left, right] = std::mem::replace(&mut self.spare, [blank.clone(), blank]);
+        let pair = StereoPair::new(left, right)?;
+        self.measure(&frame.pair, &pair);
+        self.spare = frame.pair.into_images();
         Ok(Frame {
-            pair: StereoPair::new(left, right)?,
+            pair,
             color,
             geometry: Geometry::Rectified(self.rectifier.rig().copied()),
             calibration: Some(self.calibration.clone()),
@@ -91,8 +97,24 @@ impl<'a> RectifiedSource<'a> {
     }
 }
 
+impl RectifiedSource<'_> {
+    /// Measures if the first pairs were rectified before, and warns of it.
+    fn measure(&mut self, before: &StereoPair, after: &StereoPair) {
+        if !self.meter.is_done()
+            && self.meter.add(before, after)
+            && let Some(doubt) = self.meter.doubt()
+        {
+            tracing::warn!("{}: {doubt}", self.source.name());
+        }
+    }
+}
+
 impl Source for RectifiedSource<'_> {
     wraps!();
+
+    fn rectification(&self) -> Option<&RectificationMeter> {
+        Some(&self.meter)
+    }
 
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
@@ -136,6 +158,24 @@ fn prepared(calibration: StereoCalibration) -> Result<(Rectifier, Arc<StereoCali
         }
     };
     Ok((Rectifier::new(&calibration)?, Arc::new(calibration)))
+}
+
+/// Declares raw pairs rectified by the user (`--calib none`), with the rig of the projections in
+/// their own calibration, or in that of the source.
+pub fn declared(rig: Rig) -> impl FnMut(Frame, &dyn Source) -> Result<Frame> + Send {
+    move |frame, _| {
+        Ok(match frame.geometry {
+            Geometry::Rectified(_) => frame,
+            Geometry::Raw => {
+                let own = frame.calibration.as_ref().and_then(|own| own.rig());
+                Frame {
+                    geometry: Geometry::Rectified(Some(own.unwrap_or(rig))),
+                    calibration: None,
+                    ..frame
+                }
+            }
+        })
+    }
 }
 
 /// The frame of a raw pair that is declared rectified by the user (`--calib none`).

@@ -24,6 +24,8 @@ pub struct Usability {
     pub truths: Vec<String>,
     /// Missing parts, each with its cure.
     pub missing: Vec<String>,
+    /// Numbers of the calibration that make no sense with the pairs, each with its cure.
+    pub doubts: Vec<String>,
 }
 
 impl Usability {
@@ -48,6 +50,7 @@ impl Usability {
             distortion_model: facts.camera.distortion_model.clone(),
             is_calibrated,
             missing: missing(facts, is_rectified, &truths),
+            doubts: facts.doubts.clone(),
             truths,
         }
     }
@@ -112,7 +115,7 @@ impl Usability {
             [] => {}
             truths => parts.push(format!("truth from {}", joined(truths))),
         }
-        parts.extend(self.missing.iter().cloned());
+        parts.extend(self.missing.iter().chain(&self.doubts).cloned());
         parts.join(", ")
     }
 
@@ -160,6 +163,9 @@ mod tests {
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
             vertical_misalignment: None,
+            unrectified_misalignment: None,
+            calibration_checks: Vec::new(),
+            doubts: Vec::new(),
             nearest: None,
             truths: vec![TruthFacts {
                 topic: Some("/velodyne_points".to_owned()),

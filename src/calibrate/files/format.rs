@@ -48,10 +48,13 @@ pub struct LoadedCalibration {
 }
 
 impl LoadedCalibration {
-    /// All that the user should know: the remarks, and the views that rectification hides.
+    /// All that the user should know: the remarks, unusual numbers, and the views that
+    /// rectification hides.
     pub fn notes(&self) -> impl Iterator<Item = String> {
         let hidden = hidden_views(&self.calibration);
-        self.remarks.iter().cloned().chain(hidden)
+        let checks = self.calibration.checks().into_iter();
+        let doubts = checks.filter_map(|check| check.doubt);
+        self.remarks.iter().cloned().chain(doubts).chain(hidden)
     }
 }
 

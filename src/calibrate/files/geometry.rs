@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 use svl_core::Result;
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
-    StereoCalibration, motion,
+    StereoCalibration, check_size, motion,
 };
 
 /// Rectified cameras count as one pinhole if they differ by at most this fraction of the focal
@@ -81,11 +81,12 @@ impl StereoParameters {
             )));
         }
         let rig = rectification.rig;
-        let rig = Rig::new(
+        let rig = Rig::in_unit(
             rig.focal_px(),
             rig.center_px(),
             rig.baseline_m() * scale,
             rig.doffs_px(),
+            unit,
         )
         .map_err(error)?;
         Ok(calibration.with_rectification(Rectification {
@@ -138,13 +139,11 @@ pub(super) fn image_size(
     hints: &Hints,
 ) -> Result<(usize, usize)> {
     match (stated, hints.size) {
-        (Some((w, h)), Some((width, height))) if (w, h) != (width, height) => {
-            Err(document.error(format!(
-                "is for images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
-                 or calibrate for their size"
-            )))
+        (Some(size), Some(named)) => {
+            check_size(size, named).map_err(|e| document.error(e))?;
+            Ok(size)
         }
-        (Some(size), _) | (None, Some(size)) => Ok(size),
+        (Some(size), None) | (None, Some(size)) => Ok(size),
         (None, None) => Err(document.error(
             "does not contain the image size; name it with `svl calibrate convert --size WxH`",
         )),
@@ -194,11 +193,12 @@ pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isomet
     motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))
 }
 
-/// The rig of two projection matrices, in their unit. Both are relative to one frame, not
-/// necessarily the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
+/// The rig of two projection matrices, whose baseline is in `unit`. Both are relative to one frame,
+/// not necessarily the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
 pub(super) fn rig(
     left: &Matrix3x4<f64>,
     right: &Matrix3x4<f64>,
+    unit: LengthUnit,
 ) -> std::result::Result<Rig, String> {
     let focal = left[(0, 0)];
     let same = |a: f64, b: f64| (a - b).abs() <= SAME * focal.abs();
@@ -212,7 +212,7 @@ pub(super) fn rig(
     if !same(left[(1, 1)], focal) || !same(right[(1, 1)], focal) {
         return Err("rectified cameras have one focal length, along x and along y".into());
     }
-    Rig::from_projections(left, right, SAME, SAME * focal.abs()).map_err(|e| e.to_string())
+    Rig::from_projections(left, right, SAME, SAME * focal.abs(), unit).map_err(|e| e.to_string())
 }
 
 /// Two cameras that are already rectified: no distortion, no rotation.

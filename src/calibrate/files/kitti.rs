@@ -12,7 +12,7 @@ use super::unit::FileUnit;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{DistortionModel, Rectification, Rig, Side, StereoCalibration};
+use svl_core::stereo::{DistortionModel, LengthUnit, Rectification, Rig, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
@@ -104,7 +104,7 @@ fn offset(cameras: &Document, projection: &str) -> Result<Translation3<f64>> {
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
     let (p, q) = (document.projection(left)?, document.projection(right)?);
-    geometry::rig(&p, &q)
+    geometry::rig(&p, &q, LengthUnit::Metres)
         .map_err(|reason| document.error(format!("'{left}' and '{right}': {reason}")))
 }
 

@@ -7,7 +7,7 @@ use super::numbers::{number, rows, spaced};
 use super::unit::FileUnit;
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{Rig, Side, StereoCalibration};
+use svl_core::stereo::{Rig, Side, StereoCalibration, check_doffs};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "middlebury",
@@ -48,6 +48,10 @@ fn stated_size(document: &Document) -> Result<Option<(usize, usize)>> {
 fn rig(document: &Document) -> Result<Rig> {
     let [focal, _, cx, _, _, cy, ..] = document.array::<9>("cam0")?;
     let (baseline, doffs) = (document.number("baseline")?, document.number("doffs")?);
+    if document.has("cam1") {
+        let right = document.array::<9>("cam1")?;
+        check_doffs(doffs, cx, right[2]).map_err(|e| document.error(e))?;
+    }
     Rig::new(focal, (cx, cy), baseline / 1000.0, doffs).map_err(|e| document.error(e))
 }
 

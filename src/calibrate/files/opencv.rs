@@ -14,7 +14,7 @@ use super::unit::{self, FileUnit};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
 use svl_core::stereo::{
-    Distortion, DistortionModel, Intrinsics, Rectification, Side, StereoCalibration,
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Side, StereoCalibration,
 };
 use svl_core::{Error, Result};
 
@@ -122,7 +122,9 @@ fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectificat
         size
     };
     let (p1, p2) = (document.projection("P1")?, document.projection("P2")?);
-    let rig = rig(&p1, &p2).map_err(|reason| document.error(format!("'P1' and 'P2': {reason}")))?;
+    // The unit is applied to all lengths of the file later.
+    let rig = rig(&p1, &p2, LengthUnit::Squares);
+    let rig = rig.map_err(|reason| document.error(format!("'P1' and 'P2': {reason}")))?;
     Ok(Rectification {
         size,
         left: document.rotation("R1")?,

@@ -8,7 +8,7 @@ use super::numbers::{listed, rows};
 use super::unit::FileUnit;
 use nalgebra::{Matrix3x4, Rotation3};
 use svl_core::Result;
-use svl_core::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
+use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
@@ -32,7 +32,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         left.projection("projection_matrix")?,
         right.projection("projection_matrix")?,
     );
-    let rig = rig(&projections.0, &projections.1).map_err(|reason| {
+    let rig = rig(&projections.0, &projections.1, LengthUnit::Metres).map_err(|reason| {
         right.error(format!(
             "'projection_matrix': {reason}; calibrate both cameras together, left one first"
         ))

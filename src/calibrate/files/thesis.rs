@@ -27,7 +27,8 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use std::fmt::Write;
 use svl_core::Result;
 use svl_core::stereo::{
-    Distortion, DistortionModel, Intrinsics, Rectification, Rig, Side, StereoCalibration, motion,
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
+    StereoCalibration, motion,
 };
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
@@ -227,7 +228,9 @@ impl Warps {
         let [left, right] = &self.0;
         let focal = left.k[(0, 0)];
         let doffs = right.k[(0, 2)] - left.k[(0, 2)];
-        let rig = Rig::new(focal, (left.k[(0, 2)], left.k[(1, 2)]), baseline, doffs).ok()?;
+        let center = (left.k[(0, 2)], left.k[(1, 2)]);
+        // The unit is applied to all lengths of the file later.
+        let rig = Rig::in_unit(focal, center, baseline, doffs, LengthUnit::Squares).ok()?;
         let fits = |warp: &Warp, side| (warp.k - rig.intrinsics(side)).amax() <= SAME * focal;
         let fits = fits(left, Side::Left) && fits(right, Side::Right);
         fits.then_some(Rectification {

@@ -2,9 +2,11 @@
 
 use crate::cli::shared::data::{DataColumns, DataField, data_table, data_text, events, field};
 use crate::cli::shared::progress::listen_for_interrupt;
+use crate::cli::shared::source::hidden;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use std::path::{Path, PathBuf};
-use svl::recording::{Recording, RecordingSummary, is_bag};
+use svl::recording::{Recording, RecordingSummary, files, is_bag};
+use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
 use svl::{Error, interrupt};
 
@@ -17,6 +19,7 @@ use svl::{Error, interrupt};
 /// distance by the default range of disparities, and the number of cells that each ground truth
 /// would score. For a folder of images only these are shown.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| hidden(arg, NOT_TAKEN)))]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
@@ -25,15 +28,22 @@ Examples:
   svl info pictures/    image size, focal length, baseline, truth
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
-    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
-    /// of images, or live topics: ros2:[LEFT,RIGHT]
+    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag, a folder of images,
+    /// or live topics: ros2:[LEFT,RIGHT]
     file: PathBuf,
+    #[command(flatten)]
+    options: SourceOptions,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
 
+/// Options of other commands, which do not change what there is.
+const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss"];
+
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    args.options
+        .refuse(NOT_TAKEN, "does not apply to svl info")?;
     let name = args.file.to_string_lossy();
     let live = match SourceKind::topics(&name) {
         Some(topics) => {
@@ -43,25 +53,35 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         None => None,
     };
     let file = live.as_ref().map_or_else(|| args.file.clone(), Heard::bag);
-    let is_recording = !file.is_dir() || is_bag(&file);
-    let summary = if is_recording {
+    let is_recording = match file.is_dir() {
+        true => is_bag(&file),
+        false => !SourceKind::is_unrecorded(&name),
+    };
+    let parts = if is_recording { files(&file)?.len() } else { 1 };
+    // The pairs of a bag of several files are read, the messages of one at a time.
+    let summary = if is_recording && parts == 1 {
         Some(Recording::open(&file)?.summary()?)
     } else {
         None
     };
     let path = file.to_string_lossy();
-    let mut request = Request::new(&path);
+    let mut request = Request {
+        options: args.options.clone(),
+        ..Request::new(&path)
+    };
     if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
         (request.options.left, request.options.right) = (Some(left), Some(right));
     }
     let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
         Ok(facts) => {
             let pairs = summary.as_ref().map(|summary| summary.pairs);
-            let usability = Usability::from_facts(pairs.or(facts.pairs), &facts);
+            let is_all = args.options.range() == PairRange::default();
+            let all = pairs.filter(|_| is_all);
+            let usability = Usability::from_facts(all.or(facts.pairs), &facts);
             (usability, Some(facts), None)
         }
         // A recording without pairs has a summary all the same.
-        Err(error) if summary.is_some() => {
+        Err(error) if summary.is_some() && !matches!(error, Error::Usage(_)) => {
             let (words, reason) = no_pairs(error, &file, &name);
             (Usability::without_pairs(&reason), None, Some(words))
         }
@@ -156,6 +176,10 @@ const FIELDS: &[DataField] = &[
     field(
         "first_pairs.vertical_misalignment.median_abs_px",
         "misaligned",
+    ),
+    field(
+        "first_pairs.unrectified_misalignment.median_abs_px",
+        "unrectified",
     ),
     field("misalignment", "by algorithm"),
     field("first_pairs.nearest", "nearest"),

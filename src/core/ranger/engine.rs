@@ -7,7 +7,7 @@ use crate::kernel::isa;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::rectify::Rectifier;
 use crate::stereo::{
-    DisparityMap, Gray, GridShape, Intrinsics, Reason, RectifiedPair, Rig, StereoPair,
+    DisparityMap, Gray, GridShape, Intrinsics, Reason, RectifiedPair, Rig, StereoPair, check_size,
 };
 
 /// Limit of the columns and the rows of a grid, as in scenarios.
@@ -92,16 +92,8 @@ impl Engine {
         self.sequence += 1;
         self.stamp_ns = stamp_ns;
         let found = images.map(|image| image.size());
-        if let Some((got, expected)) = self
-            .sizes
-            .and_then(|sizes| found.into_iter().zip(sizes).find(|(got, size)| got != size))
-        {
-            let ((width, height), (w, h)) = (got, expected);
-            return Err(Error::Invalid(format!(
-                "images of {width}x{height} pixels, but the calibration is for {w}x{h}: use that \
-                 of these images"
-            )));
-        }
+        let mut sizes = self.sizes.into_iter().flatten().zip(found);
+        sizes.try_for_each(|(size, found)| check_size(size, found))?;
         let mut raw = match self.raw.take() {
             Some(raw) => raw,
             None => pixels()?,

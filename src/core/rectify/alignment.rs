@@ -14,6 +14,71 @@ pub struct AlignmentMeter {
     pairs: usize,
 }
 
+/// Measures the vertical misalignment of pairs before and after their rectification.
+#[derive(Clone, Debug, Default)]
+pub struct RectificationMeter {
+    before: AlignmentMeter,
+    after: AlignmentMeter,
+}
+
+impl RectificationMeter {
+    /// Pairs and matches that decide, and the pairs after which no further one is measured.
+    const MIN_PAIRS: usize = 3;
+    const MIN_MATCHES: usize = 50;
+    const MAX_PAIRS: usize = 5;
+    /// Greatest misalignment of images that are rectified already: pixels, and as a fraction of
+    /// that after rectification.
+    const MAX_RECTIFIED_PX: f64 = 1.0;
+    const MAX_FRACTION: f64 = 0.5;
+
+    /// Adds a pair before and after its rectification. True if that was the last that is needed.
+    pub fn add(&mut self, before: &StereoPair, after: &StereoPair) -> bool {
+        self.before.add(before);
+        self.after.add(after);
+        self.is_done()
+    }
+
+    /// True if no further pair is needed.
+    pub fn is_done(&self) -> bool {
+        self.before.pairs >= Self::MAX_PAIRS
+            || self.before.pairs >= Self::MIN_PAIRS && self.is_sure()
+    }
+
+    fn is_sure(&self) -> bool {
+        let meters = [&self.before, &self.after];
+        let is_sure = |m: &&AlignmentMeter| {
+            m.pairs >= Self::MIN_PAIRS && m.matches.len() >= Self::MIN_MATCHES
+        };
+        meters.iter().all(is_sure)
+    }
+
+    /// The misalignment before rectification; `None` with too few matches.
+    pub fn before(&self) -> Option<Alignment> {
+        self.before.alignment()
+    }
+
+    /// The warning, if rectification misaligns pairs that were aligned: they are rectified already,
+    /// or the calibration is not theirs.
+    pub fn doubt(&self) -> Option<String> {
+        let (before, after) = (self.before.alignment()?, self.after.alignment()?);
+        let is_worse = before.median_abs_px < Self::MAX_FRACTION * after.median_abs_px
+            && before.median_abs_px < Self::MAX_RECTIFIED_PX;
+        (self.is_sure() && is_worse).then(|| {
+            format!(
+                "vertical misalignment of {:.2} px without rectification and {:.2} px with it \
+                 (medians of {} and {} points in {} pairs): if the images are rectified already, \
+                 --calib none uses them as they are; if they are raw, the calibration is not, or \
+                 no longer, that of these cameras: calibrate again, --calib FILE",
+                before.median_abs_px,
+                after.median_abs_px,
+                before.matches,
+                after.matches,
+                before.pairs
+            )
+        })
+    }
+}
+
 /// Vertical misalignment: Δy of matched points, positive if the point is lower in the right image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Alignment {
@@ -234,6 +299,21 @@ mod tests {
                 (right - left - 2.1).abs() < 0.4 && middle.abs() < 0.3,
                 "{found:?}"
             );
+        }
+    }
+
+    #[test]
+    fn a_rectification_that_misaligns_is_named() {
+        let doubt = |before: f64, after: f64, pairs: usize| {
+            let mut meter = RectificationMeter::default();
+            let last = (0..pairs).map(|_| meter.add(&pair(before, 0.0), &pair(after, 0.0)));
+            assert_eq!(last.last(), Some(pairs >= 3));
+            meter.doubt()
+        };
+        let named = doubt(0.3, 4.0, 3).unwrap();
+        assert!(named.contains("without rectification and 4.0"), "{named}");
+        for (before, after, pairs) in [(0.3, 4.0, 2), (1.3, 4.0, 3), (0.3, 0.3, 3), (6.0, 0.2, 3)] {
+            assert_eq!(doubt(before, after, pairs), None, "{before} {after}");
         }
     }
 

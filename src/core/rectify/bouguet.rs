@@ -48,7 +48,8 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
         focal_px,
         center_px,
     } = framing.pinhole(&views(calibration, left_rotation, right_rotation))?;
-    let rig = Rig::new(focal_px, center_px, calibration.baseline(), 0.0)?;
+    let (baseline, unit) = (calibration.baseline(), calibration.unit());
+    let rig = Rig::in_unit(focal_px, center_px, baseline, 0.0, unit)?;
     Ok(Rectification {
         size,
         left: left_rotation,

@@ -38,7 +38,7 @@ mod rotated_camera;
 pub use rectifier::Rectifier;
 #[doc(hidden)]
 pub use {
-    alignment::{Alignment, AlignmentMeter, Misfit},
+    alignment::{Alignment, AlignmentMeter, Misfit, RectificationMeter},
     bouguet::bouguet,
     features::PointMatch,
     framing::Framing,

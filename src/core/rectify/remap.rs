@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, remap_row};
-use crate::stereo::{Gray, MAX_SIDE, reserve};
+use crate::stereo::{Gray, MAX_SIDE, check_size, reserve};
 use nalgebra::Point2;
 use std::ops::Range;
 
@@ -133,14 +133,7 @@ impl Remap {
     }
 
     pub(super) fn check(&self, image: &Gray) -> Result<()> {
-        if image.size() == self.source {
-            return Ok(());
-        }
-        let ((width, height), (w, h)) = (image.size(), self.source);
-        Err(Error::Invalid(format!(
-            "images of {width}x{height} pixels, but the calibration is for {w}x{h}: use that of \
-             these images"
-        )))
+        check_size(self.source, image.size())
     }
 }
 

@@ -1,16 +1,9 @@
 //! Stereo calibration: intrinsics, extrinsics and rectification of two cameras.
 
+use super::limits::{LengthUnit, check_baseline};
 use super::{Distortion, DistortionModel, Intrinsics, Rig, Side};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
-
-/// Unit of a calibration's lengths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LengthUnit {
-    Metres,
-    /// Squares of a calibration board of unknown size: directions are correct, distances unknown.
-    Squares,
-}
 
 /// A calibrated pair of cameras.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,9 +20,10 @@ impl StereoCalibration {
     /// down, z forward), `T` in `unit`.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless it is finite, the baseline is not zero, the right camera is on the
-    /// right, both cameras have one distortion model or none, and the models reach at least the
-    /// nearest sides of the images before they fold ([`Intrinsics::fold_px`]).
+    /// [`Error::Rig`] unless it is finite, the baseline is not zero, and in metres between 0.5 mm
+    /// and 30 m, the right camera is on the right, both cameras have one distortion model or none,
+    /// and the models reach at least the nearest sides of the images before they fold
+    /// ([`Intrinsics::fold_px`]).
     pub fn new(
         left: Intrinsics,
         right: Intrinsics,
@@ -58,6 +52,7 @@ impl StereoCalibration {
                 place.x
             )));
         }
+        check_baseline(place.norm(), unit)?;
         check_models(left.distortion(), right.distortion())?;
         check_fold("left", &left)?;
         check_fold("right", &right)?;

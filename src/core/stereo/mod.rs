@@ -11,6 +11,7 @@
 //! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
 
 mod calibration;
+mod checks;
 mod disparity;
 mod distortion;
 mod floor;
@@ -19,13 +20,15 @@ mod grid;
 mod identity;
 mod image;
 mod intrinsics;
+mod limits;
 mod occlusion;
 mod pair;
 mod reason;
 mod rig;
 mod row;
 
-pub use calibration::{LengthUnit, Rectification, StereoCalibration};
+pub use calibration::{Rectification, StereoCalibration};
+pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};
@@ -33,6 +36,7 @@ pub use grid::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 pub(crate) use image::luma;
 pub use image::{Gray, Plane, Rgb};
 pub use intrinsics::Intrinsics;
+pub use limits::LengthUnit;
 pub use pair::{RectifiedPair, Side, StereoPair};
 pub use reason::Reason;
 pub use rig::Rig;
@@ -48,6 +52,7 @@ pub use {
     grid::{CellEvidence, LevelCell, LevelVerdict},
     identity::{FittedTo, PairId},
     image::{MAX_SIDE, buffer, reserve},
+    limits::{check_doffs, check_size},
     occlusion::cross_check,
     row::BandMut,
 };

@@ -1,6 +1,7 @@
 //! The geometry of a rectified stereo camera.
 
 use super::Side;
+use super::limits::{LengthUnit, check_baseline};
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Matrix3x4};
 
@@ -30,17 +31,37 @@ impl Rig {
     /// point minus the left's, along x (Middlebury's `doffs`), 0 if they are equal.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless all are finite and focal length and baseline positive.
+    /// [`Error::Rig`] unless all are finite, the focal length positive, and the baseline between
+    /// 0.5 mm and 30 m.
     pub fn new(
+        focal_px: f64,
+        center_px: (f64, f64),
+        baseline_m: f64,
+        doffs_px: f64,
+    ) -> Result<Self> {
+        Self::in_unit(
+            focal_px,
+            center_px,
+            baseline_m,
+            doffs_px,
+            LengthUnit::Metres,
+        )
+    }
+
+    /// The same with a baseline in another unit, of which only metres are checked.
+    #[doc(hidden)]
+    pub fn in_unit(
         focal_px: f64,
         (cx_px, cy_px): (f64, f64),
         baseline_m: f64,
         doffs_px: f64,
+        unit: LengthUnit,
     ) -> Result<Self> {
         let finite = [focal_px, cx_px, cy_px, baseline_m, doffs_px]
             .iter()
             .all(|v| v.is_finite());
         if finite && focal_px > 0.0 && baseline_m > 0.0 {
+            check_baseline(baseline_m, unit)?;
             Ok(Self {
                 focal_px,
                 cx_px,
@@ -63,13 +84,15 @@ impl Rig {
     ///
     /// # Errors
     /// [`Error::Rig`] if pixels are not square within 1 %, if the focal lengths differ by more than
-    /// the fraction `focal_tolerance`, the principal rows by more than `row_tolerance_px`, or the
-    /// right camera is to the left of the left one.
+    /// the fraction `focal_tolerance`, the principal rows by more than `row_tolerance_px`, the
+    /// right camera is to the left of the left one, or a baseline in metres is not between 0.5 mm
+    /// and 30 m.
     pub fn from_projections(
         left: &Matrix3x4<f64>,
         right: &Matrix3x4<f64>,
         focal_tolerance: f64,
         row_tolerance_px: f64,
+        unit: LengthUnit,
     ) -> Result<Self> {
         let [(f, cx, cy), (right_f, right_cx, right_cy)] =
             [left, right].map(|p| (p[(0, 0)], p[(0, 2)], p[(1, 2)]));
@@ -95,7 +118,7 @@ impl Rig {
                  swap the two"
             )));
         }
-        Self::new(f, (cx, cy), baseline_m, right_cx - cx)
+        Self::in_unit(f, (cx, cy), baseline_m, right_cx - cx, unit)
     }
 
     /// Focal length in pixels.
@@ -259,7 +282,9 @@ mod tests {
                 300.0, 0.0, 160.0, tx, 0.0, fy, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0,
             )
         };
-        let rig = |fy: f64| Rig::from_projections(&camera(fy, 0.0), &camera(fy, -30.0), 0.0, 0.0);
+        let metres = LengthUnit::Metres;
+        let rig =
+            |fy: f64| Rig::from_projections(&camera(fy, 0.0), &camera(fy, -30.0), 0.0, 0.0, metres);
         assert_eq!(rig(301.0).unwrap().baseline_m(), 0.1);
         for fy in [150.0, -300.0, f64::NAN] {
             assert!(rig(fy).unwrap_err().to_string().contains("square"));

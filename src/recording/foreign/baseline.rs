@@ -76,6 +76,13 @@ impl BaselineSearch {
         }
     }
 
+    /// Distance of two cameras by the transforms so far, metres.
+    pub(super) fn apart_m(&self, left: &str, right: &str) -> Option<f64> {
+        let pose = (left != right).then(|| self.transforms.between(left, right))??;
+        let metres = pose.translation.vector.norm();
+        (metres > 0.0).then_some(metres)
+    }
+
     /// Takes in a transform after the first pair. Returns a warning, once, if it would have changed
     /// the baseline in use.
     pub(super) fn take_in_later(

@@ -4,7 +4,7 @@ use super::camera::{self, Calibration, CalibrationChange};
 use super::{PairReader, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
-use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
+use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
 const KEPT_NS: u64 = 10_000_000_000;
@@ -117,6 +117,22 @@ impl PairReader {
     pub(super) fn stereo_calibration(&self) -> Result<StereoCalibration, String> {
         let [left, right] = self.both()?;
         camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
+    }
+
+    /// The checks of the current calibrations; none without both.
+    pub(super) fn checks(&self, raw: Option<&StereoCalibration>) -> Vec<CalibrationCheck> {
+        let rig = match raw {
+            Some(calibration) => calibration.rig().ok_or_else(String::new),
+            None => self.rig(),
+        };
+        let apart_m = match &self.frames {
+            [Some(left), Some(right)] => self.baseline.apart_m(left, right),
+            _ => None,
+        };
+        match (self.both(), rig) {
+            (Ok(cameras), Ok(rig)) => camera::checks(cameras, &rig, raw, apart_m),
+            _ => Vec::new(),
+        }
     }
 
     /// Stores a calibration by its stamp.

@@ -5,8 +5,8 @@ use crate::messages::Channel;
 use crate::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use svl_core::stereo::{
-    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration,
-    rotation,
+    CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,
+    StereoCalibration, check_size, rotation,
 };
 
 /// Schemas of calibration messages.
@@ -16,9 +16,6 @@ pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.C
 /// focal lengths, difference of the principal points' rows.
 const FOCAL_TOLERANCE: f64 = 1e-4;
 const ROW_TOLERANCE_PX: f64 = 0.1;
-
-/// Baselines, metres: what is shorter is rounding, what is longer is in millimetres.
-const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
 
 /// Offsets of P that are rounding: a fraction of the focal length.
 const ROUNDING: f64 = 1e-6;
@@ -36,6 +33,8 @@ const MAX_SAME_PX: f64 = 0.01;
 pub(super) struct Calibration {
     /// Width and height of its images, pixels.
     size: (u32, u32),
+    /// Columns and rows of the sensor that are one pixel of them.
+    binning: [u32; 2],
     /// Name of the distortion model.
     model: String,
     /// Intrinsics before rectification, row-major 3x3.
@@ -83,6 +82,7 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
             let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
             Ok(Calibration {
                 size: (m.width, m.height),
+                binning: [1, 1],
                 model: m.distortion_model,
                 k: m.k,
                 d: m.d,
@@ -94,6 +94,7 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
             let m: json::JsonCalibration = json::read(data)?;
             Ok(Calibration {
                 size: (m.width, m.height),
+                binning: [1, 1],
                 model: m.distortion_model,
                 k: m.k,
                 d: m.d,
@@ -120,6 +121,7 @@ fn from_stream(camera: realsense::StreamCamera) -> Calibration {
     let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
     Calibration {
         size: camera.size,
+        binning: [1, 1],
         model: camera.model,
         k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         d: camera.distortion.to_vec(),
@@ -164,6 +166,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     }
     Calibration {
         size,
+        binning: [columns, rows],
         model,
         k: k.to_vec(),
         d,
@@ -292,14 +295,12 @@ impl Calibration {
     ///
     /// # Errors
     /// The size that it is for.
-    pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
-        let (w, h) = self.size;
-        if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
+    pub(super) fn check_size(&self, size: (usize, usize)) -> Result<(), String> {
+        let own = (self.size.0 as usize, self.size.1 as usize);
+        if own == (0, 0) {
             return Ok(());
         }
-        Err(format!(
-            "the calibration is for images of {w}x{h} pixels, these have {width}x{height}"
-        ))
+        check_size(own, size).map_err(|e| e.to_string())
     }
 
     /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
@@ -410,16 +411,13 @@ pub(super) fn rig(
             right[(0, 3)] = -offset;
         }
     }
-    let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
-    if let Ok(rig) = &rig
-        && !BASELINES_M.contains(&rig.baseline_m())
-    {
-        return Err(format!(
-            "its baseline of {:.3e} m is not between half a millimetre and 30 m: the fourth column \
-             of P is in pixels times metres; --calib FILE replaces it",
-            rig.baseline_m()
-        ));
-    }
+    let rig = Rig::from_projections(
+        &left,
+        &right,
+        FOCAL_TOLERANCE,
+        ROW_TOLERANCE_PX,
+        LengthUnit::Metres,
+    );
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
@@ -429,9 +427,40 @@ pub(super) fn rig(
                  i_reverse_stereo_socket_order)"
             )
         } else {
-            e.to_string()
+            format!("{e}; --calib FILE replaces it")
         }
     })
+}
+
+/// The checks of the numbers of two cameras, of which `rig` is that of rectified images.
+/// `apart_m`: distance of the cameras by the static transforms.
+pub(super) fn checks(
+    [left, right]: [&Calibration; 2],
+    rig: &Rig,
+    calibration: Option<&StereoCalibration>,
+    apart_m: Option<f64>,
+) -> Vec<CalibrationCheck> {
+    let size = (left.size.0 as usize, left.size.1 as usize);
+    let mut checks = match calibration {
+        Some(calibration) => calibration.checks(),
+        None => rig.checks(size),
+    };
+    if let (None, Some((raw_px, _))) = (calibration, left.focal_px(true)) {
+        checks.push(CalibrationCheck::focal(rig.focal_px(), raw_px));
+    }
+    if let ([_, _, cx, _, _, cy, ..], true) = (&left.k[..], left.binning != [1, 1]) {
+        let binning = CalibrationCheck::binning((*cx, *cy), left.binning, size);
+        // It is the cause of the others.
+        if binning.doubt.is_some() {
+            checks.iter_mut().for_each(|check| check.doubt = None);
+        }
+        checks.push(binning);
+    }
+    if let Some(apart_m) = apart_m.filter(|_| !left.needs_baseline(right)) {
+        let check = CalibrationCheck::baseline(rig.baseline_m(), apart_m, "/tf_static");
+        checks.push(check);
+    }
+    checks
 }
 
 /// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
@@ -463,6 +492,7 @@ pub(super) fn calibration(
 pub(super) fn calibration_of_size(size: (u32, u32)) -> Calibration {
     Calibration {
         size,
+        binning: [1, 1],
         model: String::new(),
         k: vec![],
         d: vec![],
@@ -486,6 +516,7 @@ mod tests {
         );
         Calibration {
             size: (320, 240),
+            binning: [1, 1],
             model: "plumb_bob".into(),
             k,
             d,

@@ -14,7 +14,8 @@ pub(super) struct FirstMessages {
     images: FirstImages,
     /// The earliest stamp of each camera's images.
     first_ns: [Option<u64>; 2],
-    /// The latest log time, and that at which the calibrations were there.
+    /// The first log time, the latest, and that at which the calibrations were there.
+    begin_ns: Option<u64>,
     log_ns: u64,
     calibrated_ns: Option<u64>,
 }
@@ -26,7 +27,12 @@ impl FirstMessages {
         let (Some(left), Some(right)) = (left, right) else {
             return false;
         };
-        let wants_baseline = pairs.lacks_baseline() && pairs.baseline.may_be_found(left, right);
+        // The baseline of the calibrations is compared with the transforms of the first second.
+        let is_early = self
+            .begin_ns
+            .is_some_and(|begin_ns| self.log_ns < begin_ns.saturating_add(HOLD_NS));
+        let wants_baseline = (pairs.lacks_baseline() || is_early && pairs.wait.is_none())
+            && pairs.baseline.may_be_found(left, right);
         self.have_first_calibrations(pairs) && self.images.are_enough() && !wants_baseline
     }
 
@@ -51,6 +57,7 @@ impl FirstMessages {
         log_ns: u64,
         data: &[u8],
     ) {
+        self.begin_ns.get_or_insert(log_ns);
         self.log_ns = self.log_ns.max(log_ns);
         drop(pairs.calibrate(channel, log_ns, data));
         if !pairs.lacks_calibration() {

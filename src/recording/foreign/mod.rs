@@ -554,14 +554,15 @@ impl PairReader {
             bits: self.depth.bits(),
             note: self.depth.note(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
-            calibration: raw.and_then(std::result::Result::ok),
             camera: CameraFacts {
+                checks: self.checks(raw.as_ref().and_then(|raw| raw.as_ref().ok())),
                 focal_px: left.and_then(|left| left.focal_px(are_raw)),
                 distortion_model: raw_left
                     .and_then(|left| left.distortion_model())
                     .map(str::to_owned),
                 calibration_fault: fault.filter(|_| has_calibration),
             },
+            calibration: raw.and_then(std::result::Result::ok),
             frame_id,
             ..facts
         }

@@ -159,8 +159,8 @@ impl RunUnits {
         self.has_all(plan, algorithms.map(|own| own.label.to_owned()))
     }
 
-    /// The reason to doubt its truth.
-    pub fn doubt(&self) -> Option<String> {
+    /// The reasons to doubt its truth or its maps.
+    pub fn doubts(&self) -> Vec<String> {
         let mut scales = MeasuredScales::default();
         for units in self.units.values() {
             // Scales of the first block with enough pixels.
@@ -170,7 +170,10 @@ impl RunUnits {
             }
         }
         // Perturbed pairs have the truth of the others.
-        scales.doubt().filter(|_| self.run.stress.is_none())
+        match self.run.stress {
+            Some(_) => Vec::new(),
+            None => scales.doubts(),
+        }
     }
 
     /// The warnings of the run and of the algorithms of the plan, added to others.

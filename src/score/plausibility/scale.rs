@@ -36,6 +36,8 @@ struct Ratios {
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
     /// are disparities.
     inverse: Vec<f64>,
+    /// Pixels that are those of a recorded map.
+    recorded: usize,
 }
 
 impl TruthScales {
@@ -65,6 +67,7 @@ impl TruthScales {
         let scale = |ratios: &Ratios| AlgorithmScale {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),
+            is_recorded: 2 * ratios.recorded > ratios.factors.len(),
         };
         MeasuredScales {
             origin: self.origin.clone(),
@@ -90,6 +93,8 @@ pub struct AlgorithmScale {
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
     /// are disparities.
     inverse: Option<f64>,
+    /// True of a map that the source has, which may have a wrong unit as a truth may.
+    is_recorded: bool,
 }
 
 impl MeasuredScales {
@@ -102,8 +107,35 @@ impl MeasuredScales {
         })
     }
 
+    /// The reasons to doubt the truth or recorded maps, a sentence each, with the likely unit.
+    pub fn doubts(&self) -> Vec<String> {
+        let algorithms = self.algorithms.clone().into_iter();
+        let (recorded, matched): (BTreeMap<_, _>, BTreeMap<_, _>) =
+            algorithms.partition(|(_, scale)| scale.is_recorded);
+        // The images tell which of the two is wrong.
+        let others = if matched.is_empty() {
+            &recorded
+        } else {
+            &matched
+        };
+        let by = |algorithms: &BTreeMap<String, AlgorithmScale>| Self {
+            origin: self.origin.clone(),
+            algorithms: algorithms.clone(),
+        };
+        if let Some(doubt) = by(others).truth_doubt() {
+            let either = match matched.is_empty() {
+                true => ", or the unit of the recorded map is wrong",
+                false => "",
+            };
+            return vec![format!("the truth is doubtful: {doubt}{either}")];
+        }
+        let maps = recorded.iter().filter(|_| !matched.is_empty());
+        maps.filter_map(|(label, scale)| scale.map_doubt(label))
+            .collect()
+    }
+
     /// The reason to doubt the truth, with the likely unit.
-    pub fn doubt(&self) -> Option<String> {
+    fn truth_doubt(&self) -> Option<String> {
         let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {
             let constants = self.algorithms.values().map(value);
             let constants = constants.collect::<Option<Vec<_>>>()?;
@@ -144,6 +176,33 @@ impl MeasuredScales {
     }
 }
 
+impl AlgorithmScale {
+    /// The reason to doubt a recorded map, where other algorithms agree with the truth.
+    fn map_doubt(&self, label: &str) -> Option<String> {
+        let doubtful = |what: &str| Some(format!("the map of {label} is doubtful: {what}"));
+        let Some(factor) = self.factor else {
+            self.inverse?;
+            return doubtful(
+                "its distances are proportional to disparities: they are disparities, likely, \
+                 which a stereo_msgs/DisparityImage or :disparity=SCALE says",
+            );
+        };
+        let factor = usual(factor);
+        if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor.abs()) {
+            return None;
+        }
+        let cause = if factor == 1000.0 {
+            "likely in millimetres where floats are metres"
+        } else {
+            "likely another unit, or its f or T is of another image size"
+        };
+        doubtful(&format!(
+            "its distances are {} times those of the truth and of the matchers; {cause}",
+            rounded(factor)
+        ))
+    }
+}
+
 impl Ratios {
     fn add(&mut self, frame: &Frame, truth: &Truth, estimate: &Estimate) {
         let (width, height) = truth.disparity.size();
@@ -151,14 +210,19 @@ impl Ratios {
         if map.size() != (width, height) {
             return;
         }
+        let maps = frame.maps.iter().map(|map| &map.disparity);
+        let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
         let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
         for y in (step / 2..height).step_by(step) {
             for x in (step / 2..width).step_by(step) {
                 let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
-                if !true_px.is_finite() || !px.is_finite() || px < MIN_PX {
+                let is_recorded = maps.iter().any(|map| f64::from(map.get(x, y)) == px);
+                let least_px = if is_recorded { px.max(true_px) } else { px };
+                if !true_px.is_finite() || !px.is_finite() || least_px < MIN_PX || px <= 0.0 {
                     continue;
                 }
+                self.recorded += usize::from(is_recorded);
                 let factor = (true_px + doffs_px) / (px + doffs_px);
                 self.factors.push(factor);
                 let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));

@@ -124,7 +124,11 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
 /// The cure for depths that are disparities times `scale`.
 pub(super) fn disparity_cure(name: &str, factor: f64) -> Option<String> {
     let (name, unit) = TruthUnit::split(name).ok()?;
-    let TruthUnit::Depth(unit_m) = unit.or_else(|| usual_unit(name))? else {
+    let Some(unit) = unit.or_else(|| usual_unit(name)) else {
+        let cure = "likely disparities, which a topic has as stereo_msgs/DisparityImage";
+        return Some(cure.to_owned());
+    };
+    let TruthUnit::Depth(unit_m) = unit else {
         return None;
     };
     let scale = TruthUnit::Disparity((usual(factor / f64::from(unit_m))) as f32);
@@ -246,6 +250,8 @@ mod tests {
             words.as_deref(),
             Some("likely --truth 'd/*.png:disparity=256'")
         );
+        let words = disparity_cure("/depth", 0.2561);
+        assert!(words.unwrap().contains("stereo_msgs/DisparityImage"));
         assert_eq!(
             cure(&TruthOrigin::Exact, 256.0),
             "likely its disparities divided by 256"

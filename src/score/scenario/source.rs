@@ -102,9 +102,10 @@ pub struct SourceOptions {
     #[arg(long = "camera-height", value_name = "M", value_parser = within(FloorPlane::HEIGHTS_M))]
     pub camera_height_m: Option<f64>,
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
-    /// or a recording that keeps it; or take them as rectified [default: by the camera_info of a
-    /// bag of raw images, else none]
-    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
+    /// or a recording that keeps it; take them as rectified (none), with the focal length and
+    /// baseline of their camera_info; or leave them raw [default: by the camera_info of a bag of
+    /// raw images, else none]
+    #[arg(long, value_name = "FILE|none|raw", value_parser = NonEmptyStringValueParser::new())]
     pub calib: Option<String>,
     /// Part of the raw images to keep, as OpenCV's alpha: 0 only valid pixels, 1 all [default: as
     /// in the file, else 0]
@@ -444,7 +445,7 @@ pub(super) fn algorithm_of(text: &str, folder: &Path) -> String {
 /// A `--calib` value with its paths replaced: two files are separated by a comma.
 pub(super) fn calib_with_paths(calib: &str, replaced: impl Fn(&Path) -> PathBuf) -> String {
     match calib {
-        "own" | "none" => calib.to_owned(),
+        "own" | "none" | "raw" => calib.to_owned(),
         files => {
             let files = files.split(',').map(|file| replaced(Path::new(file)));
             let files: Vec<_> = files.map(|file| file.display().to_string()).collect();

@@ -146,7 +146,7 @@ fn the_first_line_says_if_svl_can_use_it() {
     let usability = fixture.json("info mav0 --json")["usability"].take();
     let expected = serde_json::json!({
         "is_usable": true, "pairs": 2, "geometry": "raw", "distortion_model": "plumb_bob",
-        "is_calibrated": true, "truths": [], "missing": []
+        "is_calibrated": true, "truths": [], "missing": [], "doubts": []
     });
     assert_eq!(usability, expected);
     let usability = fixture.json("info bag.mcap --json")["usability"].take();

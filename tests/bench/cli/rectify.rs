@@ -178,7 +178,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
 
         // A raw recording keeps its calibration for rectification, and so does a copy.
         fixture.run(&[
-            "record", &bag, "--force", "--calib", "none", "-o", "raw.mcap",
+            "record", &bag, "--force", "--calib", "raw", "-o", "raw.mcap",
         ]);
         fixture.run("record raw.mcap --force -o copy.mcap");
         let info = fixture.run("info copy.mcap");

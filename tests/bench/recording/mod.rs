@@ -3,9 +3,11 @@
 mod bad_input;
 pub(crate) mod bag;
 mod bag_folders;
+mod calibration_checks;
 mod calibration_stamps;
 mod clocks;
 mod damage;
+mod depth_units;
 mod disk;
 mod drivers;
 mod encodings;

@@ -103,6 +103,34 @@ fn kalibr_s_chain_is_read() {
 }
 
 #[test]
+fn a_baseline_in_another_unit_is_refused_with_the_likely_one() {
+    let baseline = |t: &str, unit: &str| {
+        let text = opencv("0.1, 0., 0., 0., 0.", "").replace("-0.1, 0., 0.", t);
+        read(
+            &text.replace("length_unit: m", &format!("length_unit: {unit}")),
+            &Hints::default(),
+        )
+    };
+    assert!(baseline("-100., 0., 0.", "mm").is_ok());
+    // Squares of 10 cm of a board are no metres.
+    assert!(baseline("-100., 0., 0.", "squares").is_ok());
+    let error = baseline("-100., 0., 0.", "m").unwrap_err();
+    assert_says(
+        &error,
+        &[
+            "c.yaml",
+            "1.000e2 m",
+            "likely 0.1000 m, written in millimetres",
+        ],
+    );
+    let error = baseline("-0.1, 0., 0.", "mm").unwrap_err();
+    assert_says(
+        &error,
+        &["1.000e-4 m", "likely 0.1000 m, written in metres"],
+    );
+}
+
+#[test]
 fn opencv_s_models_are_known_by_their_number_of_coefficients() {
     for (coefficients, model) in [
         ("0.1, 0.01, 0.001, 0.", "plumb_bob"),

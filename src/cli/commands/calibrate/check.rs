@@ -10,7 +10,7 @@ use svl::pass::report_losses;
 use svl::rectify::{Alignment, AlignmentMeter};
 use svl::report::table::{NONE, Table};
 use svl::scenario::SourceOptions;
-use svl::source::Request;
+use svl::source::{Request, misalignment_cure};
 
 /// Measure how well the pairs of a recording are rectified, from the images alone
 ///
@@ -54,7 +54,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         options: args.options.clone(),
         ..Request::new(&args.recording)
     };
-    let cure = request.calib().cure();
     let mut source = source::open(request.clone(), quiet)?.source;
     // A source of unknown length is sampled in its first ten seconds or so.
     let step = source
@@ -72,7 +71,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             break;
         }
     }
-    let name = source.name();
+    let (name, cure) = (source.name(), misalignment_cure(&*source));
     report_losses(&name, &source.finish(taken));
     let Some(alignment) = meter.alignment() else {
         bail!(

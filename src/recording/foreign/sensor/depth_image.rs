@@ -2,7 +2,7 @@
 //! disparity images.
 
 use crate::foreign::encoding::{self, Samples, samples, u16_of};
-use crate::messages::Channel;
+use crate::messages::{Channel, warn_once};
 use crate::ros::RawPixels;
 use crate::{decode_protobuf, ros};
 use foxglove::messages::{CompressedImage, RawImage};
@@ -13,7 +13,38 @@ use svl_files::{self as files, InverseDepth, RVL_HEADER};
 /// Depths in metres; NaN for invalid pixels, and for 0 (REP 118); `+∞` for what is too far (REP
 /// 117).
 pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
-    depths(&ros::read(channel, data, ros::image)?.1)
+    let image = ros::read(channel, data, ros::image)?.1;
+    let depths = depths(&image)?;
+    warn_of_values(&channel.topic, image.encoding, &depths);
+    Ok(depths)
+}
+
+/// Fraction of the pixels with the largest value of 16 bits that stand for no depth.
+const MAX_LARGEST: f64 = 0.01;
+
+/// Warns of depths that are likely none: the largest value of 16 bits, and images of ranges.
+fn warn_of_values(topic: &str, encoding: &str, depths: &Plane<f32>) {
+    let words = topic
+        .rsplit('/')
+        .next()
+        .unwrap_or_default()
+        .split(|c: char| !c.is_alphabetic());
+    if words.into_iter().any(|word| word == "range") {
+        warn_once(format!(
+            "{topic}: is named a range image, of distances along the rays, and read as depths \
+             along the axis, which are shorter beside the middle: publish depths"
+        ));
+    }
+    let largest = metres(u16::MAX);
+    let count = depths.pixels().filter(|depth| *depth == largest).count();
+    let (width, height) = depths.size();
+    let is_largest = count as f64 > MAX_LARGEST * (width * height) as f64;
+    if is_largest && matches!(encoding, "16UC1" | "mono16") {
+        warn_once(format!(
+            "{topic}: more than 1 % of the pixels of a depth image are 65535, which is 65.535 m: \
+             write 0 where there is no depth (REP 118)"
+        ));
+    }
 }
 
 /// The samples of an image of 8 bits.

@@ -14,8 +14,8 @@ use svl_core::Result;
 use svl_core::depth::{MIN_VALID, project, render};
 use svl_core::stereo::{FloorPlane, Frame, Geometry, Intrinsics};
 
-/// A depth image's camera is the left one if their focal lengths and principal points differ by
-/// less.
+/// A depth image's camera is the left one if it has no distortion and their focal lengths and
+/// principal points differ by less.
 const SAME_CAMERA_PX: f64 = 0.5;
 
 /// The left camera of pairs that svl rectified: the original camera, and the rotation of its
@@ -280,7 +280,8 @@ impl SensorSetup {
                 .and_then(|()| pinhole(own, is_rectified, depth.size()))
         });
         let own = own.transpose()?;
-        if self.is_left && raw.is_none() && own.is_none_or(|(own, _)| is_same(&own, rig)) {
+        let is_of_rig = own.is_none_or(|(own, _)| is_same(&own, rig));
+        if self.is_left && raw.is_none() && is_of_rig {
             if depth.size() == size {
                 return Ok(View::Aligned);
             }
@@ -432,13 +433,15 @@ fn pinhole(
 fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
     let f = rig.focal_px();
+    // Distorted pixels are none of the rectified images.
+    let is_plain = camera.distortion().is_none();
     let apart = [
         fx - f,
         fy - f,
         cx - rig.center_px().0,
         cy - rig.center_px().1,
     ];
-    apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
+    is_plain && apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
 }
 
 /// Depth that stands for infinity, metres.

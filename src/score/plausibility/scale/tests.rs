@@ -57,7 +57,7 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     estimates.extend(others);
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, estimates));
-    scales.measured().doubt()
+    scales.measured().doubts().pop()
 }
 
 #[test]

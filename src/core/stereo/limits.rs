@@ -1,0 +1,118 @@
+//! What every door refuses in a stereo calibration: lengths of another unit, a wrong offset of
+//! disparities, images of another size.
+
+use crate::error::{Error, Result};
+
+/// Baselines of stereo cameras, metres. A shorter one is rounding, or in metres where millimetres
+/// are expected; a longer one is in millimetres.
+const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
+/// The factor between the units that are mistaken for each other.
+const MILLI: f64 = 1000.0;
+/// Greatest difference of `doffs` from the distance of the principal points, pixels.
+const DOFFS_TOLERANCE_PX: f64 = 1.0;
+/// Unit of a calibration's lengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LengthUnit {
+    Metres,
+    /// Squares of a calibration board of unknown size: directions are correct, distances unknown.
+    Squares,
+}
+
+/// Checks that a baseline is one of stereo cameras, if it is in metres.
+///
+/// # Errors
+/// [`Error::Rig`] with the unit that would be likely.
+pub(super) fn check_baseline(baseline: f64, unit: LengthUnit) -> Result<()> {
+    if unit != LengthUnit::Metres || BASELINES_M.contains(&baseline) {
+        return Ok(());
+    }
+    let (factor, is, expected) = if baseline > *BASELINES_M.end() {
+        (1.0 / MILLI, "millimetres", "metres")
+    } else {
+        (MILLI, "metres", "millimetres")
+    };
+    let likely = baseline * factor;
+    let likely = match BASELINES_M.contains(&likely) {
+        true => format!(": likely {likely:.4} m, written in {is} where {expected} are expected"),
+        false => String::new(),
+    };
+    Err(Error::Rig(format!(
+        "its baseline of {baseline:.3e} m is not between 0.5 mm and 30 m{likely}"
+    )))
+}
+
+/// Checks that the offset of disparities is the distance of the principal points.
+///
+/// # Errors
+/// [`Error::Rig`] if it is not.
+#[doc(hidden)]
+pub fn check_doffs(doffs_px: f64, left_cx_px: f64, right_cx_px: f64) -> Result<()> {
+    let apart = right_cx_px - left_cx_px;
+    // NaN is none.
+    if (doffs_px - apart).abs() <= DOFFS_TOLERANCE_PX {
+        return Ok(());
+    }
+    Err(Error::Rig(format!(
+        "its doffs is {doffs_px} px, and its principal points are cx1 - cx0 = {apart:.3} px apart, \
+         which is the same number: correct the wrong one, or all distances are wrong"
+    )))
+}
+
+/// Checks that a calibration is for images of that size.
+///
+/// # Errors
+/// [`Error::Invalid`] with both sizes and the cure.
+#[doc(hidden)]
+pub fn check_size((w, h): (usize, usize), (width, height): (usize, usize)) -> Result<()> {
+    if (w, h) == (width, height) {
+        return Ok(());
+    }
+    Err(Error::Invalid(format!(
+        "the calibration is for images of {w}x{h} pixels, these have {width}x{height}: scale \
+         the images, or calibrate for their size"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::Rig;
+
+    #[test]
+    fn a_baseline_of_another_unit_is_refused_with_the_likely_one() {
+        let refusal = |metres: f64| {
+            let rig = Rig::new(500.0, (319.5, 239.5), metres, 0.0);
+            rig.err().map(|e| e.to_string()).unwrap_or_default()
+        };
+        for metres in [0.0005, 0.044, 1.0, 30.0] {
+            assert_eq!(refusal(metres), "", "{metres}");
+        }
+        for (metres, words) in [
+            (
+                100.0,
+                "likely 0.1000 m, written in millimetres where metres",
+            ),
+            (
+                1.93e-4,
+                "likely 0.1930 m, written in metres where millimetres",
+            ),
+            (1e9, "not between 0.5 mm and 30 m"),
+        ] {
+            let refusal = refusal(metres);
+            assert!(refusal.contains(words), "{refusal}");
+        }
+        // Squares of a board are no metres.
+        assert!(Rig::in_unit(500.0, (9.0, 9.0), 100.0, 0.0, LengthUnit::Squares).is_ok());
+    }
+
+    #[test]
+    fn doffs_is_the_distance_of_the_principal_points() {
+        assert!(check_doffs(31.086, 311.193, 342.279).is_ok());
+        assert!(check_doffs(30.2, 311.193, 342.279).is_ok());
+        for doffs_px in [0.0, 62.0, f64::NAN] {
+            let refusal = check_doffs(doffs_px, 311.193, 342.279).unwrap_err();
+            let words = "cx1 - cx0 = 31.086 px";
+            assert!(refusal.to_string().contains(words), "{refusal}");
+        }
+    }
+}
