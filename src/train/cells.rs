@@ -171,8 +171,8 @@ impl CellTraining {
             );
         }
         format!(
-            "{}: {steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % of \
-             these wrong, calibration error in points, area of the ROC\n{}\n{}",
+            "{}: {steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % \
+             of these wrong, calibration error in points, area of the ROC\n{}\n{}",
             self.table.words(),
             self.scenario_table().terminal(style),
             KindCells::table(&self.kinds).terminal(style),
@@ -233,13 +233,12 @@ struct TableView<'a> {
 mod tests {
     use super::*;
     use crate::fit::CellSample;
-    use svl_core::depth::decision::VerdictTable;
+    use svl_core::matcher::V5Model;
     use svl_core::stereo::CellEvidence;
 
     #[test]
     fn tests_of_a_fitted_kind_are_scored_without_it() {
-        let algorithm: Algorithm = "v5".parse().unwrap();
-        let choice = algorithm.safe_choice().unwrap().unwrap();
+        let present = V5Model::built_in().median;
         let sample = CellSample {
             group: 0,
             evidence: Some(CellEvidence {
@@ -252,7 +251,7 @@ mod tests {
         };
         let base = |base| VerdictTable {
             base,
-            ..choice.table.clone()
+            ..present.clone()
         };
         let scenario = |(kind, tested): (&str, bool)| LearnedScenario {
             name: kind.to_owned(),
@@ -262,7 +261,7 @@ mod tests {
         };
         // Scenarios of the fit come first. The tables without a kind know nothing, the others all.
         let known = |scenarios: &[(&str, bool)], fitted: usize, without: usize| {
-            let mut learned = LearnedCells::default();
+            let mut learned = TableSamples::default();
             learned.samples = vec![sample; scenarios.len()];
             learned.scenarios = scenarios.iter().copied().map(scenario).collect();
             let fit = CellFit {
@@ -271,7 +270,7 @@ mod tests {
                 without_kind: vec![base(-90_000); without],
                 losses: Vec::new(),
             };
-            let training = CellTraining::new(&algorithm, &choice, &learned, &fit);
+            let training = CellTraining::new(TableRole::Single, &present, &learned, &fit);
             let kinds = training.kinds.iter();
             let known = kinds.map(|kind| kind.held_out.map(|figures| figures.known));
             known.collect::<Vec<_>>()

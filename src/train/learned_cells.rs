@@ -67,7 +67,7 @@ impl TableRole {
     ];
 
     /// The role of a level, of that many, for cells of the usual size.
-    fn of(level: usize, levels: usize) -> Self {
+    fn for_level(level: usize, levels: usize) -> Self {
         if levels == 1 {
             Self::Single
         } else if level + 1 == levels {
@@ -291,7 +291,7 @@ impl LearnedCells {
             for (level, sample) in cell.levels.iter().enumerate() {
                 let level_role = match cell.is_small {
                     true => TableRole::Small,
-                    false => TableRole::of(level, levels),
+                    false => TableRole::for_level(level, levels),
                 };
                 let decides = sample.is_some_and(|sample| {
                     let score = |evidence| level_role.table(model).score(&evidence);

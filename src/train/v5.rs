@@ -52,6 +52,10 @@ pub struct NearTraining {
     pub right: f64,
 }
 
+/// Log odds, thousandths, that a report of one of several sizes loses: the first that is sure
+/// decides, so each is another chance to be wrong.
+const SEVERAL_CHANCES: i64 = 400;
+
 /// Fewest cells of either kind that are worth a fit.
 const MIN_CELLS: usize = 20;
 
@@ -153,7 +157,11 @@ pub fn train_v5(
     // What earlier reports say does not depend on the size.
     for role in &TableRole::ALL[1..] {
         let time = model.median.time.clone();
+        let is_fitted = tables.iter().any(|table| table.table == *role);
         let table = role.table_mut(&mut model);
+        if is_fitted && *role != TableRole::Small {
+            table.base -= SEVERAL_CHANCES;
+        }
         table.time = time.map(|time| TimeTable {
             least_score: table.least_score,
             ..time

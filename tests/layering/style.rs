@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12184),
-    ("c", 468),
+    ("bench", 12201),
+    ("c", 470),
     ("calibrate", 4875),
-    ("cli", 11324),
-    ("core", 17798),
+    ("cli", 11366),
+    ("core", 18329),
     ("files", 2077),
     ("grab", 5079),
     ("live", 419),
-    ("python", 317),
-    ("recording", 11781),
-    ("report", 11590),
+    ("python", 318),
+    ("recording", 12821),
+    ("report", 11592),
     ("score", 7632),
-    ("sim", 3497),
+    ("sim", 3533),
     ("thesis", 3693),
-    ("train", 3308),
+    ("train", 3485),
     ("viewer", 1749),
 ];
 

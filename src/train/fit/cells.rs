@@ -91,8 +91,9 @@ pub fn fit_cells(
     })
 }
 
-/// More margin, support, seen pixels, votes and a wider tolerance never make a report less probable,
-/// nor do a greater shift and cost make it more so. So a fit contains less that holds only for its samples.
+/// More margin, support, seen pixels, votes and a wider tolerance never make a report less
+/// probable, nor do a greater shift and cost make it more so. So a fit contains less that holds
+/// only for its samples.
 fn side(feature: Feature) -> StepSide {
     match feature {
         Feature::Margin

@@ -46,7 +46,7 @@ impl LevelRule<'_> {
             return Some(0);
         }
         let could = (0..levels.len()).filter(|&i| levels[i].verdict == LevelVerdict::Score);
-        // Of equal scores the finest.
+        // The finest of equal ones.
         could.max_by_key(|&i| (levels[i].scores[1], std::cmp::Reverse(i)))
     }
 

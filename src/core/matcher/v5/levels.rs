@@ -55,7 +55,7 @@ pub(super) struct Levels {
     /// The matching of each level that is computed, finest first; then that for the gaps of the
     /// last, if its half image can be halved.
     matched: Vec<MatchLevel>,
-    /// Of each computed level, but of the last one only if its half image can be halved.
+    /// The gaps of each computed level; of the last one only if its half image can be halved.
     gaps: Vec<Gaps>,
     computed: usize,
     /// Greatest disparity of each computed level, pixels of it.
