@@ -190,8 +190,8 @@ fn drives_are_compared_course_by_course() {
 #[test]
 fn time_counts_in_drives() {
     let fixture = Fixture::new();
-    let algorithms = "[\"truth\", \"period=truth\", \"fast=v5:max_disparity=24\", \
-                      \"slow=v5:max_disparity=24\"]";
+    let algorithms = "[\"truth\", \"period=truth\", \"fast=truth\", \
+                      \"slow=truth\"]";
     let scenario = courses("")
         .replace("[\"truth\", \"blind\"]", algorithms)
         .replace("[1, 7]", "[4, 6]")

@@ -158,7 +158,7 @@ fn real_scenes_equal_the_expected_output() {
 #[test]
 fn each_cell_has_the_parts_of_its_score() {
     let fixture = Fixture::new();
-    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
+    fixture.write_pair("l.pgm", "r.pgm", (320, 200), 7);
     let json = fixture.json("match l.pgm r.pgm --algo v5 -o d.pfm --json");
     let cells = json["cells"].as_array().unwrap();
     assert_eq!(cells.len(), 15);
