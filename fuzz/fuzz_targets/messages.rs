@@ -24,7 +24,7 @@ libfuzzer_sys::fuzz_target!(init: unsafe { std::env::set_var("PATH", "") }, |byt
                     left: Some(left.to_owned()),
                     right: Some(right.to_owned()),
                     max_skew_ns: 3,
-                    bits: None,
+                    ..Selection::default()
                 }
             });
         for selection in [Selection::default()].iter().chain(&named) {

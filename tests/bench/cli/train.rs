@@ -82,7 +82,7 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     let train = "-q train v5 worlds.toml shapes.toml --seeds 1..4 --tables-only";
     let json = fixture.json(&format!(
         "{train} --test short.toml -o tested.safetensors --json"
-    ))["cells"]
+    ))["tables"][0]
         .clone();
     let kind = |i: usize| &json["kinds"][i];
     assert_eq!(kind(0)["name"], "worlds");
@@ -144,7 +144,7 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
         "{json}"
     );
     // The tables are of the third and the sixth run, from what votes measure, too.
-    assert_eq!(json["cells"]["scenarios"][0]["groups"], 2, "{json}");
+    assert_eq!(json["tables"][0]["scenarios"][0]["groups"], 2, "{json}");
     // Earlier reports are evidence.
     let time = &json["time"];
     assert!(number(time, "loss") <= number(time, "loss_alone"), "{json}");
@@ -215,7 +215,7 @@ fn recordings_are_held_out_whole() {
         "-q train v5 one.toml --tables-only -o t.safetensors => 1: one run cannot be held out",
     );
     let train = "-q train v5 both.toml --tables-only --json";
-    let json = fixture.json(&format!("{train} -o t.safetensors"))["cells"].clone();
+    let json = fixture.json(&format!("{train} -o t.safetensors"))["tables"][0].clone();
     assert_eq!(json["scenarios"][0]["groups"], 2, "{json}");
     // Nothing is held out by kind where there is one.
     let kind = &json["kinds"][0];
