@@ -261,9 +261,10 @@ mod tests {
         };
         // Scenarios of the fit come first. The tables without a kind know nothing, the others all.
         let known = |scenarios: &[(&str, bool)], fitted: usize, without: usize| {
-            let mut learned = TableSamples::default();
-            learned.samples = vec![sample; scenarios.len()];
-            learned.scenarios = scenarios.iter().copied().map(scenario).collect();
+            let learned = TableSamples {
+                samples: vec![sample; scenarios.len()],
+                scenarios: scenarios.iter().copied().map(scenario).collect(),
+            };
             let fit = CellFit {
                 table: base(90_000),
                 held_out: vec![90_000; fitted],

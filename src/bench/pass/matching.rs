@@ -108,7 +108,9 @@ impl<'a> Matching<'a> {
         // Also of algorithms whose results are known: the warning belongs to the pass.
         let is_new = self.ranged_for.replace(frame.pair.size()) != Some(frame.pair.size());
         if let Some(rig) = frame.rig().filter(|_| is_new && self.rounds.is_some()) {
-            warn_of_ranges(&mut self.matchers.0, rig, self.judge.cells);
+            let cells = self.judge.grid.shape().cells();
+            let images = (frame.pair.size(), cells);
+            warn_of_ranges(&mut self.matchers.0, images, rig, self.judge.cells);
         }
         let entries = self.matchers.0.iter_mut();
         let mut matching: Vec<_> = entries
@@ -245,12 +247,18 @@ fn warm_up(entries: &mut [&mut ReadyMatcher], pair: RectifiedPair<'_>, context: 
     }
 }
 
-/// Warns of algorithms whose ranges of disparities end before obstacles do, each once.
-fn warn_of_ranges(entries: &mut [ReadyMatcher], rig: &Rig, cells: CellRule) {
+/// Warns of algorithms whose ranges of disparities end before obstacles do, each once; for images
+/// of a size, with that many cells.
+fn warn_of_ranges(
+    entries: &mut [ReadyMatcher],
+    images: ((usize, usize), usize),
+    rig: &Rig,
+    cells: CellRule,
+) {
     let (obstacle_m, _) = cells.obstacle_and_clear_m();
     let px = rig.disparity_px(obstacle_m).ceil();
     let short = entries.iter_mut().filter_map(|entry| {
-        let nearest_m = entry.short_range(rig, obstacle_m)?;
+        let nearest_m = entry.short_range(images, rig, obstacle_m)?;
         Some((entry.label.clone(), nearest_m))
     });
     let mut short: Vec<(String, f64)> = short.collect();

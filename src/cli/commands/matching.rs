@@ -162,7 +162,7 @@ impl MatchCell {
             reason: cell.depth.is_none().then(|| reason.name()),
             score: score.unwrap_or_default(),
             levels: match levels {
-                [] | [_] => Vec::new(),
+                [LevelCell { level: 0, .. }] => Vec::new(),
                 levels => levels.iter().map(LevelPart::new).collect(),
             },
         }

@@ -75,6 +75,13 @@ pub trait Matcher: Send {
     /// Forgets all earlier pairs.
     fn reset(&mut self) {}
 
+    /// The largest disparity that it finds in pairs of a size with that many cells, pixels, where
+    /// that is not its parameter `max_disparity`.
+    #[doc(hidden)]
+    fn range_px(&self, _size: (usize, usize), _cells: usize) -> Option<i32> {
+        None
+    }
+
     /// Remark on the pairs so far, in one line.
     #[doc(hidden)]
     fn remark(&self) -> Option<String> {

@@ -122,6 +122,8 @@ impl LevelCell {
 #[serde(rename_all = "snake_case")]
 pub enum LevelVerdict {
     NoReport,
+    /// The report is at infinity, which the finest level alone may say.
+    Far,
     /// The tolerance of the report is narrower than the size can tell.
     Span,
     /// The next finer size reports something else.
@@ -265,7 +267,8 @@ impl CellDepth {
 pub struct DepthGrid {
     shape: GridShape,
     cells: Vec<Cell>,
-    /// Of an algorithm that decides at several sizes, those of each cell, cells in raster order.
+    /// Decisions at each size, those of a cell one after the other, cells in raster order; empty
+    /// for an algorithm without levels.
     levels: Vec<LevelCell>,
 }
 

@@ -69,7 +69,7 @@ fn cells_are_learned_and_the_table_decides() {
 fn random_scenes(kind: &str) -> String {
     format!(
         "name = \"{kind}\"\n[source]\nkind = \"arena\"\nseeds = [1, 2]\n[arena]\n\
-         random = \"{kind}\"\nframes = 6\n[arena.rig]\nwidth_px = 160\nheight_px = 120\n"
+         random = \"{kind}\"\nframes = 6\n[arena.rig]\nwidth_px = 320\nheight_px = 240\n"
     )
 }
 

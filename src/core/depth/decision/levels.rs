@@ -20,7 +20,7 @@ const FAR_PX: f64 = 2.0;
 
 /// The levels of a pair, and what their reports are measured with.
 pub struct LevelRule<'a> {
-    /// Of each level that is computed, finest first.
+    /// Tolerances of the levels that are computed, finest first.
     pub tolerances: &'a [Tolerance],
     /// Greatest disparity of each, pixels of the level.
     pub ranges: &'a [i64],
@@ -66,7 +66,10 @@ impl LevelRule<'_> {
 
     fn verdict(&self, levels: &[LevelCell], i: usize) -> LevelVerdict {
         let Some(report) = self.report(&levels[i]) else {
-            return LevelVerdict::NoReport;
+            return match levels[i].evidence {
+                Some(_) => LevelVerdict::Far,
+                None => LevelVerdict::NoReport,
+            };
         };
         let needs_span = levels[i].level > 0 || self.is_outside;
         if needs_span && self.is_narrow(i, report) {
@@ -81,10 +84,12 @@ impl LevelRule<'_> {
         {
             return LevelVerdict::Contradiction;
         }
-        // Beyond 0.9 of this level's range it is blind.
+        // Beyond 0.9 of its range this level is blind, unless it says what the next one sees too
+        // coarsely to decide.
         let coarser = levels.get(i + 1).and_then(|coarser| self.report(coarser));
         if let Some(coarser) = coarser
             && 5 * coarser >= 18 * self.ranges[i]
+            && !(self.is_narrow(i + 1, coarser) && self.agree(i, report, coarser))
         {
             return LevelVerdict::Range;
         }
@@ -205,7 +210,7 @@ mod tests {
         assert_eq!(case.judge(levels), ([Score, Passed, Passed], Some(1)));
         let levels = [NONE, (20.0, 2196), (10.0, 2197)];
         assert_eq!(case.judge(levels), ([NoReport, Score, Passed], Some(2)));
-        // Of none that may, the most probable, of equal ones the finest.
+        // The most probable if none may, the finest of equal ones.
         let levels = [(40.0, -9), (20.0, 100), (10.0, 100)];
         assert_eq!(case.judge(levels), ([Score; 3], Some(1)));
         assert_eq!(case.judge([NONE; 3]), ([NoReport; 3], None));

@@ -6,7 +6,7 @@ use crate::depth::decision::{
     BINS_PER_PX, CellPast, CellPixels, LevelRule, Past, SafeChoice, Tolerance, cell, probability,
 };
 use crate::matcher::MatchContext;
-use crate::stereo::{Cell, CellRule, LevelCell, LevelVerdict};
+use crate::stereo::{Cell, CellRule, LevelCell};
 use rayon::prelude::*;
 
 /// Rules and lattice places of a cell below which cells are outside of the fit of the tables.
@@ -218,10 +218,9 @@ impl Deciding<'_> {
             decision.level,
             self.rule.rig,
         );
-        let is_refused = chosen.is_none() && decision.verdict != LevelVerdict::NoReport;
         Cell {
             // A report that failed a test of its level is not one that may be right.
-            probability: cell.probability.filter(|_| !is_refused),
+            probability: cell.probability.filter(|_| chosen.is_some()),
             ..cell
         }
     }

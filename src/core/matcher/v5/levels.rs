@@ -21,6 +21,9 @@ const MIN_RANGE: usize = 80;
 /// Least lattice places of a cell at a level of several: more say little more, and cost time.
 const MIN_PLACES: usize = 240;
 
+/// Least lattice places of a cell at a coarser level: smaller cells show two surfaces as one.
+const MIN_HALVED_PLACES: usize = 40;
+
 /// Least lattice places of a cell that is not small, as in the fit of all tables but one.
 const USUAL_PLACES: usize = 100;
 
@@ -66,11 +69,21 @@ pub(super) struct Levels {
     pub(super) pixels: Vec<CellPixels>,
 }
 
+impl LevelPlan {
+    /// The largest disparity that any level finds, pixels of the pair.
+    pub(super) fn range_px(&self) -> usize {
+        let levels = 0..sizes(self).len();
+        let range_px = levels.map(|level| range(self.max_disparity, level) << level);
+        range_px.max().unwrap_or(self.max_disparity)
+    }
+}
+
 /// The sizes of an image and its halves, of half images of at least a pixel.
 fn sizes(plan: &LevelPlan) -> Vec<(usize, usize)> {
     let next = |&(width, height): &(usize, usize)| {
-        let is_halved = plan.halves && width > MAX_COARSEST && height / 2 >= 2;
-        is_halved.then_some((width / 2, height / 2))
+        let half = (width / 2, height / 2);
+        let is_large = width > MAX_COARSEST && half.1 >= 2;
+        (plan.halves && is_large && places(half, plan.cells) >= MIN_HALVED_PLACES).then_some(half)
     };
     std::iter::successors(Some(plan.size), next).collect()
 }

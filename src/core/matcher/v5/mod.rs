@@ -183,16 +183,20 @@ impl V5 {
         })
     }
 
-    /// Memory for pairs of `size`, at least 2 x 2, and that many cells.
-    fn reserve(&mut self, size: (usize, usize), cells: usize) -> Result<()> {
-        let plan = LevelPlan {
+    fn plan(&self, size: (usize, usize), cells: usize) -> LevelPlan {
+        LevelPlan {
             size,
             cells,
             max_disparity: self.max_disparity,
             width: self.width,
             halves: self.choice.levels.is_some(),
             has_gaps: self.network.is_some(),
-        };
+        }
+    }
+
+    /// Memory for pairs of `size`, at least 2 x 2, and that many cells.
+    fn reserve(&mut self, size: (usize, usize), cells: usize) -> Result<()> {
+        let plan = self.plan(size, cells);
         // Freed before the new memory is allocated, so that both sizes are never held at once.
         self.levels.take_if(|levels| levels.plan != plan);
         if self.levels.is_none() {
@@ -291,6 +295,10 @@ impl Matcher for V5 {
 
     fn has_run_memory(&self) -> bool {
         self.choice.table.time.is_some()
+    }
+
+    fn range_px(&self, size: (usize, usize), cells: usize) -> Option<i32> {
+        Some(self.plan(size, cells).range_px() as i32)
     }
 
     fn remark(&self) -> Option<String> {

@@ -13,7 +13,7 @@ pub struct V5Model {
     pub network: Option<GapWeights>,
     /// The decision on the median of a cell, of images that are decided at their own size alone.
     pub median: VerdictTable,
-    /// Those of images that are decided at several sizes.
+    /// The decisions on images that are decided at several sizes, and on small cells.
     pub levels: LevelTables,
     /// The decision on its nearest quarter.
     pub near: VerdictTable,
