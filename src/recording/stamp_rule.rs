@@ -3,7 +3,7 @@
 
 const SECOND_NS: u64 = 1_000_000_000;
 
-/// What stamps are in truth, by the user's word.
+/// The unit that the user names for stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampUnit {
     /// Milliseconds, written as nanoseconds.
@@ -19,15 +19,15 @@ pub enum StampUnit {
 pub(crate) enum StampReading {
     #[default]
     AsWritten,
-    /// All of it, in units of so many nanoseconds.
+    /// All of it, in units of that many nanoseconds.
     Whole(u64),
-    /// The part below a second, in units of so many nanoseconds.
+    /// The part below a second, in units of that many nanoseconds.
     BelowSecond(u64),
     /// The message counts as one without a stamp.
     Log,
 }
 
-/// How the stamps of a topic are read.
+/// The reading of a topic's stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct StampRule {
     pub(crate) reading: StampReading,

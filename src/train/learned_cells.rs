@@ -289,9 +289,10 @@ impl LearnedCells {
         for cell in &self.cells {
             let levels = cell.levels.len();
             for (level, sample) in cell.levels.iter().enumerate() {
-                let level_role = match cell.is_small {
-                    true => TableRole::Small,
-                    false => TableRole::for_level(level, levels),
+                let level_role = if cell.is_small {
+                    TableRole::Small
+                } else {
+                    TableRole::for_level(level, levels)
                 };
                 let decides = sample.is_some_and(|sample| {
                     let score = |evidence| level_role.table(model).score(&evidence);
@@ -326,7 +327,7 @@ impl LearnedCells {
     }
 
     /// Fits a table for the nearest quarter, as [`TableSamples::fit`], with its samples;
-    /// the inner `None` if there are none.
+    /// the inner `None` without any.
     pub fn fit_near(
         &self,
         like: &VerdictTable,

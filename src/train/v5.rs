@@ -12,6 +12,7 @@ use svl_core::filter::ModelFacts;
 use svl_core::matcher::V5Model;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_report::table::TerminalStyle;
+use svl_score::notice::Notice;
 use svl_score::scenario::Scenario;
 
 /// A scenario in its file.
@@ -111,23 +112,7 @@ pub fn train_v5(
         bar.step();
         !interrupt::requested()
     };
-    let (mut tables, mut refusal) = (Vec::new(), None);
-    for role in TableRole::ALL {
-        let samples = learned.samples(role, &model);
-        let fitted = &samples.samples[..samples.fitted()];
-        if let Err(why) = check(fitted) {
-            refusal = refusal.or((!fitted.is_empty()).then_some(why));
-            continue;
-        }
-        let present = role.table(&model).clone();
-        let fit = samples.fit(&present, step).ok_or(Error::Interrupted)?;
-        tables.push(CellTraining::new(role, &present, &samples, &fit));
-        *role.table_mut(&mut model) = fit.table;
-    }
-    if tables.is_empty() {
-        let none = || Error::Invalid("no cell has a truth and a report".to_owned());
-        return Err(refusal.unwrap_or_else(none));
-    }
+    let tables = fit_tables(&learned, &mut model, step)?;
     let near = learned
         .fit_near(&model.near, step)
         .ok_or(Error::Interrupted)?;
@@ -154,19 +139,7 @@ pub fn train_v5(
     } else {
         time
     };
-    // What earlier reports say does not depend on the size.
-    for role in &TableRole::ALL[1..] {
-        let time = model.median.time.clone();
-        let is_fitted = tables.iter().any(|table| table.table == *role);
-        let table = role.table_mut(&mut model);
-        if is_fitted && *role != TableRole::Small {
-            table.base -= SEVERAL_CHANCES;
-        }
-        table.time = time.map(|time| TimeTable {
-            least_score: table.least_score,
-            ..time
-        });
-    }
+    complete_levels(&mut model, &tables);
     Ok(TrainedV5 {
         training: V5Training {
             network: network.map(|network| network.training),
@@ -176,6 +149,60 @@ pub fn train_v5(
         },
         model,
     })
+}
+
+/// Fits the tables that have cells; others are kept, with a warning if they have too few.
+///
+/// # Errors
+/// [`Error::Invalid`] if no table can be fitted; [`Error::Interrupted`].
+fn fit_tables(
+    learned: &LearnedCells,
+    model: &mut V5Model,
+    step: impl Fn() -> bool + Sync + Copy,
+) -> Result<Vec<CellTraining>> {
+    let (mut tables, mut refused) = (Vec::new(), Vec::new());
+    for role in TableRole::ALL {
+        let samples = learned.samples(role, model);
+        let fitted = &samples.samples[..samples.fitted()];
+        if fitted.is_empty() {
+            continue;
+        }
+        if let Err(why) = check(fitted) {
+            refused.push((role, why));
+            continue;
+        }
+        let present = role.table(model).clone();
+        let fit = samples.fit(&present, step).ok_or(Error::Interrupted)?;
+        tables.push(CellTraining::new(role, &present, &samples, &fit));
+        *role.table_mut(model) = fit.table;
+    }
+    if tables.is_empty() {
+        let first = refused.into_iter().next().map(|(_, why)| why);
+        let none = || Error::Invalid("no cell has a truth and a report".to_owned());
+        return Err(first.unwrap_or_else(none));
+    }
+    for (role, why) in refused {
+        let text = format!("the table for {} is kept: {why}", role.words());
+        Notice::new([], text).warn();
+    }
+    Ok(tables)
+}
+
+/// Completes the tables of several sizes: earlier reports count as at one size, and each of those
+/// that were fitted is one of several chances.
+fn complete_levels(model: &mut V5Model, fitted: &[CellTraining]) {
+    let time = model.median.time.clone();
+    for role in &TableRole::ALL[1..] {
+        let is_fitted = fitted.iter().any(|table| table.table == *role);
+        let table = role.table_mut(model);
+        if is_fitted && *role != TableRole::Small {
+            table.base -= SEVERAL_CHANCES;
+        }
+        table.time = time.clone().map(|time| TimeTable {
+            least_score: table.least_score,
+            ..time
+        });
+    }
 }
 
 fn learn_network(

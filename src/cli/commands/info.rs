@@ -53,9 +53,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         None => None,
     };
     let file = live.as_ref().map_or_else(|| args.file.clone(), Heard::bag);
-    let is_recording = match file.is_dir() {
-        true => is_bag(&file),
-        false => !SourceKind::is_unrecorded(&name),
+    let is_recording = if file.is_dir() {
+        is_bag(&file)
+    } else {
+        !SourceKind::is_unrecorded(&name)
     };
     let parts = if is_recording { files(&file)?.len() } else { 1 };
     // The pairs of a bag of several files are read, the messages of one at a time.

@@ -179,7 +179,8 @@ impl MatchCell {
             let reason = cell.reason.unwrap_or(by_pixels);
             let levels = levels.get(i).copied().unwrap_or_default();
             let count = levels.last().map_or(1, |last| usize::from(last.level) + 1);
-            let table = choice.map(|choice| choice.table(cell.level.into(), count, is_small));
+            let table =
+                choice.map(|choice| choice.table_of_level(cell.level.into(), count, is_small));
             Self::new(report, cell, reason, (table, levels))
         });
         cells.collect()

@@ -21,7 +21,7 @@ pub struct CalibrationCheck {
     pub value: f64,
     /// Least and greatest usual value.
     pub usual: [f64; 2],
-    /// The likely mistake and its cure, in words; none of a usual value.
+    /// The likely mistake and its cure, in words; `None` for a usual value.
     pub doubt: Option<String>,
 }
 
@@ -39,7 +39,11 @@ impl CalibrationCheck {
     /// The principal points of two cameras; of both, the one farther from the middle.
     fn centers(name: &'static str, kind: &str, cameras: [((f64, f64), (usize, usize)); 2]) -> Self {
         let off = |((x, y), (width, height)): ((f64, f64), (usize, usize))| {
-            let off = |at: f64, side: usize| ((at + 0.5) / side as f64 - 0.5).abs();
+            // A size of 0 was not set.
+            let off = |at: f64, side: usize| match side {
+                0 => 0.0,
+                _ => ((at + 0.5) / side as f64 - 0.5).abs(),
+            };
             off(x, width).max(off(y, height))
         };
         let [left, right] = cameras.map(off);
@@ -156,6 +160,8 @@ mod tests {
         let words = "the principal point (670, 240) of the right rectified camera is outside its";
         assert!(doubts((320.0, 240.0), 350.0).contains(words));
         assert!(doubts((f64::MAX, 240.0), 0.0).contains("outside"));
+        let rig = Rig::new(500.0, (160.0, 120.0), 0.1, 0.0).unwrap();
+        assert_eq!(doubt(&rig.checks((0, 0))), "");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What every door refuses in a stereo calibration: lengths of another unit, a wrong offset of
+//! Limits beyond which a stereo calibration is refused: lengths of another unit, a wrong offset of
 //! disparities, images of another size.
 
 use crate::error::{Error, Result};
@@ -32,9 +32,10 @@ pub(super) fn check_baseline(baseline: f64, unit: LengthUnit) -> Result<()> {
         (MILLI, "metres", "millimetres")
     };
     let likely = baseline * factor;
-    let likely = match BASELINES_M.contains(&likely) {
-        true => format!(": likely {likely:.4} m, written in {is} where {expected} are expected"),
-        false => String::new(),
+    let likely = if BASELINES_M.contains(&likely) {
+        format!(": likely {likely:.4} m, written in {is} where {expected} are expected")
+    } else {
+        String::new()
     };
     Err(Error::Rig(format!(
         "its baseline of {baseline:.3e} m is not between 0.5 mm and 30 m{likely}"
@@ -48,7 +49,7 @@ pub(super) fn check_baseline(baseline: f64, unit: LengthUnit) -> Result<()> {
 #[doc(hidden)]
 pub fn check_doffs(doffs_px: f64, left_cx_px: f64, right_cx_px: f64) -> Result<()> {
     let apart = right_cx_px - left_cx_px;
-    // NaN is none.
+    // NaN fails the comparison.
     if (doffs_px - apart).abs() <= DOFFS_TOLERANCE_PX {
         return Ok(());
     }

@@ -123,9 +123,10 @@ impl MeasuredScales {
             algorithms: algorithms.clone(),
         };
         if let Some(doubt) = by(others).truth_doubt() {
-            let either = match matched.is_empty() {
-                true => ", or the unit of the recorded map is wrong",
-                false => "",
+            let either = if matched.is_empty() {
+                ", or the unit of the recorded map is wrong"
+            } else {
+                ""
             };
             return vec![format!("the truth is doubtful: {doubt}{either}")];
         }

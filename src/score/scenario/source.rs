@@ -138,7 +138,7 @@ pub struct SourceOptions {
     pub allow_loss: Option<LossLimit>,
 }
 
-/// What the stamps of a recording are in truth.
+/// The unit that the user names for the stamps of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum StampSource {

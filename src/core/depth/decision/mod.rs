@@ -55,7 +55,7 @@ pub struct LevelTables {
 
 impl SafeChoice {
     /// The table of a level, of that many, for small cells or others.
-    pub fn table(&self, level: usize, levels: usize, is_small: bool) -> &VerdictTable {
+    pub fn table_of_level(&self, level: usize, levels: usize, is_small: bool) -> &VerdictTable {
         match &self.levels {
             Some(tables) if is_small => &tables.small,
             Some(tables) if levels > 1 && level + 1 == levels => &tables.coarsest,

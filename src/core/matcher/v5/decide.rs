@@ -179,7 +179,9 @@ impl Deciding<'_> {
         before: &CellPast,
     ) -> CellPast {
         let number = decision.level.into();
-        let table = self.choice.table(number, self.count, self.is_small);
+        let table = self
+            .choice
+            .table_of_level(number, self.count, self.is_small);
         let tolerance = &self.rule.tolerances[level];
         let evidence = table.evidence(pixels, tolerance);
         let own = table.score(&evidence);

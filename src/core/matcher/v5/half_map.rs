@@ -27,6 +27,8 @@ pub(super) struct HalfMap {
     winners: [Vec<u8>; 3],
     /// 1 for a pixel that is seen.
     seen: Vec<u8>,
+    /// True if any pixel is.
+    sees: bool,
     /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
     filled: Vec<i16>,
     bands: Vec<BandScratch>,
@@ -93,6 +95,7 @@ impl HalfMap {
             why: buffer(Reason::Border, pixels)?,
             winners: [buffer(0, pixels)?, buffer(0, pixels)?, buffer(0, pixels)?],
             seen: buffer(0, pixels)?,
+            sees: false,
             filled: buffer(0, pixels)?,
             bands: (0..height.div_ceil(band_rows))
                 .map(|_| scratch())
@@ -173,7 +176,7 @@ impl HalfMap {
                 fill_row(&bins[y * width..][..width], seen, jump, filled);
             }
         });
-        fill_empty_rows(&self.seen, width, &mut self.filled);
+        self.sees = fill_empty_rows(&self.seen, width, &mut self.filled);
     }
 
     /// The pixels for the weighing of gaps.
@@ -195,7 +198,7 @@ impl HalfMap {
 
     /// True if any pixel is seen.
     pub(super) fn sees(&self) -> bool {
-        self.seen.contains(&1)
+        self.sees
     }
 
     /// Bins, seen flags, and the sum of the costs, for the columns of a row.

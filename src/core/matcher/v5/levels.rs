@@ -34,7 +34,7 @@ const AGREEING_BINS: u16 = 12;
 /// least: neighbouring rows say nearly the same.
 const LATTICE: [u32; 2] = [1, 2];
 
-/// What memory is made for.
+/// The images and parameters that memory is made for.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct LevelPlan {
     /// Size of the pair, at least 2 x 2.

@@ -12,7 +12,8 @@ const MAX_ROUNDING_NS: u64 = 1_000;
 const BURST: f64 = 3.0;
 /// Offsets are compared if the log times of both topics run alike against their stamps.
 const MAX_SPEED_RATIO: f64 = 1.5;
-/// A rate that no sensor has, and the ratio to that by log times from which on it is none.
+/// Greatest rate of a sensor by its stamps, and the ratio of a higher one to that by log times from
+/// which on it is refused.
 const MAX_RATE_HZ: f64 = 500.0;
 const UNIT_RATIO: f64 = 100.0;
 /// Largest difference of a ratio from that of a unit.
@@ -67,7 +68,7 @@ pub struct ClockOffset {
     pub median_ns: i64,
     /// From the fifth to the 95th percentile.
     pub spread_ns: i64,
-    /// At least as far from 0, and in the same direction, are four fifths of the messages.
+    /// At least as far from 0, and in the same direction, are three fifths of the messages.
     #[serde(skip)]
     pub(super) usual_ns: i64,
 }
@@ -79,7 +80,7 @@ impl ClockOffset {
         Some(Self {
             median_ns: rank(0.5)?,
             spread_ns: rank(0.95)?.saturating_sub(rank(0.05)?),
-            usual_ns: rank(0.2)?.max(0).max(rank(0.8)?.saturating_neg()),
+            usual_ns: rank(0.4)?.max(0).max(rank(0.6)?.saturating_neg()),
         })
     }
 }

@@ -1,7 +1,7 @@
 //! The clock of each topic, by the proof beside its stamps: the log times.
 //!
 //! Offsets are compared with those of the left images at equal log times, so that a log clock that
-//! runs at another speed, as that of a slowed simulation, is none of a topic.
+//! runs at another speed, as that of a slowed simulation, is not taken for an offset.
 
 mod faults;
 mod measure;
@@ -26,7 +26,7 @@ use svl_core::stereo::Side;
 pub struct ClockTable {
     /// By name, as their stamps are read.
     pub topics: Vec<TopicClock>,
-    /// What is wrong with them, each with its cure.
+    /// The faults of them, each with its cure.
     pub faults: Vec<ClockFault>,
     #[serde(skip)]
     rules: BTreeMap<String, StampRule>,

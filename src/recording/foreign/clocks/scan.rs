@@ -216,7 +216,7 @@ impl ClockScan {
         Some((topic, sample))
     }
 
-    /// True if each camera has so many first images.
+    /// True if each camera has at least that many first images.
     pub(crate) fn has_images(&self, least: usize) -> bool {
         let mut images = self.images.iter().map(|topic| self.topics.get(topic));
         images.all(|topic| topic.is_some_and(|topic| topic.first.len() >= least))

@@ -201,6 +201,15 @@ fn a_right_clock_permits_no_pair_without_its_offset() {
         };
         assert!(table_with(&messages, &left).permits_pairs());
     }
+    // A clock that steps in the first third is wrong for most of the recording.
+    let stepped = stamped(Some(IMAGES[1]), |stamp| {
+        if stamp - BEGIN < 6 * S {
+            stamp
+        } else {
+            stamp - 300 * MS
+        }
+    });
+    assert!(!table(&stepped).permits_pairs());
     // Half a period is the latency of a slower node.
     let mut slow = robot();
     slow[1].latency_ns += 16 * MS;

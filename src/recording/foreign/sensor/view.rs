@@ -433,7 +433,7 @@ fn pinhole(
 fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
     let f = rig.focal_px();
-    // Distorted pixels are none of the rectified images.
+    // Distorted pixels are not those of the rectified images.
     let is_plain = camera.distortion().is_none();
     let apart = [
         fx - f,
