@@ -15,7 +15,7 @@ for run in "arena 320 301..303 7" "arena 640 301..303 7" "arena 960 301..303 14"
   sed "s/width_px = 320/width_px = $width/; s/height_px = 240/height_px = $((width * 3 / 4))/" \
     "scenarios/$kind.toml" > "$scenario"
   range=$((width / 4))
-  "$svl" score "$scenario" --algo "v5=v5:max_disparity=$range" --algo "sgm=sgm:max_disparity=$range" --seeds "$seeds" \
+  "$svl" score "$scenario" --algo "v5:max_disparity=$range" --algo "sgm:max_disparity=$range" --seeds "$seeds" \
     --every "$every" --rerun none --quiet --force -o "reports/v5-sizes-$kind-$width" > /dev/null
   python3 - "reports/v5-sizes-$kind-$width" "$kind $width" << 'PYTHON'
 import collections, csv, sys

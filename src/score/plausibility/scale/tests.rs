@@ -74,7 +74,7 @@ fn a_constant_factor_is_named_with_the_unit_that_cures_it() {
     ] {
         let words = doubt("d/*.png", factor).unwrap_or_default();
         let expected = format!(
-            "its distances are {factor} times those of every algorithm (bm, v3); \
+            "the truth is doubtful: its distances are {factor} times those of every algorithm (bm, v3); \
              likely --truth 'd/*.png:{cure}'"
         );
         assert!(words.starts_with(&expected), "{words}");
@@ -92,8 +92,9 @@ fn disparities_read_as_depths_are_named() {
         words.ends_with("likely --truth 'd/*.png:disparity=256'"),
         "{words}"
     );
-    // No option says so for a topic.
-    assert_eq!(doubt("/depth", as_depth, Vec::new()), None);
+    // A topic has them as another type, not by an option.
+    let words = doubt("/depth", as_depth, Vec::new()).unwrap();
+    assert!(words.ends_with("stereo_msgs/DisparityImage"), "{words}");
 }
 
 #[test]
