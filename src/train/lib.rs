@@ -16,7 +16,7 @@ pub use cells::{CellTraining, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
 pub use gaps::GapTraining;
 pub use kinds::{KindCells, ReportedCells, TableFigures};
-pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario};
+pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario, TableRole, TableSamples};
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{scenario_filters, with_filters};
 pub use v5::{NearTraining, TrainedV5, TrainingScenario, V5Training, train_v5};
