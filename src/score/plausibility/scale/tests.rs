@@ -74,8 +74,8 @@ fn a_constant_factor_is_named_with_the_unit_that_cures_it() {
     ] {
         let words = doubt("d/*.png", factor).unwrap_or_default();
         let expected = format!(
-            "the truth is doubtful: its distances are {factor} times those of every algorithm (bm, v3); \
-             likely --truth 'd/*.png:{cure}'"
+            "the truth is doubtful: its distances are {factor} times those of every algorithm \
+             (bm, v3); likely --truth 'd/*.png:{cure}'"
         );
         assert!(words.starts_with(&expected), "{words}");
     }
