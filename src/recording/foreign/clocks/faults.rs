@@ -1,8 +1,9 @@
 //! Faults of clocks, in words, with their cures.
 
 use super::super::Selection;
-use super::measure::{ClockOffset, TopicClock, WrongUnit};
-use super::scan::{ClockRole, ClockScan, MIN_MESSAGES};
+use super::measure::{ClockOffset, RightClock, TopicClock, WrongUnit};
+use super::scan::{ClockRole, ClockScan, TopicScan};
+use super::steps::BinOffset;
 use crate::stamp_rule::StampUnit;
 use std::fmt;
 
@@ -38,31 +39,59 @@ impl fmt::Display for ClockFault {
 /// The clocks of the topics, to be checked against each other.
 pub(super) struct ClockCheck<'a> {
     clocks: &'a [TopicClock],
-    left: Option<&'a TopicClock>,
-    right: &'a str,
     selection: &'a Selection,
     images: &'a [String; 2],
+    /// The clock of the right calibrations, if they have the stamps of the images.
+    right_info: Option<&'a TopicClock>,
+    /// The options that take log times for all stamps.
+    by_log: String,
 }
 
 impl<'a> ClockCheck<'a> {
     pub(super) fn new(
-        images: &'a [String; 2],
+        scan: &'a ClockScan,
         clocks: &'a [TopicClock],
+        right_info: Option<&str>,
         selection: &'a Selection,
     ) -> Self {
-        let [left, right] = images;
+        let first = |topic: &str| scan.topics.get(topic).map(|topic| &topic.first[..]);
+        let right = first(&scan.images[1]).and_then(<[_]>::first);
+        let right_info = right_info.filter(|info| {
+            let mut infos = first(info).into_iter().flatten();
+            right.is_some_and(|right| infos.any(|info| info.stamp_ns == right.stamp_ns))
+        });
+        let skew_ns = scan.log_skew_ns().unwrap_or(0);
+        // Some are later than the first ones.
+        let skew_ms = (skew_ns + skew_ns / 4).div_ceil(1_000_000);
+        let by_log = if skew_ms * 1_000_000 > selection.max_skew_ns {
+            format!("`--stamps log --max-skew-ms {skew_ms}`")
+        } else {
+            "`--stamps log`".to_owned()
+        };
         Self {
             clocks,
-            left: clocks.iter().find(|clock| clock.topic == *left),
-            right,
             selection,
-            images,
+            images: &scan.images,
+            right_info: right_info.and_then(|info| clocks.iter().find(|clock| clock.topic == info)),
+            by_log,
         }
     }
 
+    fn clock(&self, topic: &str) -> Option<&'a TopicClock> {
+        self.clocks.iter().find(|clock| clock.topic == topic)
+    }
+
     pub(super) fn faults(&self) -> Vec<ClockFault> {
-        let used = self.clocks.iter().filter(|clock| clock.matters);
+        let followers = self.followers();
+        let is_named = |clock: &&TopicClock| {
+            clock.matters
+                && !followers
+                    .iter()
+                    .any(|follower| follower.topic == clock.topic)
+        };
+        let used = self.clocks.iter().filter(is_named);
         let mut faults: Vec<_> = used.filter_map(|clock| self.fault(clock)).collect();
+        faults.extend(self.left_fault(&followers));
         faults.extend(self.early(&faults));
         faults
     }
@@ -76,45 +105,157 @@ impl<'a> ClockCheck<'a> {
         };
         if let Some(wrong) = clock.wrong_unit {
             let is_image = self.images.contains(&clock.topic);
-            return Some(fault(unit_words(clock, wrong), is_image, true));
+            return Some(fault(self.unit_words(clock, wrong), is_image, true));
+        }
+        if let Some(right) = &clock.right {
+            let words = self.right_words(clock, right)?;
+            return Some(fault(words, self.denies(), false));
         }
         let behind = clock.behind?;
-        if clock.topic == self.right {
-            let is_told = self.selection.right_offset_ns.is_some();
-            let is_off = is_beyond(clock, MIN_RIGHT_NS, RIGHT_PERIODS * self.period_ns(clock));
-            return is_off.then(|| {
-                let shift_ns = clock.shift_ns.unwrap_or(behind.median_ns);
-                fault(self.right_words(&behind, shift_ns), !is_told, false)
-            });
-        }
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
         is_off.then(|| {
-            let words = behind_words(&behind);
-            let cure = "correct its stamps, or `--stamps log` takes log times for all stamps";
-            fault(
-                format!("by the log times its clock is {words}: {cure}"),
-                false,
-                false,
-            )
+            let words = format!(
+                "by the log times its clock is {}: correct its stamps, or {} takes log times for \
+                 all stamps",
+                behind_words(&behind),
+                self.by_log
+            );
+            fault(words, false, false)
+        })
+    }
+
+    /// True if a clock of the cameras permits no pair, as the user does not say otherwise.
+    fn denies(&self) -> bool {
+        self.selection.right_offset_ns.is_none()
+    }
+
+    fn right_limit_ns(&self, clock: &TopicClock) -> f64 {
+        MIN_RIGHT_NS.max(RIGHT_PERIODS * self.period_ns(clock))
+    }
+
+    /// True if the clock of the right images is off, and not the images late: that their
+    /// calibrations of the same stamps would not be.
+    fn is_right_off(&self, clock: &TopicClock, right: &RightClock) -> bool {
+        let limit_ns = self.right_limit_ns(clock);
+        let infos = self.right_info.and_then(|info| info.behind);
+        let are_infos_right =
+            infos.is_some_and(|behind| (behind.median_ns.unsigned_abs() as f64) < limit_ns / 2.0);
+        is_beyond(clock, MIN_RIGHT_NS, limit_ns) && !right.is_late && !are_infos_right
+    }
+
+    /// The right images and the other topics whose clocks agree with theirs, not with that of the
+    /// left ones; none if one agrees with that.
+    fn followers(&self) -> Vec<&'a TopicClock> {
+        let [left, right] = &self.images;
+        let Some(right) = self.clock(right) else {
+            return Vec::new();
+        };
+        let off = right
+            .right
+            .as_ref()
+            .filter(|off| self.is_right_off(right, off));
+        let Some((behind, _)) = right.behind.zip(off) else {
+            return Vec::new();
+        };
+        let others = self.clocks.iter().filter(|clock| {
+            let is_other = clock.topic != *left && clock.topic != right.topic;
+            is_other && clock.role != ClockRole::Calibration && clock.behind.is_some()
+        });
+        let others: Vec<_> = others.collect();
+        let limit_ns = self
+            .right_limit_ns(right)
+            .min(behind.median_ns.unsigned_abs() as f64 / 2.0);
+        let agrees = |clock: &&TopicClock| {
+            let median_ns = clock.behind.map_or(0, |other| other.median_ns);
+            median_ns.abs_diff(behind.median_ns) as f64 <= limit_ns
+        };
+        if others.is_empty() || !others.iter().all(agrees) {
+            return Vec::new();
+        }
+        others.into_iter().chain([right]).collect()
+    }
+
+    /// The fault of the left images, whose clock is the odd one out.
+    fn left_fault(&self, followers: &[&TopicClock]) -> Option<ClockFault> {
+        let (right, others) = followers.split_last()?;
+        let behind = right.behind?;
+        let ahead = ClockOffset {
+            median_ns: behind.median_ns.saturating_neg(),
+            ..behind
+        };
+        let others: Vec<_> = others.iter().map(|clock| clock.topic.as_str()).collect();
+        let whose = format!("those of {} and {}", others.join(", "), right.topic);
+        let right_ms = right.right.as_ref()?.shift_ns as f64 / 1e6;
+        let reason = format!(
+            "by the log times its clock is {}, and pairs by stamp are of different moments: {} \
+             takes log times for all stamps; `--right-offset-ms {right_ms:.1}` moves the right \
+             stamps to this clock, for pairs alone; 0 leaves them",
+            offset_words(&ahead, &whose),
+            self.by_log
+        );
+        Some(ClockFault {
+            topic: self.images[0].clone(),
+            reason,
+            denies_pairs: self.denies(),
+            is_of_unit: false,
         })
     }
 
     /// The slower one's period, of a topic and the left images.
     fn period_ns(&self, clock: &TopicClock) -> f64 {
-        let both = [Some(clock), self.left].into_iter().flatten();
+        let both = [Some(clock), self.clock(&self.images[0])]
+            .into_iter()
+            .flatten();
         let periods = both.filter_map(|clock| Some(1e9 / clock.stamps_hz?.min(clock.log_hz?)));
         periods.fold(0.0, f64::max)
     }
 
-    fn right_words(&self, behind: &ClockOffset, shift_ns: i64) -> String {
+    /// The fault of the right images; `None` without one.
+    fn right_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
         let told = self.selection.right_offset_ns.unwrap_or_default();
-        let right_ms = shift_ns.saturating_add(told) as f64 / 1e6;
+        if self.is_right_off(clock, right) {
+            let right_ms = right.shift_ns.saturating_add(told) as f64 / 1e6;
+            return Some(format!(
+                "by the log times its clock is {}, and pairs by stamp are of different moments: \
+                 `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
+                behind_words(&clock.behind?)
+            ));
+        }
+        let limit_ns = self.right_limit_ns(clock) + right.jitter_ns;
+        let (usual_ns, BinOffset { log_ns, ns }) = right.bins.step(limit_ns)?;
+        let first_ns = right.bins.offsets.first()?.log_ns;
+        Some(format!(
+            "by the log times its clock steps against that of the left images: it is {} s behind, \
+             and {} s from {:.0} s after the beginning on, and pairs by stamp are of different \
+             moments: {} takes log times for all stamps; `--right-offset-ms 0` leaves them",
+            seconds(usual_ns),
+            seconds(ns),
+            log_ns.saturating_sub(first_ns) as f64 / 1e9,
+            self.by_log
+        ))
+    }
+
+    fn unit_words(&self, clock: &TopicClock, wrong: WrongUnit) -> String {
+        let WrongUnit { unit, stamps_hz } = wrong;
+        let log_hz = clock.log_hz.unwrap_or_default();
+        let rates =
+            format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
+        let (unit, option) = match unit {
+            Some(StampUnit::Milliseconds) => ("milliseconds", "ms"),
+            Some(_) => ("microseconds", "us"),
+            None => {
+                return format!(
+                    "{rates}: its stamps are no time, as those that count images; {} takes log \
+                     times for all stamps",
+                    self.by_log
+                );
+            }
+        };
         format!(
-            "by the log times its clock is {}, and pairs by stamp are of different moments: \
-             `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
-            behind_words(behind)
+            "{rates}: its stamps are {unit}, written as nanoseconds; `--stamps {option}` reads \
+             them so"
         )
     }
 
@@ -146,7 +287,8 @@ impl<'a> ClockCheck<'a> {
             topic: first.topic.clone(),
             reason: format!(
                 "stamps are later than their log times, so that their clock is not the recorder's: \
-                 {words}; `--stamps log` takes log times for all stamps"
+                 {words}; {} takes log times for all stamps",
+                self.by_log
             ),
             denies_pairs: false,
             is_of_unit: false,
@@ -159,9 +301,14 @@ impl<'a> ClockCheck<'a> {
 fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     let limit_ns = least_ns.max(periods_ns).max(clock.noise_ns);
     clock.behind.is_some_and(|behind| {
+        // A recorder that stalls makes some messages late, and batches make most.
         let median_ns = behind.median_ns.unsigned_abs() as f64;
         // A recorder that stalls makes some messages late.
-        median_ns > limit_ns && behind.usual_ns as f64 > limit_ns / 2.0
+        let floor_ns = clock
+            .floor_ns
+            .unwrap_or(0)
+            .saturating_mul(behind.median_ns.signum());
+        median_ns > limit_ns && behind.usual_ns.min(floor_ns) as f64 > limit_ns / 2.0
     })
 }
 
@@ -177,37 +324,39 @@ pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
     }
 }
 
-/// Images that come twice.
+/// Messages that come several times.
 pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
-    let images = scan.images.iter().filter_map(|topic| {
-        let found = scan.topics.get(topic)?;
-        Some((topic, found, found.first.len() as u64))
-    });
-    let doubled = images.filter(|(_, topic, messages)| {
-        // Half of them but for an incomplete one at either end; those of a camera at rest follow
-        // each other.
-        let half = messages / 2;
-        *messages >= MIN_MESSAGES as u64
-            && topic.copies == topic.lone_copies
-            && (half.saturating_sub(1)..=half).contains(&topic.copies)
-    });
-    let doubled: Vec<_> = doubled.collect();
-    let cure = match &doubled[..] {
-        [_] => "copies without partners are lost, which `--allow-loss` allows",
-        _ => "`--every 2` takes each once",
-    };
-    let faults = doubled
-        .into_iter()
-        .map(|(topic, found, messages)| ClockFault {
-            topic: topic.clone(),
+    let is_used =
+        |topic: &TopicScan| matches!(topic.role, ClockRole::Image | ClockRole::Measurement);
+    let topics = scan.topics.iter().filter(|(_, topic)| is_used(topic));
+    let copied = topics.filter_map(|(name, topic)| Some((name, topic, topic.copies()?)));
+    let faults = copied.map(|(name, topic, copies)| {
+        let partner = scan.images.iter().filter(|other| *other != name);
+        let mut partner = partner.filter_map(|other| scan.topics.get(other)?.copies());
+        let is_image = scan.images.contains(name);
+        let cure = if !is_image {
+            "leave it out as a truth, or keep the first of each: a copy is as old as that"
+                .to_owned()
+        } else if !topic.repeats_stamps() && partner.next() == Some(copies) {
+            format!("`--every {copies}` takes each once")
+        } else {
+            "copies without partners are lost, which `--allow-loss` allows".to_owned()
+        };
+        let times = match copies {
+            2 => "twice".to_owned(),
+            more => format!("{more} times"),
+        };
+        ClockFault {
+            topic: name.clone(),
             reason: format!(
-                "every image comes twice: of the first {messages}, {} are equal to the one before; \
-             {cure}",
-                found.copies
+                "every message comes {times}: the first {} are {} and copies of them; {cure}",
+                topic.first.len(),
+                topic.runs.len()
             ),
             denies_pairs: false,
             is_of_unit: false,
-        });
+        }
+    });
     faults.collect()
 }
 
@@ -216,34 +365,19 @@ fn seconds(ns: i64) -> String {
 }
 
 fn behind_words(behind: &ClockOffset) -> String {
+    offset_words(behind, "that of the left images")
+}
+
+/// `whose`: the clock that it is compared with.
+fn offset_words(behind: &ClockOffset, whose: &str) -> String {
     let direction = if behind.median_ns > 0 {
         "behind"
     } else {
         "ahead of"
     };
     format!(
-        "{} s {direction} that of the left images (median; spread {} s)",
+        "{} s {direction} {whose} (median; spread {} s)",
         seconds(behind.median_ns.saturating_abs()),
         seconds(behind.spread_ns)
     )
-}
-
-fn unit_words(clock: &TopicClock, WrongUnit { unit, stamps_hz }: WrongUnit) -> String {
-    let log_hz = clock.log_hz.unwrap_or_default();
-    let rates =
-        format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
-    match unit {
-        Some(StampUnit::Milliseconds) => format!(
-            "{rates}: its stamps are milliseconds, written as nanoseconds; `--stamps ms` reads \
-             them so"
-        ),
-        Some(_) => format!(
-            "{rates}: its stamps are microseconds, written as nanoseconds; `--stamps us` reads \
-             them so"
-        ),
-        None => format!(
-            "{rates}: its stamps are no time, as those that count images; `--stamps log` takes log \
-             times for all stamps"
-        ),
-    }
 }

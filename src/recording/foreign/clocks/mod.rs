@@ -6,6 +6,7 @@
 mod faults;
 mod measure;
 mod scan;
+mod steps;
 
 use super::{Selection, choose, topics};
 use crate::Recording;
@@ -49,7 +50,8 @@ impl ClockTable {
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
         let right = &scan.images[Side::Right as usize];
-        let right = [Some(right.clone()), topics::calibration(channels, right)];
+        let info = topics::calibration(channels, right);
+        let right = [Some(right.clone()), info.clone()];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
             let rule = StampRule {
@@ -66,7 +68,7 @@ impl ClockTable {
             }
         }
         let clocks = scan.measured(&rules);
-        let check = ClockCheck::new(&scan.images, &clocks, selection);
+        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
         let mut faults = check.faults();
         faults.extend(copies(scan));
         if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
