@@ -223,7 +223,7 @@ impl<'a> ClockCheck<'a> {
                 behind_words(&clock.behind?)
             ));
         }
-        let limit_ns = self.right_limit_ns(clock) + right.jitter_ns;
+        let limit_ns = self.right_limit_ns(clock) + right.bin_noise_ns;
         let (usual_ns, BinOffset { log_ns, ns }) = right.bins.step(limit_ns)?;
         let first_ns = right.bins.offsets.first()?.log_ns;
         Some(format!(

@@ -64,8 +64,9 @@ pub(super) struct RightClock {
     pub(super) shift_ns: i64,
     /// True if the first images of both have the same stamp, but were logged that far apart.
     pub(super) is_late: bool,
-    /// From the fifth to the 95th percentile of the delays around their medians, of both.
-    pub(super) jitter_ns: f64,
+    /// Part of the difference of two bins that random latencies, and log times of another speed
+    /// than that of the stamps, explain.
+    pub(super) bin_noise_ns: f64,
     pub(super) bins: OffsetBins,
 }
 
@@ -156,6 +157,16 @@ impl TopicTimes {
     fn speed(&self) -> Option<f64> {
         let [stamps_hz, log_hz] = self.rates;
         Some(log_hz? / stamps_hz?)
+    }
+
+    /// Difference of the log times' speed from that of the stamps, all over the recording.
+    fn drift(&self) -> f64 {
+        let span = |time: fn(&TimedMessage) -> u64| {
+            let ends = [self.all.first(), self.all.last()].map(|end| end.map(time));
+            Some(ends[1]?.abs_diff(ends[0]?) as f64)
+        };
+        let spans = span(|sample| sample.stamp_ns).zip(span(|sample| sample.log_ns));
+        spans.map_or(0.0, |(stamps, logs)| (1.0 - stamps / logs).abs())
     }
 
     /// Period by the log times; of a topic of few messages at least that.
@@ -250,7 +261,7 @@ impl TopicTimes {
         RightClock {
             shift_ns: self.shift_ns(left, behind.median_ns),
             is_late: self.all.first().zip(left.all.first()).is_some_and(is_late),
-            jitter_ns: self.jitter_ns() + left.jitter_ns(),
+            bin_noise_ns: self.jitter_ns() + left.jitter_ns() + left.drift() * bins.width_ns as f64,
             bins,
         }
     }

@@ -18,7 +18,7 @@ pub(super) struct BinOffset {
 /// The offsets of the bins that have images of both cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OffsetBins {
-    width_ns: u64,
+    pub(super) width_ns: u64,
     /// Index of the current bin, with the least delay of each camera.
     current: (u64, [Option<i64>; 2]),
     pub(super) offsets: Vec<BinOffset>,
