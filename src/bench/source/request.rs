@@ -50,7 +50,8 @@ impl<'a> Request<'a> {
         Self { maps, ..self }
     }
 
-    pub(super) fn selection(&self) -> Selection {
+    /// The topics of a recording, and the rules by which they are paired.
+    pub fn selection(&self) -> Selection {
         let options = &self.options;
         Selection {
             left: options.left.clone(),

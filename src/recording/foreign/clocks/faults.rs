@@ -3,7 +3,7 @@
 use super::super::Selection;
 use super::measure::{ClockOffset, RightClock, TopicClock, WrongUnit};
 use super::scan::{ClockRole, ClockScan, TopicScan};
-use super::steps::BinOffset;
+use super::steps::{OffsetBins, StepWatch};
 use crate::stamp_rule::StampUnit;
 use std::fmt;
 
@@ -223,18 +223,27 @@ impl<'a> ClockCheck<'a> {
                 behind_words(&clock.behind?)
             ));
         }
-        let limit_ns = self.right_limit_ns(clock) + right.bin_noise_ns;
-        let (usual_ns, BinOffset { log_ns, ns }) = right.bins.step(limit_ns)?;
-        let first_ns = right.bins.offsets.first()?.log_ns;
-        Some(format!(
-            "by the log times its clock steps against that of the left images: it is {} s behind, \
-             and {} s from {:.0} s after the beginning on, and pairs by stamp are of different \
-             moments: {} takes log times for all stamps; `--right-offset-ms 0` leaves them",
-            seconds(usual_ns),
-            seconds(ns),
-            log_ns.saturating_sub(first_ns) as f64 / 1e9,
-            self.by_log
-        ))
+        right
+            .bins
+            .words(self.step_limit_ns(clock, right), &self.by_log)
+    }
+
+    fn step_limit_ns(&self, clock: &TopicClock, right: &RightClock) -> f64 {
+        self.right_limit_ns(clock) + right.bin_noise_ns
+    }
+
+    /// A watch for steps of the right clock behind what was looked at, if it is measured.
+    pub(super) fn watch(&self) -> Option<StepWatch> {
+        let clock = self.clock(&self.images[1]).filter(|_| self.denies())?;
+        let right = clock.right.as_ref()?;
+        Some(StepWatch {
+            bins: OffsetBins::new(self.period_ns(clock)),
+            usual_ns: right.bins.usual_ns()?,
+            limit_ns: self.step_limit_ns(clock, right),
+            shift_ns: right.shift_ns,
+            begin_ns: None,
+            cure: self.by_log.clone(),
+        })
     }
 
     fn unit_words(&self, clock: &TopicClock, wrong: WrongUnit) -> String {

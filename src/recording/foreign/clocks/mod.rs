@@ -19,6 +19,7 @@ pub use measure::{ClockOffset, TopicClock};
 pub use scan::ClockRole;
 pub(crate) use scan::{ClockScan, without_stamp};
 use std::collections::BTreeMap;
+pub(crate) use steps::StepWatch;
 use svl_core::Result;
 use svl_core::stereo::Side;
 
@@ -31,6 +32,8 @@ pub struct ClockTable {
     pub faults: Vec<ClockFault>,
     #[serde(skip)]
     rules: BTreeMap<String, StampRule>,
+    #[serde(skip)]
+    watch: Option<StepWatch>,
 }
 
 impl ClockTable {
@@ -70,6 +73,7 @@ impl ClockTable {
         let clocks = scan.measured(&rules);
         let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
         let mut faults = check.faults();
+        let watch = check.watch();
         faults.extend(copies(scan));
         if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
             faults.push(unused_unit(scan));
@@ -78,12 +82,38 @@ impl ClockTable {
             topics: clocks,
             faults,
             rules,
+            watch,
         }
     }
 
     /// The rules by which the stamps are read.
     pub(crate) fn rules(&self) -> StampRules {
         self.rules.clone().into()
+    }
+
+    /// A watch for steps of the right clock behind what was looked at.
+    pub(crate) fn watch(&self) -> Option<StepWatch> {
+        self.watch.clone()
+    }
+
+    /// Adds the fault that the watch shows of all images: stamps and log times, in their order.
+    pub(crate) fn add_step(
+        &mut self,
+        topic: &str,
+        images: impl IntoIterator<Item = (Side, [u64; 2])>,
+    ) {
+        let mut watch = self.watch();
+        let mut images = images.into_iter();
+        let step = images
+            .find_map(|(side, [stamp_ns, log_ns])| watch.as_mut()?.take_in(side, log_ns, stamp_ns));
+        let is_named = self.faults.iter().any(|fault| fault.topic == topic);
+        self.faults
+            .extend(step.filter(|_| !is_named).map(|reason| ClockFault {
+                topic: topic.to_owned(),
+                reason,
+                denies_pairs: false,
+                is_of_unit: false,
+            }));
     }
 
     /// False if a fault permits no pair.

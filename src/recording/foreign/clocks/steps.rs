@@ -2,9 +2,10 @@
 
 use super::scan::TimedMessage;
 use svl_core::statistics::nearest_rank;
+use svl_core::stereo::Side;
 
 /// Log time of a bin, and the same in periods of the slower camera.
-const BIN_NS: f64 = 1e9;
+const BIN_NS: f64 = 0.5e9;
 const BIN_PERIODS: f64 = 5.0;
 
 /// An offset of clocks in a bin of log time, nanoseconds: the least delay of the right images less
@@ -65,24 +66,91 @@ impl OffsetBins {
         }
     }
 
-    /// The usual offset, and the first bin of two or more that are beyond `limit_ns` from it, in one
-    /// direction and alike.
-    pub(super) fn step(&self, limit_ns: f64) -> Option<(i64, BinOffset)> {
+    /// The usual offset, nanoseconds.
+    pub(super) fn usual_ns(&self) -> Option<i64> {
         let mut sorted: Vec<_> = self.offsets.iter().map(|bin| bin.ns).collect();
         sorted.sort_unstable();
-        let usual = nearest_rank(&sorted, 0.5)?;
-        let apart = |one: i64, other: i64| one.saturating_sub(other).unsigned_abs() as f64;
-        let beyond = || {
-            let bins = self.offsets.iter();
-            bins.filter(|bin| apart(bin.ns, usual) > limit_ns)
-        };
-        let has_another = |step: &&BinOffset| {
-            beyond()
-                .filter(|bin| apart(bin.ns, step.ns) < limit_ns)
-                .count()
-                > 1
-        };
-        let step = beyond().find(has_another)?;
-        Some((usual, *step))
+        nearest_rank(&sorted, 0.5)
     }
+
+    /// The first bin of two or more that are beyond `limit_ns` from the offset `usual_ns`, and
+    /// alike.
+    fn step(&self, usual_ns: i64, limit_ns: f64) -> Option<BinOffset> {
+        let apart = |one: i64, other: i64| one.saturating_sub(other).unsigned_abs() as f64;
+        let bins = self.offsets.iter();
+        let beyond: Vec<_> = bins
+            .filter(|bin| apart(bin.ns, usual_ns) > limit_ns)
+            .collect();
+        let has_another = |step: &&&BinOffset| {
+            let alike = beyond
+                .iter()
+                .filter(|bin| apart(bin.ns, step.ns) < limit_ns);
+            alike.count() > 1
+        };
+        beyond.iter().find(has_another).map(|step| **step)
+    }
+
+    /// The step from the first bin on, in words; see [`OffsetBins::step`].
+    pub(super) fn words(&self, limit_ns: f64, cure: &str) -> Option<String> {
+        let usual_ns = self.usual_ns()?;
+        let step = self.step(usual_ns, limit_ns)?;
+        let begin = *self.offsets.first()?;
+        if step.ns.abs_diff(begin.ns) as f64 > limit_ns {
+            return Some(step_words(begin.ns, step, begin.log_ns, cure));
+        }
+        // Most are behind the step.
+        let is_usual = |bin: &&BinOffset| bin.ns.abs_diff(usual_ns) as f64 <= limit_ns;
+        let after = *self.offsets.iter().find(is_usual)?;
+        Some(step_words(begin.ns, after, begin.log_ns, cure))
+    }
+}
+
+/// Notices a step while the images are paired: between the places that were looked at before.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct StepWatch {
+    pub(super) bins: OffsetBins,
+    pub(super) usual_ns: i64,
+    pub(super) limit_ns: f64,
+    /// The shift of right stamps by which the images are of one moment, nanoseconds.
+    pub(super) shift_ns: i64,
+    /// Log time of the first image.
+    pub(super) begin_ns: Option<u64>,
+    pub(super) cure: String,
+}
+
+impl StepWatch {
+    /// The shift of the right stamps that the log times show, if it is above the largest skew:
+    /// then none may have a partner.
+    pub(crate) fn shift_ns(&self, max_skew_ns: u64) -> Option<i64> {
+        let is_shown = self.usual_ns.unsigned_abs() > max_skew_ns
+            && self.usual_ns.abs_diff(self.shift_ns) <= max_skew_ns;
+        is_shown.then_some(self.shift_ns)
+    }
+
+    /// Adds an image of a camera; the step, in words, once two bins in a row show it.
+    pub(crate) fn take_in(&mut self, side: Side, log_ns: u64, stamp_ns: u64) -> Option<String> {
+        let begin_ns = *self.begin_ns.get_or_insert(log_ns);
+        self.bins
+            .take_in(side as usize, &TimedMessage { log_ns, stamp_ns });
+        let old = self.bins.offsets.len().saturating_sub(2);
+        self.bins.offsets.drain(..old);
+        let step = self.bins.step(self.usual_ns, self.limit_ns)?;
+        Some(step_words(self.usual_ns, step, begin_ns, &self.cure))
+    }
+}
+
+/// `begin_ns`: log time of the first image.
+fn step_words(from_ns: i64, to: BinOffset, begin_ns: u64, cure: &str) -> String {
+    let offset = |ns: i64| {
+        let direction = if ns < 0 { "ahead" } else { "behind" };
+        format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
+    };
+    format!(
+        "by the log times its clock steps against that of the left images, from {} to {}, {:.0} s \
+         after the beginning, and pairs by stamp are of different moments: {cure} takes log times \
+         for all stamps; `--right-offset-ms 0` leaves them",
+        offset(from_ns),
+        offset(to.ns),
+        to.log_ns.saturating_sub(begin_ns) as f64 / 1e9,
+    )
 }
