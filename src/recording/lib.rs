@@ -85,6 +85,8 @@ pub use foreign::{
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
+#[doc(hidden)]
+pub use messages::warn_once;
 pub use opened::Recording;
 pub use reader::Reader;
 pub use records::DamagedPart;

@@ -9,7 +9,7 @@ use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
 use svl_core::{Error, Result, inputs};
 use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
-use svl_recording::StampOrigin;
+use svl_recording::{StampOrigin, warn_once};
 
 /// A left and a right image, and if they exist, truth, mask and calibration: a folder of its own,
 /// or one of many numbered scenes that share a folder, as in KITTI.
@@ -347,7 +347,12 @@ impl Source for SceneSource {
         };
         self.next += 1;
         let sequence = self.next as u64 - 1;
-        scene.read_with(sequence, &mut self.depth).map(Some)
+        let frame = scene.read_with(sequence, &mut self.depth)?;
+        let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
+        for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
+            warn_once(format!("{}: {doubt}", scene.name));
+        }
+        Ok(Some(frame))
     }
 
     fn pairs(&self) -> Option<u64> {

@@ -4,7 +4,8 @@ use super::super::Selection;
 use super::measure::{ClockOffset, RightClock, TopicClock, WrongUnit};
 use super::scan::{ClockRole, ClockScan, TopicScan};
 use super::steps::{OffsetBins, StepWatch};
-use crate::stamp_rule::StampUnit;
+use crate::stamp_rule::{StampRule, StampUnit};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Least offset of a topic's clock, of that of the right images, and of stamps that are later than
@@ -333,6 +334,26 @@ pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
     }
 }
 
+/// Stamps that are beyond all times in the unit that the user names.
+pub(super) fn beyond_time(
+    clocks: &[TopicClock],
+    rules: &BTreeMap<String, StampRule>,
+) -> Option<ClockFault> {
+    let is_beyond = |clock: &&TopicClock| {
+        let rule = rules.get(&clock.topic).copied().unwrap_or_default();
+        rule.has_unit() && !rule.is_log() && clock.stamps_hz.is_none()
+    };
+    let topic = clocks.iter().find(is_beyond)?.topic.clone();
+    let reason = "in the unit that --stamps names its stamps are beyond the year 2554: leave it \
+                  out, or `--stamps log` takes log times for all stamps";
+    Some(ClockFault {
+        topic,
+        reason: reason.to_owned(),
+        denies_pairs: true,
+        is_of_unit: false,
+    })
+}
+
 /// Messages that come several times.
 pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
     let is_used =
@@ -340,16 +361,20 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
     let topics = scan.topics.iter().filter(|(_, topic)| is_used(topic));
     let copied = topics.filter_map(|(name, topic)| Some((name, topic, topic.copies()?)));
     let faults = copied.map(|(name, topic, copies)| {
-        let partner = scan.images.iter().filter(|other| *other != name);
-        let mut partner = partner.filter_map(|other| scan.topics.get(other)?.copies());
-        let is_image = scan.images.contains(name);
-        let cure = if !is_image {
+        let of_images = scan.images.each_ref().map(|topic| {
+            let copies = scan.topics.get(topic).and_then(TopicScan::copies);
+            copies.unwrap_or(1)
+        });
+        let cure = if !scan.images.contains(name) {
             "leave it out as a truth, or keep the first of each: a copy is as old as that"
                 .to_owned()
-        } else if !topic.repeats_stamps() && partner.next() == Some(copies) {
+        } else if !topic.repeats_stamps() && of_images == [copies; 2] {
             format!("`--every {copies}` takes each once")
         } else {
-            "copies without partners are lost, which `--allow-loss` allows".to_owned()
+            // Of each pair the copies have no partner.
+            let lost = of_images.iter().sum::<usize>() - 2;
+            let percent = (100 * lost).div_ceil(lost + 1) + 1;
+            format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
         };
         let times = match copies {
             2 => "twice".to_owned(),

@@ -14,7 +14,7 @@ use crate::messages::{Channel, warn_once};
 use crate::restamped::StampRules;
 use crate::stamp_rule::StampRule;
 pub use faults::ClockFault;
-use faults::{ClockCheck, copies, unused_unit};
+use faults::{ClockCheck, beyond_time, copies, unused_unit};
 pub use measure::{ClockOffset, TopicClock};
 pub use scan::ClockRole;
 pub(crate) use scan::{ClockScan, without_stamp};
@@ -78,6 +78,7 @@ impl ClockTable {
         if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
             faults.push(unused_unit(scan));
         }
+        faults.extend(beyond_time(&clocks, &rules));
         Self {
             topics: clocks,
             faults,

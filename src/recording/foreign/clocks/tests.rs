@@ -407,7 +407,7 @@ fn messages_that_come_several_times_are_named_with_a_cure() {
         "comes 3 times: the first 60 are 20 and",
     );
     names(&copied(&["/points"], 2, 2), "/points", false, "comes twice");
-    for (stamps, cure) in [(1, "`--every 3`"), (3, "`--allow-loss`")] {
+    for (stamps, cure) in [(1, "`--every 3`"), (3, "`--allow-loss 81%`")] {
         let both = copied(&IMAGES, 3, stamps);
         assert_eq!(both.faults.len(), 2, "{:?}", both.faults);
         assert!(both.faults[0].reason.contains(cure), "{:?}", both.faults);
