@@ -78,15 +78,17 @@ impl CalibrationCheck {
         let are_half = cameras
             .iter()
             .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));
-        let half = format!(
-            "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of {}x{} \
+        let half = || {
+            format!(
+                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of {}x{} \
              pixels, and its image has {width}x{height}: unless the images are cropped, the \
              calibration is of half the size, and distances are wrong: --calib FILE",
-            2.0 * x + 1.0,
-            2.0 * y + 1.0
-        );
+                2.0 * x + 1.0,
+                2.0 * y + 1.0
+            )
+        };
         Self {
-            doubt: check.doubt.or(are_half.then_some(half)),
+            doubt: check.doubt.or_else(|| are_half.then(half)),
             ..check
         }
     }

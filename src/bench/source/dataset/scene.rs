@@ -2,14 +2,14 @@
 
 use super::entry::{CalibFile, PairFiles};
 use super::{DATASETS, files, truth};
-use crate::source::Source;
+use crate::source::{Source, warn_of_rig};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
 use svl_core::{Error, Result, inputs};
 use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
-use svl_recording::{StampOrigin, warn_once};
+use svl_recording::StampOrigin;
 
 /// A left and a right image, and if they exist, truth, mask and calibration: a folder of its own,
 /// or one of many numbered scenes that share a folder, as in KITTI.
@@ -348,10 +348,7 @@ impl Source for SceneSource {
         self.next += 1;
         let sequence = self.next as u64 - 1;
         let frame = scene.read_with(sequence, &mut self.depth)?;
-        let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
-        for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
-            warn_once(format!("{}: {doubt}", scene.name));
-        }
+        warn_of_rig(&scene.name, &frame);
         Ok(Some(frame))
     }
 

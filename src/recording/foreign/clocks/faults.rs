@@ -143,7 +143,10 @@ impl<'a> ClockCheck<'a> {
         let infos = self.right_info.and_then(|info| info.behind);
         let are_infos_right =
             infos.is_some_and(|behind| (behind.median_ns.unsigned_abs() as f64) < limit_ns / 2.0);
-        is_beyond(clock, MIN_RIGHT_NS, limit_ns) && !right.is_late && !are_infos_right
+        is_beyond(clock, MIN_RIGHT_NS, limit_ns)
+            && !right.is_late
+            && !are_infos_right
+            && self.step_words(clock, right).is_none()
     }
 
     /// The right images and the other topics whose clocks agree with theirs, not with that of the
@@ -224,9 +227,12 @@ impl<'a> ClockCheck<'a> {
                 behind_words(&clock.behind?)
             ));
         }
-        right
-            .bins
-            .words(self.step_limit_ns(clock, right), &self.by_log)
+        self.step_words(clock, right)
+    }
+
+    fn step_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
+        let limit_ns = self.step_limit_ns(clock, right);
+        right.bins.words(limit_ns, &self.by_log)
     }
 
     fn step_limit_ns(&self, clock: &TopicClock, right: &RightClock) -> f64 {
