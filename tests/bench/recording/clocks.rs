@@ -180,6 +180,22 @@ fn a_step_between_the_places_is_noticed_while_pairing() {
 }
 
 #[test]
+fn a_range_before_a_step_has_no_fault() {
+    let fixture = Fixture::new();
+    let steps = |topic: &str, at: u64| {
+        let back = 200_000_000 * u64::from(is_right(topic) && at >= START_NS + 6_000_000_000);
+        (at - back, at + LATENCY_NS)
+    };
+    bag::write(&fixture.path(""), &long_drive(220, steps));
+    for door in DOORS {
+        fixture.svl(door).failed(1, &["its clock steps"]);
+        let ran = fixture.svl(&format!("{door} --to 4"));
+        assert!(!ran.stderr.contains("clock"), "{}", ran.stderr);
+        ran.done();
+    }
+}
+
+#[test]
 fn info_tells_the_pairs_that_other_commands_take() {
     let fixture = Fixture::new();
     let behind = |topic: &str, at| {

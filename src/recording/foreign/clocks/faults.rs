@@ -248,6 +248,7 @@ impl<'a> ClockCheck<'a> {
             usual_ns: right.bins.usual_ns()?,
             limit_ns: self.step_limit_ns(clock, right),
             shift_ns: right.shift_ns,
+            latency_ns: MIN_RIGHT_NS + right.bin_noise_ns,
             begin_ns: None,
             cure: self.by_log.clone(),
         })

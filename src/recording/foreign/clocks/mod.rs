@@ -46,7 +46,7 @@ impl ClockTable {
         let Ok(images) = choose(&channels, selection) else {
             return Ok(None);
         };
-        let scan = ClockScan::read(recording, &images)?;
+        let scan = ClockScan::read(recording, &images, selection.to_ns)?;
         Ok(Some(Self::new(&scan, &channels, selection)))
     }
 

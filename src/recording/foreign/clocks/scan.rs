@@ -176,22 +176,32 @@ impl ClockScan {
         }
     }
 
-    /// Reads as much of a recording as clocks need.
+    /// Reads as much of a recording as clocks need; see [`super::Selection::to_ns`].
     ///
     /// # Errors
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
-    pub(super) fn read(recording: &Recording, images: &[String; 2]) -> Result<Self> {
+    pub(super) fn read(
+        recording: &Recording,
+        images: &[String; 2],
+        to_ns: Option<u64>,
+    ) -> Result<Self> {
         let mut scan = Self::new(images);
+        let mut begin_ns = None;
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Damage is reported with the pairs.
             while let Ok(Some(event)) = messages.next() {
                 if let FileEvent::Message(channel, log_ns, data) = event {
-                    scan.take_in(channel, log_ns, &data);
-                    if scan.has_first() {
+                    let since_ns = log_ns.saturating_sub(*begin_ns.get_or_insert(log_ns));
+                    let is_all = to_ns.is_some_and(|to_ns| since_ns > to_ns) && scan.has_enough();
+                    if !is_all {
+                        scan.take_in(channel, log_ns, &data);
+                        if !scan.has_first() {
+                            continue;
+                        }
                         scan.read_places(recording)?;
-                        return Ok(scan);
                     }
+                    return Ok(scan);
                 }
             }
         }

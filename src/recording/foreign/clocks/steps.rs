@@ -113,16 +113,19 @@ pub(crate) struct StepWatch {
     pub(super) limit_ns: f64,
     /// The shift of right stamps by which the images are of one moment, nanoseconds.
     pub(super) shift_ns: i64,
+    /// Largest offset that different latencies explain.
+    pub(super) latency_ns: f64,
     /// Log time of the first image.
     pub(super) begin_ns: Option<u64>,
     pub(super) cure: String,
 }
 
 impl StepWatch {
-    /// The shift of the right stamps that the log times show, if it is above the largest skew:
-    /// then none may have a partner.
+    /// The shift of the right stamps that the log times show, if none has a partner for it: more
+    /// than the largest skew, and than latencies explain.
     pub(crate) fn shift_ns(&self, max_skew_ns: u64) -> Option<i64> {
-        let is_shown = self.usual_ns.unsigned_abs() > max_skew_ns
+        let is_shown = self.usual_ns.unsigned_abs() as f64 > self.latency_ns
+            && self.usual_ns.unsigned_abs() > max_skew_ns
             && self.usual_ns.abs_diff(self.shift_ns) <= max_skew_ns;
         is_shown.then_some(self.shift_ns)
     }
