@@ -436,11 +436,13 @@ impl SummaryScan {
             let images = sides.flat_map(|(side, images)| images.iter().map(move |i| (side, i)));
             let mut images: Vec<_> = images.collect();
             images.sort_by_key(|(_, image)| image.place);
-            if let Some(clocks) = &mut self.found.clocks {
-                let times = images
+            if let Some(clocks) = &mut self.found.clocks
+                && let Some(mut watch) = clocks.watch()
+                && let Some(step) = images
                     .iter()
-                    .map(|(side, i)| (*side, [i.stamp_ns, i.log_ns]));
-                clocks.add_step(topic, times);
+                    .find_map(|(side, i)| watch.take_in(*side, i.log_ns, i.stamp_ns))
+            {
+                clocks.add_step(topic, step);
             }
             let clocks = self.found.clocks.as_ref();
             if clocks.is_none_or(ClockTable::permits_pairs) {

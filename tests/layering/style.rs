@@ -68,16 +68,16 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12214),
+    ("bench", 12253),
     ("c", 470),
     ("calibrate", 4875),
-    ("cli", 11368),
-    ("core", 18360),
+    ("cli", 11369),
+    ("core", 18411),
     ("files", 2077),
     ("grab", 5079),
     ("live", 419),
     ("python", 318),
-    ("recording", 12821),
+    ("recording", 13262),
     ("report", 11592),
     ("score", 7632),
     ("sim", 3533),

@@ -133,7 +133,7 @@ impl SourceFacts {
             .or(raw.and_then(|raw| model(&raw.intrinsics)));
         let raw_px = raw.map(|raw| raw.intrinsics.focal_px());
         let rig_px = rig.map(|rig| (rig.focal_px(), rig.focal_px()));
-        // Of scaled images, which are rectified, the rig is scaled with them.
+        // The rig of scaled images, which are rectified, is scaled with them.
         let scaled_px = rig_px.filter(|_| request.options.scale.is_some());
         camera.focal_px = scaled_px.or(raw_px).or(camera.focal_px).or(rig_px);
         let recording = opened.recording.as_ref();

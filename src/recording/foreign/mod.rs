@@ -361,8 +361,8 @@ impl PairReader {
         let miss = match (self.partners.pairing().nearest_miss_ns(), shift_ns) {
             (None, _) => String::new(),
             (_, Some(ns)) => format!(
-                "; by the log times the clock of {right} is off: `--right-offset-ms {:.1}` corrects \
-                 its stamps",
+                "; by the log times the clock of {right} is off: `--right-offset-ms {:.1}` \
+                 corrects its stamps",
                 ns as f64 / 1e6
             ),
             (Some(ns), _) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),

@@ -31,6 +31,17 @@ pub struct ClockFault {
     pub(super) is_of_unit: bool,
 }
 
+impl ClockFault {
+    pub(super) fn new(topic: &str, reason: String, denies_pairs: bool) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            reason,
+            denies_pairs,
+            is_of_unit: false,
+        }
+    }
+}
+
 impl fmt::Display for ClockFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.topic, self.reason)
@@ -98,19 +109,17 @@ impl<'a> ClockCheck<'a> {
     }
 
     fn fault(&self, clock: &TopicClock) -> Option<ClockFault> {
-        let fault = |reason: String, denies_pairs: bool, is_of_unit: bool| ClockFault {
-            topic: clock.topic.clone(),
-            reason,
-            denies_pairs,
-            is_of_unit,
-        };
         if let Some(wrong) = clock.wrong_unit {
             let is_image = self.images.contains(&clock.topic);
-            return Some(fault(self.unit_words(clock, wrong), is_image, true));
+            let words = self.unit_words(clock, wrong);
+            return Some(ClockFault {
+                is_of_unit: true,
+                ..ClockFault::new(&clock.topic, words, is_image)
+            });
         }
         if let Some(right) = &clock.right {
             let words = self.right_words(clock, right)?;
-            return Some(fault(words, self.denies(), false));
+            return Some(ClockFault::new(&clock.topic, words, self.denies()));
         }
         let behind = clock.behind?;
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
@@ -123,7 +132,7 @@ impl<'a> ClockCheck<'a> {
                 behind_words(&behind),
                 self.by_log
             );
-            fault(words, false, false)
+            ClockFault::new(&clock.topic, words, false)
         })
     }
 
@@ -199,12 +208,7 @@ impl<'a> ClockCheck<'a> {
             offset_words(&ahead, &whose),
             self.by_log
         );
-        Some(ClockFault {
-            topic: self.images[0].clone(),
-            reason,
-            denies_pairs: self.denies(),
-            is_of_unit: false,
-        })
+        Some(ClockFault::new(&self.images[0], reason, self.denies()))
     }
 
     /// The slower one's period, of a topic and the left images.
@@ -300,16 +304,12 @@ impl<'a> ClockCheck<'a> {
         });
         let words = words.collect::<Vec<_>>().join(", ");
         let first = early.first()?;
-        Some(ClockFault {
-            topic: first.topic.clone(),
-            reason: format!(
-                "stamps are later than their log times, so that their clock is not the recorder's: \
-                 {words}; {} takes log times for all stamps",
-                self.by_log
-            ),
-            denies_pairs: false,
-            is_of_unit: false,
-        })
+        let reason = format!(
+            "stamps are later than their log times, so that their clock is not the recorder's: \
+             {words}; {} takes log times for all stamps",
+            self.by_log
+        );
+        Some(ClockFault::new(&first.topic, reason, false))
     }
 }
 
@@ -329,36 +329,31 @@ fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     })
 }
 
-/// A unit that the user names, of stamps that are in none.
-pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
-    ClockFault {
-        topic: scan.images[0].clone(),
-        reason: "--stamps names a unit that neither its stamps nor those of another topic have, \
-                 by the log times of 10 messages or more: leave it out"
-            .to_owned(),
-        denies_pairs: true,
-        is_of_unit: false,
-    }
-}
-
-/// Stamps that are beyond all times in the unit that the user names.
-pub(super) fn beyond_time(
+/// A unit that the user names and no stamps have, or in which those of a topic are beyond all
+/// times.
+pub(super) fn wrong_option(
+    scan: &ClockScan,
     clocks: &[TopicClock],
     rules: &BTreeMap<String, StampRule>,
 ) -> Option<ClockFault> {
+    let reading = |topic: &str| rules.get(topic).copied().unwrap_or_default();
     let is_beyond = |clock: &&TopicClock| {
-        let rule = rules.get(&clock.topic).copied().unwrap_or_default();
+        let rule = reading(&clock.topic);
         rule.has_unit() && !rule.is_log() && clock.stamps_hz.is_none()
     };
-    let topic = clocks.iter().find(is_beyond)?.topic.clone();
-    let reason = "in the unit that --stamps names its stamps are beyond the year 2554: leave it \
-                  out, or `--stamps log` takes log times for all stamps";
-    Some(ClockFault {
-        topic,
-        reason: reason.to_owned(),
-        denies_pairs: true,
-        is_of_unit: false,
-    })
+    let (topic, reason) = match clocks.iter().find(is_beyond) {
+        Some(clock) => (
+            &clock.topic,
+            "in the unit that --stamps names its stamps are beyond the year 2554: leave it out",
+        ),
+        None if rules.values().any(|rule| rule.has_unit()) => return None,
+        None => (
+            &scan.images[0],
+            "--stamps names a unit that neither its stamps nor those of another topic have, by the \
+             log times of 10 messages or more: leave it out",
+        ),
+    };
+    Some(ClockFault::new(topic, reason.to_owned(), true))
 }
 
 /// Messages that come several times.
@@ -378,7 +373,7 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
         } else if !topic.repeats_stamps() && of_images == [copies; 2] {
             format!("`--every {copies}` takes each once")
         } else {
-            // Of each pair the copies have no partner.
+            // The copies of a pair have no partner.
             let lost = of_images.iter().sum::<usize>() - 2;
             let percent = (100 * lost).div_ceil(lost + 1) + 1;
             format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
@@ -387,16 +382,12 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
             2 => "twice".to_owned(),
             more => format!("{more} times"),
         };
-        ClockFault {
-            topic: name.clone(),
-            reason: format!(
-                "every message comes {times}: the first {} are {} and copies of them; {cure}",
-                topic.first.len(),
-                topic.runs.len()
-            ),
-            denies_pairs: false,
-            is_of_unit: false,
-        }
+        let reason = format!(
+            "every message comes {times}: the first {} are {} and copies of them; {cure}",
+            topic.first.len(),
+            topic.runs.len()
+        );
+        ClockFault::new(name, reason, false)
     });
     faults.collect()
 }

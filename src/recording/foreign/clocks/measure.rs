@@ -52,7 +52,7 @@ pub struct TopicClock {
     /// `behind` by the least delays: messages that come in batches are late, not their clock.
     #[serde(skip)]
     pub(super) floor_ns: Option<i64>,
-    /// Of the right images alone.
+    /// More about the clock of the right images.
     #[serde(skip)]
     pub(super) right: Option<RightClock>,
 }

@@ -14,7 +14,7 @@ use crate::messages::{Channel, warn_once};
 use crate::restamped::StampRules;
 use crate::stamp_rule::StampRule;
 pub use faults::ClockFault;
-use faults::{ClockCheck, beyond_time, copies, unused_unit};
+use faults::{ClockCheck, copies, wrong_option};
 pub use measure::{ClockOffset, TopicClock};
 pub use scan::ClockRole;
 pub(crate) use scan::{ClockScan, without_stamp};
@@ -75,10 +75,9 @@ impl ClockTable {
         let mut faults = check.faults();
         let watch = check.watch();
         faults.extend(copies(scan));
-        if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
-            faults.push(unused_unit(scan));
+        if selection.stamps.is_some() {
+            faults.extend(wrong_option(scan, &clocks, &rules));
         }
-        faults.extend(beyond_time(&clocks, &rules));
         Self {
             topics: clocks,
             faults,
@@ -97,24 +96,11 @@ impl ClockTable {
         self.watch.clone()
     }
 
-    /// Adds the fault that the watch shows of all images: stamps and log times, in their order.
-    pub(crate) fn add_step(
-        &mut self,
-        topic: &str,
-        images: impl IntoIterator<Item = (Side, [u64; 2])>,
-    ) {
-        let mut watch = self.watch();
-        let mut images = images.into_iter();
-        let step = images
-            .find_map(|(side, [stamp_ns, log_ns])| watch.as_mut()?.take_in(side, log_ns, stamp_ns));
-        let is_named = self.faults.iter().any(|fault| fault.topic == topic);
-        self.faults
-            .extend(step.filter(|_| !is_named).map(|reason| ClockFault {
-                topic: topic.to_owned(),
-                reason,
-                denies_pairs: false,
-                is_of_unit: false,
-            }));
+    /// Adds a step of the right clock, in words, unless a fault of it is known.
+    pub(crate) fn add_step(&mut self, topic: &str, step: String) {
+        if self.faults.iter().all(|fault| fault.topic != topic) {
+            self.faults.push(ClockFault::new(topic, step, false));
+        }
     }
 
     /// False if a fault permits no pair.
