@@ -117,7 +117,11 @@ impl<'a> ClockCheck<'a> {
                 ..ClockFault::new(&clock.topic, words, is_image)
             });
         }
-        if let Some(right) = &clock.right {
+        if let Some(right) = clock
+            .right
+            .as_ref()
+            .filter(|_| clock.topic == self.images[1])
+        {
             let words = self.right_words(clock, right)?;
             return Some(ClockFault::new(&clock.topic, words, self.denies()));
         }
@@ -150,11 +154,11 @@ impl<'a> ClockCheck<'a> {
     fn is_right_off(&self, clock: &TopicClock, right: &RightClock) -> bool {
         let limit_ns = self.right_limit_ns(clock);
         let infos = self.right_info.and_then(|info| info.behind);
-        let are_infos_right =
-            infos.is_some_and(|behind| (behind.median_ns.unsigned_abs() as f64) < limit_ns / 2.0);
+        let are_infos_off =
+            infos.is_none_or(|behind| behind.median_ns.unsigned_abs() as f64 >= limit_ns / 2.0);
         is_beyond(clock, MIN_RIGHT_NS, limit_ns)
             && !right.is_late
-            && !are_infos_right
+            && are_infos_off
             && self.step_words(clock, right).is_none()
     }
 
@@ -236,7 +240,9 @@ impl<'a> ClockCheck<'a> {
 
     fn step_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
         let limit_ns = self.step_limit_ns(clock, right);
-        right.bins.words(limit_ns, &self.by_log)
+        let words = |clock: &RightClock| clock.bins.words(limit_ns, &self.by_log);
+        let infos = self.right_info.and_then(|info| info.right.as_ref());
+        words(right).filter(|_| infos.is_none_or(|infos| words(infos).is_some()))
     }
 
     fn step_limit_ns(&self, clock: &TopicClock, right: &RightClock) -> f64 {

@@ -52,12 +52,12 @@ pub struct TopicClock {
     /// `behind` by the least delays: messages that come in batches are late, not their clock.
     #[serde(skip)]
     pub(super) floor_ns: Option<i64>,
-    /// More about the clock of the right images.
+    /// More about the clocks of the right images and their calibrations.
     #[serde(skip)]
     pub(super) right: Option<RightClock>,
 }
 
-/// The clock of the right images against that of the left ones.
+/// The clock of the right images, or their calibrations, against that of the left ones.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RightClock {
     /// The shift of right stamps by which the images are of one moment, nanoseconds.
@@ -352,8 +352,12 @@ impl TopicScan {
 }
 
 impl ClockScan {
-    /// The clocks of all topics, with their stamps by `rules`.
-    pub(super) fn measured(&self, rules: &BTreeMap<String, StampRule>) -> Vec<TopicClock> {
+    /// The clocks of all topics, with their stamps by `rules`. `info`: the right calibrations.
+    pub(super) fn measured(
+        &self,
+        rules: &BTreeMap<String, StampRule>,
+        info: Option<&str>,
+    ) -> Vec<TopicClock> {
         let samples = |name: &str, topic: &TopicScan| {
             TopicTimes::new(topic, rules.get(name).copied().unwrap_or_default())
         };
@@ -388,7 +392,10 @@ impl ClockScan {
                     .map_or(0.0, |((left, _), behind)| own.noise_ns(left, &behind)),
                 floor_ns: floor.map(|floor| floor.median_ns),
                 right: behind
-                    .zip(left.as_ref().filter(|_| name == right_name))
+                    .zip(
+                        left.as_ref()
+                            .filter(|_| name == right_name || info == Some(name)),
+                    )
                     .map(|(behind, (left, _))| own.right(left, &behind)),
             }
         };

@@ -70,7 +70,7 @@ impl ClockTable {
                 rules.insert(name.clone(), rule);
             }
         }
-        let clocks = scan.measured(&rules);
+        let clocks = scan.measured(&rules, info.as_deref());
         let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
         let mut faults = check.faults();
         let watch = check.watch();

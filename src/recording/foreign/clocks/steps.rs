@@ -145,11 +145,15 @@ impl StepWatch {
 /// `begin_ns`: log time of the first image.
 fn step_words(from_ns: i64, to: BinOffset, begin_ns: u64, cure: &str) -> String {
     let offset = |ns: i64| {
-        let direction = if ns < 0 { "ahead" } else { "behind" };
+        let direction = match ns {
+            ..-500_000 => "ahead",
+            500_000.. => "behind",
+            _ => return "none".to_owned(),
+        };
         format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
     };
     format!(
-        "by the log times its clock steps against that of the left images, from {} to {}, {:.0} s \
+        "by the log times its clock steps or drifts against that of the left images, from {} to {}, {:.0} s \
          after the beginning, and pairs by stamp are of different moments: {cure} takes log times \
          for all stamps; `--right-offset-ms 0` leaves them",
         offset(from_ns),

@@ -233,6 +233,35 @@ fn right_images_that_come_late_have_no_fault() {
     let mut late = robot();
     late[1].latency_ns += 90 * MS;
     assert_eq!(robot_table(&late).faults, []);
+    // For a while, as their calibrations of the same stamps show; a clock steps for both.
+    let channels = [
+        channel("/right/image_rect", "sensor_msgs/msg/Image"),
+        channel("/right/camera_info", "sensor_msgs/msg/CameraInfo"),
+    ];
+    let mut with_infos = robot();
+    with_infos.push(publisher(
+        "/right/camera_info",
+        "sensor_msgs/msg/CameraInfo",
+        33,
+    ));
+    let right = logged(&with_infos, &mut Rng::with_seed(1));
+    for (late_ms, clock_ms) in [(120, 0), (0, 120)] {
+        let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
+        let mut messages = right.clone();
+        for message in &mut messages {
+            let is_then = (7..13).contains(&((message.3 - BEGIN) / S));
+            message.0 += late_ms * MS * i64::from(is_then && message.1 == IMAGES[1]);
+            message.3 -= clock_ms * MS * i64::from(is_then && message.1.starts_with("/right"));
+        }
+        messages.sort_by_key(|(log, ..)| *log);
+        for (place, (log, topic, schema, stamp)) in messages.into_iter().enumerate() {
+            let data = message(stamp, place as u32);
+            scan.take_in(&channel(topic, schema), log as u64, &data);
+        }
+        let channels: Vec<_> = channels.iter().collect();
+        let found = ClockTable::new(&scan, &channels, &Selection::default());
+        assert_eq!(found.permits_pairs(), late_ms > 0, "{:#?}", found.faults);
+    }
     // In batches of as many.
     for images in [10, 30] {
         let mut messages = logged(&robot(), &mut Rng::with_seed(1));
