@@ -13,7 +13,7 @@ const BASELINE: [f64; 2] = [0.95, 1.05];
 /// Focal lengths as a fraction of the image's width: from a view of 157 degrees to a telescope.
 const FOCAL_OF_WIDTH: [f64; 2] = [0.1, 100.0];
 /// Twice a principal point as a fraction of the image's side, if it is that of half the image.
-const HALF: [f64; 2] = [0.44, 0.56];
+const HALF: std::ops::RangeInclusive<f64> = 0.44..=0.56;
 /// Least difference of the offsets in both projections from equal ones of opposite signs, as a
 /// fraction.
 const OFFSETS: [f64; 2] = [0.05, f64::MAX];
@@ -71,10 +71,7 @@ impl CalibrationCheck {
                  size or binning, and distances are wrong: --calib FILE"
             )
         });
-        let is_half = |at: f64, side: usize| {
-            let part = 2.0 * (at + 0.5) / side as f64;
-            HALF[0] <= part && part <= HALF[1]
-        };
+        let is_half = |at: f64, side: usize| HALF.contains(&(2.0 * (at + 0.5) / side as f64));
         let are_half = cameras
             .iter()
             .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));

@@ -153,9 +153,10 @@ fn step_words(from_ns: i64, to: BinOffset, begin_ns: u64, cure: &str) -> String 
         format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
     };
     format!(
-        "by the log times its clock steps or drifts against that of the left images, from {} to {}, {:.0} s \
-         after the beginning, and pairs by stamp are of different moments: {cure} takes log times \
-         for all stamps; `--right-offset-ms 0` leaves them",
+        "by the log times its clock steps or drifts against that of the left images, from {} to \
+         {}, {:.0} s after the beginning, unless the images come late from there: pairs by stamp \
+         are of different moments; {cure} takes log times for all stamps, `--right-offset-ms 0` \
+         leaves them",
         offset(from_ns),
         offset(to.ns),
         to.log_ns.saturating_sub(begin_ns) as f64 / 1e9,
