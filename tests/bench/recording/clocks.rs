@@ -163,7 +163,8 @@ fn a_step_between_the_places_is_noticed_while_pairing() {
     let path = bag::write(&fixture.path(""), &long_drive(220, steps));
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() - 30]).unwrap();
-    let words = "/cam1/image_rect: by the log times its clock steps or drifts against that of the left \
+    let words = "/cam1/image_rect: by the log times its clock steps or drifts against that of \
+                 the left \
                  images, from none to 0.200 s behind, 6 s after";
     for door in DOORS {
         let said = fixture.svl(door).stderr;
