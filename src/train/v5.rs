@@ -56,8 +56,8 @@ pub struct NearTraining {
 /// Log odds, thousandths, that reports of one of several sizes lose: the first that is sure decides,
 /// so each is another chance to be wrong.
 const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
-    (TableRole::Finest, 550),
-    (TableRole::Middle, 1000),
+    (TableRole::Finest, 650),
+    (TableRole::Middle, 1600),
     (TableRole::Coarsest, 700),
 ];
 

@@ -50,14 +50,23 @@ mod tests {
 
     #[test]
     fn scores_are_raised_from_a_value_on() {
-        for steps in [vec![], vec![(13, 5)], vec![(5, 3), (20, 9)], vec![(12, 1), (13, 2), (14, 4)]] {
+        for steps in [
+            vec![],
+            vec![(13, 5)],
+            vec![(5, 3), (20, 9)],
+            vec![(12, 1), (13, 2), (14, 4)],
+        ] {
             let before = Steps(steps);
             let mut after = before.clone();
             after.raise_from(14, 100);
             after.validate().unwrap();
             for value in 0..30 {
                 let raised = if value >= 14 { 100 } else { 0 };
-                assert_eq!(after.score(value), before.score(value) + raised, "{before:?}");
+                assert_eq!(
+                    after.score(value),
+                    before.score(value) + raised,
+                    "{before:?}"
+                );
             }
         }
     }
