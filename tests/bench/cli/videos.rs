@@ -104,7 +104,7 @@ fn write_film(fixture: &Fixture, width: u32, numbers: Range<u32>, filter: &str, 
         "color=size={width}x48:rate=10:d={seconds},format=yuv420p,\
          geq=lum=16+5*(N+{first}):cb=128:cr=128{filter}"
     );
-    let args = ["-f", "lavfi", "-i", &source, "-vsync", "vfr"];
+    let args = ["-f", "lavfi", "-i", &source];
     ffmpeg(
         fixture,
         &[&args[..], &["-c:v", "mjpeg", "-q:v", "1", name]].concat(),
