@@ -190,9 +190,7 @@ impl PairReader {
         } else {
             choose(channels, selection)?
         };
-        let calibrations = images
-            .each_ref()
-            .map(|topic| topics::calibration(channels, topic));
+        let calibrations = topics::calibrations(channels, images.each_ref().map(String::as_str));
         Ok(Self {
             images,
             own: is_own.then(OwnTopics::default),

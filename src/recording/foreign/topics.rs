@@ -3,6 +3,7 @@
 use super::{camera, image, video};
 use crate::messages::Channel;
 use crate::stamp_rule::StampUnit;
+use std::collections::BTreeSet;
 use svl_core::joined;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
@@ -292,6 +293,33 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
+/// The calibration topics for the image topics of a pair: each the one for its own ([`calibration`]);
+/// else, of those for no image, the only two that are a left and a right one.
+pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<String>; 2] {
+    let own = images.map(|image| calibration(channels, image));
+    if own[0] != own[1] && own.iter().all(Option::is_some) {
+        return own;
+    }
+    let others = channels.iter().map(|channel| channel.topic.as_str());
+    let others = others.filter(|topic| !images.contains(topic));
+    let is_image = |topic: &&str| channels.iter().any(|c| c.topic == *topic && is_image(c));
+    let taken: Vec<_> = others
+        .filter(is_image)
+        .filter_map(|topic| calibration(channels, topic))
+        .collect();
+    let free = channels.iter().filter(|c| camera::is_calibration(c));
+    let free = free.map(|channel| &channel.topic);
+    let free: BTreeSet<_> = free.filter(|topic| !taken.contains(topic)).collect();
+    let pairs = free
+        .iter()
+        .flat_map(|left| free.iter().map(move |right| [*left, *right]));
+    let mut pairs = pairs.filter(|[left, right]| are_sides(left, right));
+    match (pairs.next(), pairs.next()) {
+        (Some(pair), None) => pair.map(|topic| Some(topic.clone())),
+        _ => own,
+    }
+}
+
 /// The calibration topic for the image topic `topic`: the one that shares the longest namespace,
 /// and of one namespace the one of its processing: `camera_info_rect` for `image_rect`.
 pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
@@ -473,6 +501,55 @@ mod tests {
         let zed = ["/left/rect/camera_info", "/left/rect/image/camera_info"];
         assert_eq!(found(&zed, "/left/rect/image").as_deref(), Some(zed[1]));
         assert_eq!(found(&zed[1..], "/left/rect/image_2"), None);
+    }
+
+    #[test]
+    fn calibrations_elsewhere_are_a_left_and_a_right_one_for_no_other_image() {
+        let found = |topics: &[&str]| {
+            let schema = |topic: &str| match topic.contains("info") {
+                true => "sensor_msgs/msg/CameraInfo",
+                false => "sensor_msgs/msg/Image",
+            };
+            let channels = topics.iter().map(|topic| channel_of(topic, schema(topic)));
+            let channels: Vec<_> = channels.collect();
+            let channels: Vec<_> = channels.iter().collect();
+            calibrations(&channels, ["/a/left/image", "/a/right/image"])
+                .map(Option::unwrap_or_default)
+        };
+        let images = ["/a/left/image", "/a/right/image"];
+        let with = |more: &[&str]| found(&[&images[..], more].concat());
+        let info = ["/info/left", "/info/right"];
+        assert_eq!(with(&info), info);
+        assert_eq!(
+            with(&["/info_right", "/info_left"]),
+            ["/info_left", "/info_right"]
+        );
+        // Both share a namespace with both cameras.
+        assert_eq!(
+            with(&["/a/info_l", "/a/info_r"]),
+            ["/a/info_l", "/a/info_r"]
+        );
+        assert_eq!(
+            with(&["/a/left/info", "/a/right/info", "/info/left", "/info/right"])[0],
+            "/a/left/info"
+        );
+        // Those of other cameras, and of which are more.
+        let rear = [
+            "/b/left/image",
+            "/b/right/image",
+            "/b/left/info",
+            "/b/right/info",
+        ];
+        assert_eq!(with(&rear), ["", ""]);
+        assert_eq!(
+            with(&[
+                "/info/i/left",
+                "/info/i/right",
+                "/info/j/left",
+                "/info/j/right"
+            ]),
+            ["", ""]
+        );
     }
 
     #[test]

@@ -227,6 +227,33 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
 }
 
 #[test]
+fn calibrations_elsewhere_are_used_unless_a_frame_differs() {
+    let found = |frames: [&str; 2], infos: [&'static str; 2]| {
+        let pixels = bytes(&image(SIZE, 3));
+        let images = [(LEFT, frames[0]), (RIGHT, frames[1])].map(|(topic, frame)| {
+            bag::ros_image_in(frame, topic, stamp(0), SIZE, ("mono8", &pixels))
+        });
+        let infos = [
+            camera_info(infos[0], 9, &[], 0.0),
+            camera_info(infos[1], 9, &[], -14.432),
+        ];
+        let (_folder, path) = write_bag(infos.into_iter().chain(images));
+        let mut reader = Reader::open(&path).unwrap();
+        reader.next_pair().unwrap().unwrap().rig().is_some()
+    };
+    let infos = ["/calibrations/left", "/calibrations/right"];
+    // The calibrations are of the frame 'cam'.
+    assert!(found(["cam", "cam"], infos));
+    assert!(found(["", ""], infos));
+    assert!(!found(["cam", "other"], infos));
+    // Those of the cameras' own namespaces need no name of a frame.
+    assert!(found(
+        ["a", "b"],
+        ["/cam0/camera_info", "/cam1/camera_info"]
+    ));
+}
+
+#[test]
 fn a_compressed_mosaic_is_that_mosaic() {
     let pixels = bytes(&image(SIZE, 3));
     let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();

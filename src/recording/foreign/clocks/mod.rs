@@ -48,8 +48,9 @@ impl ClockTable {
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
-        let right = &scan.images[Side::Right as usize];
-        let right = [Some(right.clone()), topics::calibration(channels, right)];
+        let images = scan.images.each_ref().map(String::as_str);
+        let [_, right] = topics::calibrations(channels, images);
+        let right = [Some(images[Side::Right as usize].to_owned()), right];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
             let rule = StampRule {

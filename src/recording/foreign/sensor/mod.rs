@@ -169,7 +169,8 @@ impl SensorTopic {
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
-        let setup = SensorSetup::find(recording, &channels, &topics[0], topic, kind)?;
+        let images = topics.each_ref().map(String::as_str);
+        let setup = SensorSetup::find(recording, &channels, images, topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
