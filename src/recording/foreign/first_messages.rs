@@ -121,12 +121,15 @@ impl FirstImages {
     }
 
     fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
-        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
+        let mut sides = (0..2).filter(|side| topics[*side] == channel.topic);
+        let Some(side) = sides.next() else {
             return;
         };
+        let is_both = sides.next().is_some();
         // Videos are decoded to 8 bits.
         if video::is_picture(channel, data) {
             self.are_videos[side] = true;
+            self.are_videos[1] |= is_both;
             self.are_of_8_bits = true;
             return;
         }
@@ -136,7 +139,10 @@ impl FirstImages {
         // An unreadable one is reported when its turn comes.
         if let Ok((_, Ok(image))) = image::decode(channel, data) {
             match image.image.largest() {
-                Some(largest) => self.largest[side].push(largest),
+                Some(largest) => {
+                    self.largest[side].push(largest);
+                    self.largest[1].extend(is_both.then_some(largest));
+                }
                 None => self.are_of_8_bits = true,
             }
         }

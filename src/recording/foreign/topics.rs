@@ -12,6 +12,8 @@ pub struct Selection {
     /// Topic of the left images; by default found by type and name.
     pub left: Option<String>,
     pub right: Option<String>,
+    /// True if each image of one topic, the left one, holds both as its halves.
+    pub side_by_side: bool,
     /// Largest skew of a pair.
     pub max_skew_ns: u64,
     /// Number of bits of 16 that the images use; by default decided by the first images.
@@ -38,6 +40,7 @@ impl Default for Selection {
         Self {
             left: None,
             right: None,
+            side_by_side: false,
             max_skew_ns: Self::MAX_SKEW_NS,
             bits: None,
             stamps: None,
@@ -64,6 +67,16 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             return Err(format!("{option}{fault}"));
         }
     }
+    if selection.side_by_side {
+        return match (&selection.left, &selection.right, &topics[..]) {
+            (_, Some(_), _) => Err("--side-by-side reads one topic: leave --right out".to_owned()),
+            (Some(left), ..) => Ok([left.clone(), left.clone()]),
+            (None, None, [only]) => Ok([only, only].map(|topic| (*topic).to_owned())),
+            _ => Err(format!(
+                "which images are side by side? Name one with --left TOPIC; it has {listed}"
+            )),
+        };
+    }
     let free =
         |named: &Option<String>, topic: &str| named.as_deref().is_none_or(|named| named == topic);
     let pairs = topics
@@ -86,7 +99,8 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             |reason| format!("has no stereo pairs that svl reads: {reason}"),
         )),
         (_, [only]) => Err(format!(
-            "has no stereo pairs: {only} is its only topic of images"
+            "has no stereo pairs: {only} is its only topic of images; --side-by-side if each shows both \
+             cameras"
         )),
         _ => Err(format!(
             "which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}"
