@@ -65,8 +65,7 @@ fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> 
         .map_err(|e| document.error(format!("'{name}.intrinsics': {e}")))
 }
 
-/// The motion between the cameras; without their own by those to the IMU, which VINS-Fusion's and
-/// OpenVINS's files have.
+/// The motion between the cameras; without their own by those to the IMU, as in OpenVINS's files.
 fn right_from_left(document: &Document) -> Result<Isometry3<f64>> {
     let own = "cam1.T_cn_cnm1";
     let both = |key: &str| {

@@ -164,42 +164,30 @@ impl PairReader {
     /// Leaves calibrations out that were found by the names of their topics alone, if a frame in them
     /// is not that of its camera's images.
     pub(super) fn check_info_frames(&mut self, info_frames: &[Option<String>; 2]) {
-        let place = |topic: &str| {
-            topic
-                .rsplit_once('/')
-                .map_or("", |(place, _)| place)
-                .to_owned()
-        };
-        let is_differing = |side: &Side| {
-            let frames = info_frames[*side as usize]
-                .as_ref()
-                .zip(self.frames[*side as usize].as_ref());
-            let info = self.calibrations[*side as usize]
-                .as_deref()
-                .unwrap_or_default();
-            let is_elsewhere =
-                !format!("{}/", self.images[*side as usize]).starts_with(&(place(info) + "/"));
-            is_elsewhere
-                && frames.is_some_and(|(info, image)| {
-                    info != image && !info.is_empty() && !image.is_empty()
-                })
-        };
-        let Some(side) = Side::BOTH.into_iter().find(is_differing) else {
+        for side in 0..2 {
+            let (Some(info), Some(info_frame), Some(frame)) = (
+                &self.calibrations[side],
+                &info_frames[side],
+                &self.frames[side],
+            ) else {
+                continue;
+            };
+            let [image, other] = [side, 1 - side].map(|side| &self.images[side]);
+            if topics::is_near(info, image) && !topics::is_near(info, other)
+                || info_frame == frame
+                || info_frame.is_empty()
+                || frame.is_empty()
+            {
+                continue;
+            }
+            tracing::warn!(
+                "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations are \
+                 not used; --calib FILE gives the cameras theirs",
+                self.name
+            );
+            (self.calibrations, self.cameras, self.tracks) = Default::default();
             return;
-        };
-        let name = |of: &Option<String>| of.clone().unwrap_or_default();
-        tracing::warn!(
-            "{}: {} is of frame '{}', {} of '{}': the calibrations are not used; --calib FILE gives the \
-             cameras theirs",
-            self.name,
-            name(&self.calibrations[side as usize]),
-            name(&info_frames[side as usize]),
-            self.images[side as usize],
-            name(&self.frames[side as usize]),
-        );
-        self.calibrations = [None, None];
-        self.cameras = [None, None];
-        self.tracks = Default::default();
+        }
     }
 
     /// Makes the calibrations of a pair with these stamps the current ones. Warns of the first that

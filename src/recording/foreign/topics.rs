@@ -334,6 +334,16 @@ pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<
     }
 }
 
+/// True if a calibration topic is in a namespace of an image topic, or below it: image/camera_info.
+pub(super) fn is_near(info: &str, image: &str) -> bool {
+    format!("{image}/").starts_with(namespace(info))
+}
+
+/// The name of a topic up to its last part.
+fn namespace(topic: &str) -> &str {
+    &topic[..topic.rfind('/').map_or(0, |slash| slash + 1)]
+}
+
 /// The calibration topic for the image topic `topic`: the one that shares the longest namespace,
 /// and of one namespace the one of its processing: `camera_info_rect` for `image_rect`.
 pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
@@ -341,15 +351,8 @@ pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
         .iter()
         .copied()
         .filter(|channel| camera::is_calibration(channel));
-    let folder = |channel: &&Channel| {
-        channel
-            .topic
-            .rsplit_once('/')
-            .map_or(0, |(folder, _)| folder.len() + 1)
-    };
-    // Also one below the image: image/camera_info.
-    let below = format!("{topic}/");
-    let fits = |channel: &&Channel| below.starts_with(&channel.topic[..folder(channel)]);
+    let folder = |channel: &&Channel| namespace(&channel.topic).len();
+    let fits = |channel: &&Channel| is_near(&channel.topic, topic);
     // Length of the processing in the names of both; 0 of a calibration of any image.
     let processing = |channel: &&Channel| {
         let folder = folder(channel);

@@ -287,6 +287,7 @@ fn calibrations_elsewhere_are_used_unless_a_frame_differs() {
     assert!(found(["cam", "cam"], infos));
     assert!(found(["", ""], infos));
     assert!(!found(["cam", "other"], infos));
+    assert!(!found(["cam", "other"], ["/info_left", "/info_right"]));
     // Those of the cameras' own namespaces need no name of a frame.
     assert!(found(
         ["a", "b"],
