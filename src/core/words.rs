@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_controls_a_terminal_is_escaped() {
+    fn terminal_controls_are_escaped() {
         let text = "a\u{1b}[2J\u{7}\u{9b}1m\u{202e}\u{2066}\r\u{7f}\u{2028}\tö\u{200d}µ\n";
         let escaped = r"a\u001b[2J\u0007\u009b1m\u202e\u2066\u000d\u007f\u2028";
         assert_eq!(printable(text), format!("{escaped}\tö\u{200d}µ\n"));

@@ -23,7 +23,7 @@ pub(super) struct Channel {
 impl Channel {
     /// Types of ROS 1 are named as those of ROS 2 with the same fields.
     pub(super) fn new(topic: String, schema: String, encoding: String) -> Self {
-        // As recorders of DDS write it: sensor_msgs::msg::dds_::Image_.
+        // Recorders of DDS write sensor_msgs::msg::dds_::Image_.
         let dds = schema
             .strip_suffix('_')
             .and_then(|name| name.split_once("::dds_::"));

@@ -97,8 +97,8 @@ impl SqliteFile {
 }
 
 /// Opens a file to read, without a file beside it that was not there before: SQLite would leave its
-/// shared memory (`-shm`) beside one with a write-ahead log, and refuse it in a folder that cannot be
-/// written.
+/// shared memory (`-shm`) beside one with a write-ahead log, and refuse it in a folder that cannot
+/// be written.
 fn open(file: &Path) -> rusqlite::Result<Connection> {
     let beside = |end: &str| {
         let mut name = file.as_os_str().to_owned();
@@ -224,7 +224,7 @@ mod tests {
         let written = folder.path().join("written.db3");
         let connection = Connection::open(&written).unwrap();
         connection.execute_batch(tables).unwrap();
-        // Of a recorder that was killed, and of one that has closed its file.
+        // The files of a recorder that was killed, and of one that has closed its file.
         for (ends, expected) in [(&["", "-wal"][..], 2), (&[""], 1)] {
             let copy = folder.path().join(format!("a %3f?#{expected}"));
             std::fs::create_dir(&copy).unwrap();

@@ -13,7 +13,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kalibr",
     title: "Kalibr's camchain",
     conventions: "pinhole fu fv pu pv with radtan k1 k2 p1 p2, equidistant k1 k2 k3 k4 or none; \
-                  T_cn_cnm1: x_cam1 = T x_cam0, metres, or T_cam_imu or T_imu_cam of both cameras; no \
+                  T_cn_cnm1: x_cam1 = T x_cam0, metres, or T_cam_imu or T_imu_cam of both; no \
                   rectification; cam0 is the left camera",
     endings: &["yaml"],
     pairs: &[],

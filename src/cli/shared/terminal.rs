@@ -7,8 +7,8 @@ use svl::report::table::TerminalStyle;
 use svl::sink::report_runs;
 use svl::{printable, printable_line};
 
-/// Prints to standard output, with text from outside escaped. A reader that went away (`| head`) has
-/// read enough: no error.
+/// Prints to standard output, with text from outside escaped. A reader that went away (`| head`)
+/// has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     let text = style().printable(text);
     match io::stdout().lock().write_all(text.as_bytes()) {

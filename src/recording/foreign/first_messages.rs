@@ -121,29 +121,21 @@ impl FirstImages {
     }
 
     fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
-        let mut sides = (0..2).filter(|side| topics[*side] == channel.topic);
-        let Some(side) = sides.next() else {
-            return;
-        };
-        let is_both = sides.next().is_some();
-        // Videos are decoded to 8 bits.
-        if video::is_picture(channel, data) {
-            self.are_videos[side] = true;
-            self.are_videos[1] |= is_both;
-            self.are_of_8_bits = true;
-            return;
-        }
-        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
-            return;
-        }
-        // An unreadable one is reported when its turn comes.
-        if let Ok((_, Ok(image))) = image::decode(channel, data) {
-            match image.image.largest() {
-                Some(largest) => {
-                    self.largest[side].push(largest);
-                    self.largest[1].extend(is_both.then_some(largest));
+        for side in (0..2).filter(|side| topics[*side] == channel.topic) {
+            // Videos are decoded to 8 bits.
+            if video::is_picture(channel, data) {
+                self.are_videos[side] = true;
+                self.are_of_8_bits = true;
+            }
+            if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+                continue;
+            }
+            // An unreadable one is reported when its turn comes.
+            if let Ok((_, Ok(image))) = image::decode(channel, data) {
+                match image.image.largest() {
+                    Some(largest) => self.largest[side].push(largest),
+                    None => self.are_of_8_bits = true,
                 }
-                None => self.are_of_8_bits = true,
             }
         }
     }

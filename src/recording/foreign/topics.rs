@@ -29,9 +29,9 @@ impl Selection {
     /// free-running ones above.
     pub const MAX_SKEW_NS: u64 = 5_000_000;
 
-    /// True if it names a topic: then svl's own recordings are paired by stamp, too.
+    /// True if it tells how topics form pairs: then svl's own recordings are paired by stamp, too.
     pub fn names_topics(&self) -> bool {
-        self.left.is_some() || self.right.is_some()
+        self.left.is_some() || self.right.is_some() || self.side_by_side
     }
 }
 
@@ -73,7 +73,8 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             (Some(left), ..) => Ok([left.clone(), left.clone()]),
             (None, None, [only]) => Ok([only, only].map(|topic| (*topic).to_owned())),
             _ => Err(format!(
-                "which images are side by side? Name one with --left TOPIC; it has {listed}"
+                "which images are side by side? Name one with --left TOPIC; it has \
+                 {listed}"
             )),
         };
     }
@@ -99,8 +100,8 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             |reason| format!("has no stereo pairs that svl reads: {reason}"),
         )),
         (_, [only]) => Err(format!(
-            "has no stereo pairs: {only} is its only topic of images; --side-by-side if each shows both \
-             cameras"
+            "has no stereo pairs: {only} is its only topic of images; --side-by-side if each shows \
+             both cameras"
         )),
         _ => Err(format!(
             "which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}"
@@ -307,8 +308,8 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
-/// The calibration topics for the image topics of a pair: each the one for its own ([`calibration`]);
-/// else, of those for no image, the only two that are a left and a right one.
+/// The calibration topics for the image topics of a pair: each the one for its own
+/// ([`calibration`]); else, of those for no image, the only two that are a left and a right one.
 pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<String>; 2] {
     let own = images.map(|image| calibration(channels, image));
     if own[0] != own[1] && own.iter().all(Option::is_some) {
@@ -550,7 +551,7 @@ mod tests {
             with(&["/a/left/info", "/a/right/info", "/info/left", "/info/right"])[0],
             "/a/left/info"
         );
-        // Those of other cameras, and of which are more.
+        // Calibrations of other cameras, and two pairs of them.
         let rear = [
             "/b/left/image",
             "/b/right/image",

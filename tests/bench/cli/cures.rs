@@ -89,8 +89,8 @@ const CURES: &[(&str, Cure)] = &[
     (
         "ffmpeg -i IN -r HZ OUT",
         Shell(
-            "ffmpeg -v error -f lavfi -i testsrc=size=64x48:rate=9:d=1 in.mkv && ffmpeg -v error -i in.mkv \
-             -r 5 out.mkv",
+            "ffmpeg -v error -f lavfi -i testsrc=size=64x48:rate=9:d=1 in.mkv && \
+             ffmpeg -v error -i in.mkv -r 5 out.mkv",
             "record out.mkv --side-by-side -o v.mcap",
         ),
     ),

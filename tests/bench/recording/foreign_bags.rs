@@ -288,7 +288,7 @@ fn calibrations_elsewhere_are_used_unless_a_frame_differs() {
     assert!(found(["", ""], infos));
     assert!(!found(["cam", "other"], infos));
     assert!(!found(["cam", "other"], ["/info_left", "/info_right"]));
-    // Those of the cameras' own namespaces need no name of a frame.
+    // Calibrations of the cameras' own namespaces need no name of a frame.
     assert!(found(
         ["a", "b"],
         ["/cam0/camera_info", "/cam1/camera_info"]

@@ -93,7 +93,7 @@ fn names_of_files_and_words_of_programs_do_not_control_the_terminal() {
     let ran = fixture.svl(&[
         "match", "l.pgm", "r.pgm", "-o", "a.pfm", "--algo", algorithm,
     ]);
-    ran.failed(1, &["[2J", "gone"]);
+    ran.failed(1, &[r"\u001b[2J\u0007gone"]);
     fixture.write("\u{1b}[2J/left/1.pgm", "no image");
     fixture.write("\u{1b}[2J/right/1.pgm", "no image");
     let ran = fixture.svl(&["replay", "\u{1b}[2J", "--algo", "v3"]);

@@ -90,9 +90,12 @@ pub(super) const LAYOUTS: &[Layout] = &[
     // MRPT's 0_left.jpg, and 00_left.png.
     plain(["*left", "*right"]),
     plain(["*_l", "*_r"]),
-    // L1.jpg and L_1.jpg, but not lamp.jpg.
-    plain(["l*", "r*"]),
+    // L1.jpg and L_1.jpg; see as_laid_out.
+    plain(LETTERS),
 ];
+
+/// Letters that are sides if no word begins with them.
+pub(super) const LETTERS: [&str; 2] = ["l*", "r*"];
 
 const fn plain(images: [&'static str; 2]) -> Layout {
     Layout {
@@ -214,9 +217,7 @@ fn key(path: &Path, part: &str, endings: Option<&[&str]>) -> Option<Vec<u8>> {
     let key = name.get(before.len()..end)?;
     let fits = name[..before.len()].eq_ignore_ascii_case(before)
         && name[end..].eq_ignore_ascii_case(after);
-    // A letter is a side only if no word begins with it.
-    let is_word = before.len() == 1 && key.first().is_some_and(u8::is_ascii_alphabetic);
-    (fits && !is_word).then(|| key.to_owned())
+    fits.then(|| key.to_owned())
 }
 
 /// The name of a file without its extension, if it is one of these.
@@ -294,13 +295,10 @@ mod tests {
         assert_eq!(key("Left_07.PNG", "left*", true).unwrap(), "_07");
         assert_eq!(key("00_L.png", "*_l", true).unwrap(), "00");
         assert_eq!(key("7.png", "*.png", true).unwrap(), "7");
-        assert_eq!(key("L07.jpg", "l*", true).unwrap(), "07");
-        assert_eq!(key("L_a.jpg", "l*", true).unwrap(), "_a");
         assert_eq!(key("seq7", "seq*", false).unwrap(), "7");
         for (name, part) in [
             ("7.jpg", "*.png"),
             ("left.txt", "left*"),
-            ("lamp.png", "l*"),
             ("._left1.png", "*left1"),
             ("l.png", "*_l"),
             ("le.png", "left*"),

@@ -297,8 +297,8 @@ impl SensorTopic {
             }
             (Ok((map, _)), Measured::Points(points)) if !points.is_empty() => {
                 let is_seen = map.rows().flatten().any(|px| px.is_finite());
-                let words = "no point of a measurement is in view of the left camera; if that is so \
-                             of all, its transform in /tf_static is wrong";
+                let words = "no point of a measurement is in view of the left camera; if that is \
+                             so of all, its transform in /tf_static is wrong";
                 (!is_seen).then(|| words.to_owned())
             }
             _ => None,
