@@ -99,7 +99,7 @@ fn kalibr_s_chain_is_read() {
         );
         let motion = read(&chain, &Hints::default()).unwrap().calibration;
         let motion = motion.right_from_left();
-        let apart = motion.translation.vector - nalgebra::Vector3::new(-0.12, 0.0, 0.0);
+        let apart = motion.translation.vector - Vector3::new(-0.12, 0.0, 0.0);
         assert!(
             apart.norm() < 1e-12 && motion.rotation.angle() < 1e-12,
             "{key}: {motion}"
