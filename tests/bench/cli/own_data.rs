@@ -267,7 +267,7 @@ fn options_are_for_what_takes_them() {
         (
             &["p.mcap", "--side-by-side"],
             1,
-            &["which images are side by side", "/stereo/left/image_rect"],
+            &["which images are side by side", "/stereo/left/image"],
         ),
         (&["scene", "--fps", "10"], 2, &["scenes of a data set"]),
         (&["film.mp4"], 2, &["--side-by-side", "--left and --right"]),
