@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 318),
     ("recording", 12971),
-    ("report", 11616),
+    ("report", 11617),
     ("score", 7632),
     ("sim", 3533),
     ("thesis", 3693),
