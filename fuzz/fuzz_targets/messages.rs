@@ -16,7 +16,7 @@ libfuzzer_sys::fuzz_target!(init: unsafe { std::env::set_var("PATH", "") }, |byt
     let file = file_of(bytes);
     svl_fuzz::on_file("a.mcap", &file, |path| {
         let recording = Recording::open(path).expect("a file");
-        let summary = recording.summary().expect("a whole file");
+        let summary = recording.summary(&Selection::default()).expect("a whole file");
         assert!(summary.is_intact(), "{:?}", summary.damage);
         let named =
             [("/l", "/r"), ("/stereo/left/image", "/stereo/right/image")].map(|(left, right)| {

@@ -9,7 +9,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let Ok(recording) = Recording::open(path) else {
             return;
         };
-        let _ = recording.summary();
+        let _ = recording.summary(&Selection::default());
         let Ok(mut reader) = Reader::new(recording, &Selection::default()) else {
             return;
         };

@@ -23,6 +23,15 @@ pub(super) enum Container {
     Ros1(McapFile),
 }
 
+/// True if the file at `path` begins as one of a recording does, whatever its name.
+pub fn is_recording(path: &Path) -> bool {
+    let start = McapFile::open(path, true).and_then(|file| file.start());
+    start.is_ok_and(|start| {
+        let magics = [mcap::MAGIC, &ZSTD, ros1_bag::MAGIC];
+        start == sqlite::MAGIC || magics.iter().any(|magic| start.starts_with(magic))
+    })
+}
+
 impl Container {
     /// Opens a file by its first bytes. One that is compressed as a whole is unpacked into a
     /// temporary file.

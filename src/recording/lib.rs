@@ -76,6 +76,7 @@ mod writer;
 
 pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
+pub use container::is_recording;
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
     ClockFault, ClockOffset, ClockRole, ClockTable, FramePoses, LiveTopic, PoseStep, PoseSummary,
@@ -84,6 +85,8 @@ pub use foreign::{
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
+#[doc(hidden)]
+pub use messages::warn_once;
 pub use opened::Recording;
 pub use reader::Reader;
 pub use records::DamagedPart;

@@ -501,7 +501,7 @@ impl EventReader for Messages {
 const MAX_WARNINGS: usize = 100;
 
 /// Warns once in a process: pairs, truth and places read the poses of a recording each.
-pub(super) fn warn_once(warning: String) {
+pub fn warn_once(warning: String) {
     static WARNED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
     let mut warned = WARNED.lock();
     if warned.len() < MAX_WARNINGS && !warned.contains(&warning) {

@@ -137,6 +137,11 @@ impl Recording {
         })
     }
 
+    /// The same, as they are.
+    pub(super) fn containers(&self) -> impl Iterator<Item = &Container> {
+        self.parts.iter().map(|part| &part.file)
+    }
+
     /// The same recording, with its stamps read by rules.
     pub(super) fn restamped(&self, rules: StampRules) -> Self {
         Self {
@@ -228,13 +233,14 @@ impl RestampedFile<'_> {
             }
             Container::Mcap(file) => {
                 let index = self.part.index()?;
-                let step = (index.chunks.len() / (places + 1)).max(1);
-                let starts = index.chunks.iter().skip(step).step_by(step).take(places);
+                let chunk = |place| index.chunks.get(index.chunks.len() * place / (places + 1));
+                let mut starts: Vec<_> = (1..=places).filter_map(chunk).collect();
+                starts.dedup();
                 let place = |start: &u64| {
                     let messages = Messages::from(file, *start, index.declared.clone())?;
                     Ok(boxed(Box::new(UnpackedMessages(messages))))
                 };
-                starts.map(place).collect::<Result<_>>()?
+                starts.into_iter().map(place).collect::<Result<_>>()?
             }
         })
     }

@@ -80,7 +80,8 @@ impl Reader {
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
         let messages = first.messages()?;
-        let source = PairReader::open(&recording, selection, is_own)?;
+        let mut source = PairReader::open(&recording, selection, is_own)?;
+        source.watch = clocks.as_ref().and_then(ClockTable::watch);
         let mut reader = Self {
             messages,
             next_file: 1,

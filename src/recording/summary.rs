@@ -63,6 +63,9 @@ pub struct RecordingSummary {
     pub end_ns: u64,
     /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
     pub pairs: u64,
+    /// The left stamps of the pairs, in their order.
+    #[serde(skip)]
+    pub pair_stamps_ns: Vec<u64>,
     /// Median period of the left images by their own stamps; `None` if their topic or their rate is
     /// unknown.
     pub period_ns: Option<u64>,
@@ -136,15 +139,14 @@ pub struct ClockJump {
 }
 
 impl Recording {
-    /// Reads all of the recording and summarizes it. Damage is not an error but part of the
-    /// summary.
+    /// Reads all of the recording and summarizes it, with the pairs that this selection makes.
+    /// Damage is not an error but part of the summary.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP, and for a
-    /// bag of several files.
-    pub fn summary(&self) -> Result<RecordingSummary> {
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP.
+    pub fn summary(&self, selection: &Selection) -> Result<RecordingSummary> {
         let clocks = match is_own(self) {
-            Ok(false) => ClockTable::read(self, &Selection::default()),
+            Ok(is_own) if !is_own || selection.names_topics() => ClockTable::read(self, selection),
             _ => Ok(None),
         };
         // Damage is reported with the messages.
@@ -154,22 +156,36 @@ impl Recording {
             ..SummaryScan::default()
         };
         seen.found.clocks = clocks;
-        let (losses, library, profile) = match self.only_file()? {
-            Container::Mcap(file) => return seen.mcap(self, file),
-            Container::Ros1(file) => {
-                let mut messages = Ros1Messages::open(file)?;
-                // The error at its end is the first of the losses.
-                drop(seen.take_all(&mut messages));
-                (messages.take_losses(), "rosbag, of ROS 1", "ros1")
-            }
-            Container::Sqlite(file) => {
-                let losses = seen.take_all(&mut file.messages()?);
-                (losses, "rosbag2, in SQLite", "ros2")
-            }
-        };
-        seen.found.losses = losses;
-        (seen.found.library, seen.found.profile) = (library.to_owned(), profile.to_owned());
-        seen.summary(self, Some(&self.channels()?))
+        seen.found.checksums = true;
+        for file in self.containers() {
+            let losses = match file {
+                Container::Mcap(file) => seen.take_mcap(file)?,
+                Container::Ros1(file) => {
+                    let mut messages = Ros1Messages::open(file)?;
+                    // The error at its end is the first of the losses.
+                    drop(seen.take_all(&mut messages));
+                    let losses = messages.take_losses();
+                    seen.take_foreign("rosbag, of ROS 1", "ros1", messages.channels());
+                    losses
+                }
+                Container::Sqlite(file) => {
+                    let losses = seen.take_all(&mut file.messages()?);
+                    seen.take_foreign("rosbag2, in SQLite", "ros2", file.channels()?);
+                    losses
+                }
+            };
+            let name = file.path().display();
+            let in_file = |loss: DamagedPart| match self.only_file() {
+                Ok(_) => loss,
+                Err(_) => DamagedPart {
+                    reason: format!("{name}: {}", loss.reason),
+                    ..loss
+                },
+            };
+            seen.found.losses.extend(losses.into_iter().map(in_file));
+            seen.found.bytes += file.len();
+        }
+        seen.summary(self, selection)
     }
 }
 
@@ -194,6 +210,7 @@ struct SummaryScan {
     rules: StampRules,
     /// Start of the first attached manifest.
     manifest: Option<u64>,
+    channels: Vec<Channel>,
     topics: BTreeMap<String, Topic>,
     images: BTreeMap<String, TopicImages>,
     /// The left images of svl's own recordings, by their `/stereo/sync`.
@@ -221,22 +238,27 @@ struct TopicImages {
 }
 
 impl SummaryScan {
-    fn mcap(mut self, recording: &Recording, file: &McapFile) -> Result<RecordingSummary> {
+    fn take_mcap(&mut self, file: &McapFile) -> Result<Vec<DamagedPart>> {
         let mut messages = Messages::salvage(file)?;
         while let Some(event) = messages.next()? {
             self.take_in(event);
         }
-        self.found.losses = messages.records.losses.clone();
-        self.found.missing = messages.take_missing();
-        self.found.checksums = messages.records.is_checked();
-        let manifest = self.manifest.map(|start| attachment(file, start));
-        let manifest = manifest.transpose()?.flatten();
-        self.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
-        // Neither the profile nor a sync message: svl did not write it.
-        let is_foreign = self.found.profile != PROFILE && self.sequences.is_empty();
-        let channels = messages.declared().channels();
-        let channels: Vec<_> = channels.iter().collect();
-        self.summary(recording, Some(&*channels).filter(|_| is_foreign))
+        for (topic, missing) in messages.take_missing() {
+            *self.found.missing.entry(topic).or_default() += missing;
+        }
+        self.found.checksums &= messages.records.is_checked();
+        if let Some(start) = self.manifest.take() {
+            let manifest = attachment(file, start)?;
+            self.found.manifest = manifest.and_then(|json| serde_json::from_slice(&json).ok());
+        }
+        self.channels.extend(messages.declared().channels());
+        Ok(messages.records.losses.clone())
+    }
+
+    fn take_foreign(&mut self, library: &str, profile: &str, channels: Vec<Channel>) {
+        (self.found.library, self.found.profile) = (library.to_owned(), profile.to_owned());
+        self.found.checksums = false;
+        self.channels.extend(channels);
     }
 
     /// Takes in all messages; the errors are those of a file that names no bytes.
@@ -401,33 +423,51 @@ impl SummaryScan {
         (starts.min().unwrap_or(0), ends.max().unwrap_or(0))
     }
 
-    /// `channels`: those among which the images are chosen, in another program's recording.
-    fn summary(
-        mut self,
-        recording: &Recording,
-        channels: Option<&[&Channel]>,
-    ) -> Result<RecordingSummary> {
-        let file = recording.only_file()?;
-        self.found.stereo =
-            channels.and_then(|channels| choose(channels, &Selection::default()).ok());
+    fn summary(mut self, recording: &Recording, selection: &Selection) -> Result<RecordingSummary> {
+        // Neither the profile nor a sync message: svl did not write it.
+        let is_own = self.found.profile == PROFILE || !self.sequences.is_empty();
+        let is_own = is_own && !selection.names_topics();
+        let channels = std::mem::take(&mut self.channels);
+        let channels: Vec<_> = channels.iter().collect();
+        self.found.stereo = choose(&channels, selection).ok().filter(|_| !is_own);
         let [left, right] = self.take_sides();
-        if let Some(channels) = channels.filter(|_| self.found.stereo.is_some()) {
+        if let Some([_, topic]) = &self.found.stereo {
+            let sides = Side::BOTH.into_iter().zip([&left.images, &right.images]);
+            let images = sides.flat_map(|(side, images)| images.iter().map(move |i| (side, i)));
+            let mut images: Vec<_> = images.collect();
+            images.sort_by_key(|(_, image)| image.place);
+            if let Some(clocks) = &mut self.found.clocks
+                && let Some(mut watch) = clocks.watch()
+                && let Some(step) = images
+                    .iter()
+                    .find_map(|(side, i)| watch.take_in(*side, i.log_ns, i.stamp_ns))
+            {
+                clocks.add_step(topic, step);
+            }
             let clocks = self.found.clocks.as_ref();
             if clocks.is_none_or(ClockTable::permits_pairs) {
-                let (skews, unpaired) = pair_stamps([&left.images, &right.images]);
-                self.found.pairs = skews.len() as u64;
+                let (stamps, unpaired) = pair_stamps(&images, selection.max_skew_ns);
+                self.found.pairs = stamps.len() as u64;
                 self.found.unpaired = Some(unpaired);
-                self.skews = skews;
+                let skew = |[left, right]: &[u64; 2]| right.wrapping_sub(*left).cast_signed();
+                self.skews = stamps.iter().map(skew).collect();
+                self.found.pair_stamps_ns = stamps.iter().map(|[left, _]| *left).collect();
             }
             let stamps = left.images.iter().map(|image| image.stamp_ns);
             let frame = left.frame.as_deref().unwrap_or_default();
             // Damage is reported with the pairs.
-            let poses = pose_summary(recording, channels, frame, stamps);
+            let poses = pose_summary(recording, &channels, frame, stamps);
             self.found.poses = poses.ok().flatten();
+        } else {
+            let stamps = self.synced.iter().map(|image| image.stamp_ns);
+            self.found.pair_stamps_ns = stamps.collect();
         }
         let repeated_images = [left.repeated, right.repeated];
-        let is_own = channels.is_none() && !self.synced.is_empty();
-        let images = if is_own { &self.synced } else { &left.images };
+        let images = if is_own && !self.synced.is_empty() {
+            &self.synced
+        } else {
+            &left.images
+        };
         let clock_jumps = clock_jumps(images);
         let steps = steps(images);
         let period_ns = median_ns(&steps).filter(|_| !self.has_nominal_stamps());
@@ -437,8 +477,7 @@ impl SummaryScan {
         let misalignment = self.row_offsets.into_iter().filter_map(misalignment);
         let videos = self.videos.into_iter();
         Ok(RecordingSummary {
-            path: file.path().to_owned(),
-            bytes: file.len(),
+            path: recording.only_path().unwrap_or(recording.path()).to_owned(),
             damage: self.found.losses.first().map(DamagedPart::to_string),
             missing_pairs,
             misalignment: misalignment.collect(),

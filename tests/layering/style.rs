@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12238),
+    ("bench", 12277),
     ("c", 470),
     ("calibrate", 4890),
-    ("cli", 11380),
-    ("core", 18375),
+    ("cli", 11381),
+    ("core", 18432),
     ("files", 2090),
     ("grab", 5079),
     ("live", 419),
     ("python", 318),
-    ("recording", 12971),
+    ("recording", 13429),
     ("report", 11617),
     ("score", 7632),
     ("sim", 3533),
     ("thesis", 3693),
-    ("train", 3506),
+    ("train", 3527),
     ("viewer", 1749),
 ];
 

@@ -43,17 +43,8 @@ impl<'a> AlignmentMonitor<'a> {
             Some(_) => false,
             None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
-        if last
-            && let Some(share) = self.meter.beyond_infinity()
-            && share > MAX_NEGATIVE
-        {
-            tracing::warn!(
-                "{}: left and right look exchanged: {:.0} % of {} points are farther right in the \
-                 right image; --left and --right name them the other way round",
-                self.source.name(),
-                100.0 * share,
-                self.meter.matches().len()
-            );
+        if last && let Some(doubt) = exchange_doubt(&self.meter) {
+            tracing::warn!("{}: {doubt}", self.source.name());
         }
         // That their rectification misaligns them is said.
         let doubt = self
@@ -75,6 +66,19 @@ impl<'a> AlignmentMonitor<'a> {
             );
         }
     }
+}
+
+/// Left and right images that look exchanged, in words.
+pub(super) fn exchange_doubt(meter: &AlignmentMeter) -> Option<String> {
+    let share = meter
+        .beyond_infinity()
+        .filter(|share| *share > MAX_NEGATIVE)?;
+    Some(format!(
+        "left and right look exchanged: {:.0} % of {} points are farther right in the right image; \
+         --left and --right name them the other way round",
+        100.0 * share,
+        meter.matches().len()
+    ))
 }
 
 /// The cure for vertical misalignment of the pairs that a source gives.

@@ -1,5 +1,6 @@
 //! Facts of a source by its first pairs: size, cameras, range, truth.
 
+use super::alignment_monitor::exchange_doubt;
 use super::open::{open, open_recording};
 use super::opened::Opened;
 use super::request::Request;
@@ -10,7 +11,7 @@ use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::rectify::{Alignment, AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{CalibrationCheck, CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
 use svl_score::judge::TrueCells;
 use svl_score::plausibility::{Spread, TruthSpread};
@@ -79,6 +80,9 @@ pub struct TruthFacts {
     /// Pairs that were looked at, and of them those with a cell that is scored.
     pub pairs: u64,
     pub scored_pairs: u64,
+    /// Pairs with a measurement of their time.
+    #[serde(skip)]
+    pub(super) measured_pairs: u64,
     /// Cells of the default grid in the pairs that were looked at, and of them those scored.
     pub cells: u64,
     pub scored_cells: u64,
@@ -129,7 +133,9 @@ impl SourceFacts {
             .or(raw.and_then(|raw| model(&raw.intrinsics)));
         let raw_px = raw.map(|raw| raw.intrinsics.focal_px());
         let rig_px = rig.map(|rig| (rig.focal_px(), rig.focal_px()));
-        camera.focal_px = raw_px.or(camera.focal_px).or(rig_px);
+        // The rig of scaled images, which are rectified, is scaled with them.
+        let scaled_px = rig_px.filter(|_| request.options.scale.is_some());
+        camera.focal_px = scaled_px.or(raw_px).or(camera.focal_px).or(rig_px);
         let recording = opened.recording.as_ref();
         let is_foreign = recording.is_some_and(|recording| recording.header().is_err());
         let topics = match recording {
@@ -140,6 +146,7 @@ impl SourceFacts {
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(|check| check.doubt.clone());
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
+        let doubts = doubts.chain(exchange_doubt(&meter));
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
@@ -190,7 +197,10 @@ fn calibration_checks(opened: &Opened, first: &Frame) -> Vec<CalibrationCheck> {
     // The principal point of a crop is where it was.
     let changes = opened.header.changes.as_deref().unwrap_or_default();
     if changes.contains("crop") {
-        checks.iter_mut().for_each(|check| check.doubt = None);
+        let centers = checks
+            .iter_mut()
+            .filter(|check| check.name.contains("center"));
+        centers.for_each(|check| check.doubt = None);
     }
     checks
 }
@@ -287,19 +297,34 @@ impl TruthFacts {
             // Damage of a recording is reported with it.
             later.filter(|_| !is_recording).map_or(Ok(()), Err)
         });
-        facts.error = looked.err().map(|error| error.to_string());
+        if let Err(error) = looked {
+            facts.error = Some(error.to_string());
+        }
         facts
     }
 
-    /// Adds the spread of the values, and the pixels that the source dropped.
+    /// Adds the spread of the values, and the pixels that the source dropped; the reason if there
+    /// are none.
     fn summarize(&mut self, spread: &TruthSpread, source: &mut dyn Source) {
         [self.disparity_px, self.distance_m] = spread.spreads();
         self.impossible_pixels = source.finish(self.pairs).impossible;
+        let pairs = counted(self.pairs, "pair");
+        self.error = match (self.measured_pairs, self.disparity_px) {
+            (_, Some(_)) => None,
+            (0, None) => Some(format!(
+                "none of its measurements is of the time of the first {pairs}: --truth-skew-ms"
+            )),
+            (_, None) => Some(format!(
+                "none of its pixels at the first {pairs} is a distance: 0, negative values and NaN \
+                 are none"
+            )),
+        };
     }
 
     fn count(&mut self, frame: &Frame) {
         let shape = GridShape::default();
         self.pairs += 1;
+        self.measured_pairs += u64::from(frame.truth.is_some());
         self.cells += shape.cells() as u64;
         let rule = CellRule::default().for_rig(frame.rig().is_some());
         let truth = TrueCells::new(frame, shape, rule);

@@ -55,6 +55,7 @@ pub use video::VideoSource;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
 use svl_core::stereo::Frame;
+use svl_recording::warn_once;
 use svl_score::judge::Judged;
 use svl_score::losses::Losses;
 
@@ -157,5 +158,12 @@ impl Source for &mut (dyn Source + '_) {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         (**self).next()
+    }
+}
+/// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
+fn warn_of_rig(name: &str, frame: &Frame) {
+    let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
+    for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
+        warn_once(format!("{name}: {doubt}"));
     }
 }

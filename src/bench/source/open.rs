@@ -16,7 +16,7 @@ use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
 use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
 use svl_recording::{
-    CameraFacts, Header, Recording, StampOrigin, StreamFacts, TRUTH_DEPTH, is_bag,
+    CameraFacts, Header, Recording, StampOrigin, StreamFacts, TRUTH_DEPTH, is_bag, is_recording,
 };
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
 use svl_sim::arena::{Arena, RandomScenes};
@@ -228,7 +228,8 @@ pub const SOURCES: &[SourceKind] = &[
                 &[
                     "mcap", "db3", "zstd", "zst", "bag", "active", "svo", "svo2", "tar", "gz",
                 ],
-            ) || is_bag(path) && Scene::find(path, name).is_none()
+            ) || is_recording(path)
+                || is_bag(path) && Scene::find(path, name).is_none()
         },
         open: recorded,
     },

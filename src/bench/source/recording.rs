@@ -15,6 +15,7 @@ use svl_score::losses::Losses;
 /// frames: a run may show it and still score the frames before it.
 pub struct RecordingSource {
     reader: Reader,
+    selection: Selection,
     unreadable: u64,
 }
 
@@ -34,6 +35,7 @@ impl RecordingSource {
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         Reader::new(recording, selection).map(|reader| Self {
             reader,
+            selection: selection.clone(),
             unreadable: 0,
         })
     }
@@ -85,8 +87,8 @@ impl Source for RecordingSource {
     }
 
     fn why_no_pose(&self) -> Option<String> {
-        // The reason is not looked for in a bag of several files.
-        let summary = self.reader.recording().summary().ok()?;
+        let recording = Recording::open(self.reader.path()).ok()?;
+        let summary = recording.summary(&self.selection).ok()?;
         summary.poses?.unusable
     }
 

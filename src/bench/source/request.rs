@@ -50,7 +50,8 @@ impl<'a> Request<'a> {
         Self { maps, ..self }
     }
 
-    pub(super) fn selection(&self) -> Selection {
+    /// The topics of a recording, and the rules by which they are paired.
+    pub fn selection(&self) -> Selection {
         let options = &self.options;
         Selection {
             left: options.left.clone(),
@@ -64,6 +65,8 @@ impl<'a> Request<'a> {
                 StampSource::Log => StampUnit::Log,
             }),
             right_offset_ns: options.right_offset_ms.map(|ms| (ms * 1e6).round() as i64),
+            // Messages may be logged a second late.
+            to_ns: options.range().to_s.map(|s| nanoseconds(1e3 * (s + 1.0))),
         }
     }
 

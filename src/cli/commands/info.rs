@@ -5,7 +5,7 @@ use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::source::hidden;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use std::path::{Path, PathBuf};
-use svl::recording::{Recording, RecordingSummary, files, is_bag};
+use svl::recording::{Recording, RecordingSummary, is_bag};
 use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
 use svl::{Error, interrupt};
@@ -58,13 +58,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         !SourceKind::is_unrecorded(&name)
     };
-    let parts = if is_recording { files(&file)?.len() } else { 1 };
-    // The pairs of a bag of several files are read, the messages of one at a time.
-    let summary = if is_recording && parts == 1 {
-        Some(Recording::open(&file)?.summary()?)
-    } else {
-        None
-    };
     let path = file.to_string_lossy();
     let mut request = Request {
         options: args.options.clone(),
@@ -73,12 +66,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
         (request.options.left, request.options.right) = (Some(left), Some(right));
     }
+    let summary = is_recording.then(|| {
+        let mut summary = Recording::open(&file)?.summary(&request.selection())?;
+        let range = args.options.range();
+        if range != PairRange::default() {
+            summary.pairs = range.count(&summary.pair_stamps_ns);
+        }
+        Ok::<_, Error>(summary)
+    });
+    let summary = summary.transpose()?;
     let (mut usability, first_pairs, no_pairs) = match SourceFacts::read(&request, is_recording) {
         Ok(facts) => {
             let pairs = summary.as_ref().map(|summary| summary.pairs);
-            let is_all = args.options.range() == PairRange::default();
-            let all = pairs.filter(|_| is_all);
-            let usability = Usability::from_facts(all.or(facts.pairs), &facts);
+            let usability = Usability::from_facts(pairs.or(facts.pairs), &facts);
             (usability, Some(facts), None)
         }
         // A recording without pairs has a summary all the same.

@@ -4,7 +4,7 @@ use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use svl::recording::{Recording, only_file};
+use svl::recording::{Recording, Selection, only_file};
 use svl::sink::report_runs;
 
 /// Open a recording or a run in the Rerun viewer
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
             let topics: Vec<_> = Recording::open(&file)?
-                .summary()?
+                .summary(&Selection::default())?
                 .topics
                 .into_iter()
                 .map(|topic| topic.name)

@@ -10,6 +10,13 @@ const CENTER: [f64; 2] = [0.0, 0.25];
 const FOCAL: [f64; 2] = [0.5, 1.5];
 /// Ratios of a baseline to that of another source.
 const BASELINE: [f64; 2] = [0.95, 1.05];
+/// Focal lengths as a fraction of the image's width: from a view of 157 degrees to a telescope.
+const FOCAL_OF_WIDTH: [f64; 2] = [0.1, 100.0];
+/// Twice a principal point as a fraction of the image's side, if it is that of half the image.
+const HALF: std::ops::RangeInclusive<f64> = 0.44..=0.56;
+/// Least difference of the offsets in both projections from equal ones of opposite signs, as a
+/// fraction.
+const OFFSETS: [f64; 2] = [0.05, f64::MAX];
 
 /// A number of a calibration beside the values that it usually has.
 ///
@@ -57,11 +64,60 @@ impl CalibrationCheck {
         } else {
             "far from the middle of"
         };
-        Self::new(name, value, CENTER, || {
+        let check = Self::new(name, value, CENTER, || {
             format!(
                 "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is {place} its image of \
                  {width}x{height}: unless the images are cropped, the calibration is of another \
                  size or binning, and distances are wrong: --calib FILE"
+            )
+        });
+        let is_half = |at: f64, side: usize| HALF.contains(&(2.0 * (at + 0.5) / side as f64));
+        let are_half = cameras
+            .iter()
+            .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));
+        let half = || {
+            format!(
+                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of {}x{} \
+             pixels, and its image has {width}x{height}: unless the images are cropped, the \
+             calibration is of half the size, and distances are wrong: --calib FILE",
+                2.0 * x + 1.0,
+                2.0 * y + 1.0
+            )
+        };
+        Self {
+            doubt: check.doubt.or_else(|| are_half.then(half)),
+            ..check
+        }
+    }
+
+    /// The focal length beside the width of the image, pixels.
+    fn width(focal_px: f64, width: usize) -> Self {
+        // A size of 0 was not set.
+        let part = match width {
+            0 => 1.0,
+            _ => focal_px / width as f64,
+        };
+        Self::new("focal_of_width", part, FOCAL_OF_WIDTH, || {
+            format!(
+                "the focal length is {focal_px:.1} px, and the images are {width} px wide: no \
+                 camera has it, and distances are wrong: --calib FILE"
+            )
+        })
+    }
+
+    /// The offsets in the projections of both cameras, metres: equal ones of opposite signs are
+    /// each that to the other camera.
+    pub fn offsets([left_m, right_m]: [f64; 2]) -> Self {
+        let apart = match left_m.abs().max(right_m.abs()) {
+            0.0 => 1.0,
+            most => (left_m + right_m).abs() / most,
+        };
+        Self::new("projection_offsets", apart, OFFSETS, || {
+            format!(
+                "P has an offset of {left_m:.4} m in the left camera and of {right_m:.4} m in the \
+                 right one, which makes a baseline of {:.4} m: if each is the distance to the \
+                 other camera, distances are twice too long: --calib FILE",
+                left_m - right_m
             )
         })
     }
@@ -108,24 +164,26 @@ impl CalibrationCheck {
 }
 
 impl Rig {
-    /// The principal points of both cameras in rectified images of that size.
+    /// The focal length and the principal points of both cameras in rectified images of that size.
     pub fn checks(&self, size: (usize, usize)) -> Vec<CalibrationCheck> {
         let (cx, cy) = self.center_px();
         let centers = [(cx, cy), (cx + self.doffs_px(), cy)].map(|center| (center, size));
-        vec![CalibrationCheck::centers(
-            "rectified_center",
-            "rectified camera",
-            centers,
-        )]
+        vec![
+            CalibrationCheck::centers("rectified_center", "rectified camera", centers),
+            CalibrationCheck::width(self.focal_px(), size.0),
+        ]
     }
 }
 
 impl StereoCalibration {
-    /// The principal points before and after rectification, and the focal length after it beside
-    /// the one before, per pixel of the image's width.
+    /// The principal points and focal lengths before and after rectification, these beside each
+    /// other per pixel of the image's width.
     pub fn checks(&self) -> Vec<CalibrationCheck> {
         let cameras = [self.left(), self.right()].map(|camera| (camera.center_px(), camera.size()));
-        let mut checks = vec![CalibrationCheck::centers("center", "camera", cameras)];
+        let mut checks = vec![
+            CalibrationCheck::centers("center", "camera", cameras),
+            CalibrationCheck::width(self.left().focal_px().0, self.left().size().0),
+        ];
         if let Some(by) = self.rectification().filter(|_| !self.is_rectified()) {
             checks.extend(by.rig.checks(by.size));
             let scale = by.size.0 as f64 / self.left().size().0 as f64;
@@ -162,6 +220,31 @@ mod tests {
         assert!(doubts((f64::MAX, 240.0), 0.0).contains("outside"));
         let rig = Rig::new(500.0, (160.0, 120.0), 0.1, 0.0).unwrap();
         assert_eq!(doubt(&rig.checks((0, 0))), "");
+        // Just inside the middle half, and the middle of half the image.
+        let words = "the middle of 322x242 pixels, and its image has 640x480";
+        assert!(doubts((160.6, 120.6), 0.0).contains(words));
+        assert_eq!(doubts((160.6, 150.0), 0.0), "");
+    }
+
+    #[test]
+    fn focal_lengths_of_no_camera_and_offsets_to_each_other_are_named() {
+        let doubts = |focal_px| {
+            let rig = Rig::new(focal_px, (319.5, 239.5), 0.1, 0.0).unwrap();
+            doubt(&rig.checks((640, 480)))
+        };
+        assert!(doubts(1.0).contains("1.0 px, and the images are 640 px wide"));
+        assert!(doubts(70_000.0).contains("no camera has it"));
+        assert_eq!(doubts(64.0) + &doubts(20_000.0), "");
+        let offsets = |left, right| CalibrationCheck::offsets([left, right]).doubt;
+        assert!(
+            offsets(0.1, -0.1)
+                .unwrap()
+                .contains("a baseline of 0.2000 m")
+        );
+        assert_eq!(
+            [offsets(0.0, -0.1), offsets(0.06, -0.47), offsets(0.0, 0.0)],
+            [None, None, None]
+        );
     }
 
     #[test]

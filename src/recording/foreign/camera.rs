@@ -448,6 +448,10 @@ pub(super) fn checks(
     if let (None, Some((raw_px, _))) = (calibration, left.focal_px(true)) {
         checks.push(CalibrationCheck::focal(rig.focal_px(), raw_px));
     }
+    if let (Ok(left), Ok(right)) = (left.projection(), right.projection()) {
+        let offsets_m = [left, right].map(|p| p[(0, 3)] / p[(0, 0)]);
+        checks.push(CalibrationCheck::offsets(offsets_m));
+    }
     if let ([_, _, cx, _, _, cy, ..], true) = (&left.k[..], left.binning != [1, 1]) {
         let binning = CalibrationCheck::binning((*cx, *cy), left.binning, size);
         // It is the cause of the others.

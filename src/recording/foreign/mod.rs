@@ -49,6 +49,7 @@ use baseline::BaselineSearch;
 use calibration_wait::CalibrationWait;
 use camera::Calibration;
 use camera_track::CameraTrack;
+use clocks::StepWatch;
 use first_messages::FirstMessages;
 use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
@@ -122,6 +123,8 @@ pub(super) struct PairReader {
     last_ns: [Option<u64>; 2],
     /// Jumps of a live clock; `None` for files, which may have any order.
     jumps: Option<u64>,
+    /// Watches for steps of the right clock, until one.
+    pub(super) watch: Option<StepWatch>,
 }
 
 impl PairReader {
@@ -222,6 +225,7 @@ impl PairReader {
             warned_of_order: false,
             last_ns: [None; 2],
             jumps: None,
+            watch: None,
         })
     }
 
@@ -324,6 +328,15 @@ impl PairReader {
         }
     }
 
+    /// Warns once of a step of the right clock.
+    fn watch_step(&mut self, side: Side, log_time: u64, stamp_ns: u64) {
+        let watch = self.watch.as_mut();
+        if let Some(step) = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns)) {
+            tracing::warn!("{}: {}: {step}", self.name, self.images[1]);
+            self.watch = None;
+        }
+    }
+
     /// The reason why there was no pair.
     fn why_none(&self) -> String {
         let [left, right] = &self.images;
@@ -341,9 +354,16 @@ impl PairReader {
         }
         let milliseconds = |ns: u64| ns as f64 / 1e6;
         let skew = milliseconds(self.max_skew_ns);
-        let miss = match self.partners.pairing().nearest_miss_ns() {
-            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
-            None => String::new(),
+        let watch = self.watch.as_ref();
+        let shift_ns = watch.and_then(|watch| watch.shift_ns(self.max_skew_ns));
+        let miss = match (self.partners.pairing().nearest_miss_ns(), shift_ns) {
+            (None, _) => String::new(),
+            (_, Some(ns)) => format!(
+                "; by the log times the clock of {right} is off: `--right-offset-ms {:.1}` \
+                 corrects its stamps",
+                ns as f64 / 1e6
+            ),
+            (Some(ns), _) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
         };
         format!(
             "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
@@ -427,6 +447,7 @@ impl PairReader {
                     self.check_stamp(side, stamp, log_time);
                 }
                 let stamp_ns = stamp.unwrap_or(log_time);
+                self.watch_step(side, log_time, stamp_ns);
                 self.partners.push(side, stamp_ns, log_time, image, bytes);
             }
         }
@@ -582,25 +603,24 @@ pub(super) struct StampedImage {
     pub bytes: usize,
 }
 
-/// Pairs images by stamp alone, in file order like [`PairReader`]: the skew of each pair, right
-/// minus left, and the images without a partner.
-pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
-    let sides = Side::BOTH.into_iter().zip(images);
-    let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));
-    let mut images: Vec<_> = sides.collect();
-    images.sort_by_key(|(_, image)| image.place);
-    let mut partners = ImagePairing::for_file(Selection::MAX_SKEW_NS);
-    let mut skews = Vec::new();
+/// Pairs images in file order by stamp alone, like [`PairReader`]: the stamps of each pair, and the
+/// images without a partner.
+pub(super) fn pair_stamps(
+    images: &[(Side, &StampedImage)],
+    max_skew_ns: u64,
+) -> (Vec<[u64; 2]>, UnpairedImages) {
+    let mut partners = ImagePairing::for_file(max_skew_ns);
+    let mut stamps = Vec::new();
     let mut pop = |partners: &mut ImagePairing<()>| {
         while let Some([(left, ()), (right, ())]) = partners.pop() {
-            skews.push(right.wrapping_sub(left).cast_signed());
+            stamps.push([left, right]);
         }
     };
-    for (side, image) in images {
+    for &(side, image) in images {
         partners.push(side, image.stamp_ns, image.log_ns, (), image.bytes);
         pop(&mut partners);
     }
     partners.end();
     pop(&mut partners);
-    (skews, partners.pairing().unpaired_images())
+    (stamps, partners.pairing().unpaired_images())
 }

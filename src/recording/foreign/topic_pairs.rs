@@ -139,6 +139,7 @@ impl TopicPairs {
         let name = &self.pairs.name;
         let checked = clocks.check(name);
         checked.map_err(|reason| Error::other(format!("{name}: {reason}")))?;
+        self.pairs.watch = clocks.watch();
         for channel in &mut self.channels {
             if let Some(rule) = clocks.rules().get(&channel.topic) {
                 channel.stamps = *rule;

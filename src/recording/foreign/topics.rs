@@ -22,6 +22,9 @@ pub struct Selection {
     pub stamps: Option<StampUnit>,
     /// Added to the stamps of the right images and their calibrations.
     pub right_offset_ns: Option<i64>,
+    /// Log time from the first message on, nanoseconds, behind which no pair is read: what is
+    /// behind it is not looked at.
+    pub to_ns: Option<u64>,
 }
 
 impl Selection {
@@ -45,6 +48,7 @@ impl Default for Selection {
             bits: None,
             stamps: None,
             right_offset_ns: None,
+            to_ns: None,
         }
     }
 }

@@ -33,6 +33,21 @@ impl PairRange {
         }
     }
 
+    /// The number of pairs in the range, of pairs with these stamps: those that are read.
+    pub fn count(&self, stamps_ns: &[u64]) -> u64 {
+        let ns = |seconds: f64| (seconds * 1e9) as u64;
+        let (from_ns, to_ns) = (self.from_s.map_or(0, ns), self.to_s.map_or(u64::MAX, ns));
+        let is_timed = from_ns > 0 || self.to_s.is_some();
+        let start_ns = stamps_ns.first().copied().unwrap_or_default();
+        let times = stamps_ns
+            .iter()
+            .map(|stamp| (stamp.saturating_sub(start_ns), *stamp));
+        let in_range = times
+            .take_while(|(time, _)| *time < to_ns)
+            .filter(|(time, stamp)| *time >= from_ns && !(is_timed && *stamp < start_ns));
+        (in_range.count() as u64).div_ceil(self.every.unwrap_or(1).max(1))
+    }
+
     /// The omitted pairs, in words; `None` if all are used.
     pub fn words(&self) -> Option<String> {
         let every = self.every.filter(|every| *every > 1);

@@ -165,6 +165,7 @@ fn each_unusable_file_is_named_with_its_reason() {
 fn wall(fixture: &Fixture) {
     fixture.write_pair("w/left/0.pgm", "w/right/0.pgm", WALL, 8);
     let calib = CALIB.replace("width=40\nheight=24", "width=160\nheight=120");
+    let calib = calib.replace("0 20;", "0 80;").replace("50 12;", "50 60;");
     fixture.write("w/calib.txt", calib);
 }
 

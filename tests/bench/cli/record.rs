@@ -4,7 +4,7 @@ use super::fixture::{Fixture, assert_says, pgm};
 use crate::common::python;
 use assert_cmd::cargo::cargo_bin;
 use std::process::Command;
-use svl::recording::Recording;
+use svl::recording::{Recording, Selection};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Geometry, StereoPair};
 
@@ -71,7 +71,7 @@ fn a_bag_has_the_results_of_its_recording() {
     let ran = fixture.svl("record result.mcap --ros2 --from 0.05 -o bag.mcap");
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
     let bag = Recording::open(fixture.path("bag.mcap")).unwrap();
-    let topics = bag.summary().unwrap().topics;
+    let topics = bag.summary(&Selection::default()).unwrap().topics;
     for (name, schema) in [
         ("points", "sensor_msgs/msg/PointCloud2"),
         ("scan", "sensor_msgs/msg/LaserScan"),
@@ -87,7 +87,7 @@ fn a_bag_has_the_results_of_its_recording() {
     let ran = fixture.svl("record result.mcap --ros2 --scale 0.5 -o half.mcap");
     assert_says(&ran.stderr, &["3 results not recorded"]);
     let bag = Recording::open(fixture.path("half.mcap")).unwrap();
-    let topics = bag.summary().unwrap().topics;
+    let topics = bag.summary(&Selection::default()).unwrap().topics;
     assert!(!topics.iter().any(|topic| topic.name.starts_with("/algo/")));
     // Foreign readers read every message by its definition, which is ROS's.
     let modules = "mcap_ros2, numpy, PIL, rosbags";

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use svl::recording::{
-    Header, Reader, Recording, RecordingFormat, RecordingSummary, Recovery, Writer,
+    Header, Reader, Recording, RecordingFormat, RecordingSummary, Recovery, Selection, Writer,
 };
 use svl::stereo::{
     Exposure, Frame, Geometry, Gray, Plane, Pose, Rig, StereoPair, Surface, Truth, Visibility,
@@ -127,7 +127,7 @@ pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>> {
 }
 
 pub(crate) fn summarize(path: &Path) -> Result<RecordingSummary> {
-    Recording::open(path)?.summary()
+    Recording::open(path)?.summary(&Selection::default())
 }
 
 pub(crate) fn recover(from: &Path, to: &Path) -> Result<Recovery> {

@@ -331,7 +331,12 @@ fn a_recording_is_opened_once() {
     assert_eq!(recording.header().unwrap().source, "test");
     assert_eq!(recording.calibration_files().unwrap()[0].0, "rig.yml");
     assert!(recording.results().unwrap().is_empty());
-    assert!(recording.summary().unwrap().is_intact());
+    assert!(
+        recording
+            .summary(&Selection::default())
+            .unwrap()
+            .is_intact()
+    );
     let saved = folder.path().join("saved.mcap");
     assert_eq!(recording.recover(&saved).unwrap().pairs, 3);
 }

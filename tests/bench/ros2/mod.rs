@@ -10,7 +10,7 @@ use robot::{BASELINE_M, Fault, Robot, START_NS};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use svl::dds::{Domain, TopicInbox};
-use svl::recording::Recording;
+use svl::recording::{Recording, Selection};
 use svl::source::{RecordingSource, Source};
 
 #[test]
@@ -33,7 +33,9 @@ fn topics_are_recorded_pixel_by_pixel() {
         let rig = frame.rig().expect("its calibrations make a rig");
         assert!((rig.baseline_m() - BASELINE_M).abs() < 1e-12);
     }
-    let summary = Recording::open(fixture.path("run.mcap")).unwrap().summary();
+    let summary = Recording::open(fixture.path("run.mcap"))
+        .unwrap()
+        .summary(&Selection::default());
     let facts = summary.unwrap().grabber;
     assert_eq!(facts["dropped_pairs"], "0");
     assert!(facts.contains_key("counts") && facts["left_images"].parse::<u64>().unwrap() >= 12);

@@ -2,7 +2,7 @@
 
 use super::entry::{CalibFile, PairFiles};
 use super::{DATASETS, files, truth};
-use crate::source::Source;
+use crate::source::{Source, warn_of_rig};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
@@ -347,7 +347,9 @@ impl Source for SceneSource {
         };
         self.next += 1;
         let sequence = self.next as u64 - 1;
-        scene.read_with(sequence, &mut self.depth).map(Some)
+        let frame = scene.read_with(sequence, &mut self.depth)?;
+        warn_of_rig(&scene.name, &frame);
+        Ok(Some(frame))
     }
 
     fn pairs(&self) -> Option<u64> {

@@ -9,7 +9,7 @@ mod stamps;
 
 pub use map_files::MapFiles;
 
-use super::Source;
+use super::{Source, warn_of_rig};
 use cameras::{cameras, size_mismatch};
 use layout::Layout;
 use pairs::{PairFiles, pairs};
@@ -212,6 +212,7 @@ impl Source for FolderSource {
             match self.read(self.next - 1) {
                 Ok(frame) => {
                     self.compare_size(&frame);
+                    warn_of_rig(&self.name(), &frame);
                     return Ok(Some(frame));
                 }
                 Err(error) => {

@@ -32,6 +32,9 @@ pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 const KEY: &str = "v5";
 const VERSION: &str = "2";
 
+/// Percentile that small cells report: of two surfaces the nearer one, if it fills a good third.
+const SMALL_RANK: i64 = 65;
+
 const CURE: &str = "`svl train v5` makes one";
 
 /// Units of a weight and of a bias: 256ths, and 64ths of them.
@@ -143,7 +146,7 @@ impl V5Model {
             finest: table("finest", 50)?,
             middle: table("middle", 50)?,
             coarsest: table("coarsest", 50)?,
-            small: table("small", 50)?,
+            small: table("small", SMALL_RANK)?,
         };
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));

@@ -1,9 +1,11 @@
 //! Faults of clocks, in words, with their cures.
 
 use super::super::Selection;
-use super::measure::{ClockOffset, TopicClock, WrongUnit};
-use super::scan::{ClockRole, ClockScan, MIN_MESSAGES};
-use crate::stamp_rule::StampUnit;
+use super::measure::{ClockOffset, RightClock, TopicClock, WrongUnit};
+use super::scan::{ClockRole, ClockScan, TopicScan};
+use super::steps::{OffsetBins, StepWatch};
+use crate::stamp_rule::{StampRule, StampUnit};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Least offset of a topic's clock, of that of the right images, and of stamps that are later than
@@ -29,6 +31,17 @@ pub struct ClockFault {
     pub(super) is_of_unit: bool,
 }
 
+impl ClockFault {
+    pub(super) fn new(topic: &str, reason: String, denies_pairs: bool) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            reason,
+            denies_pairs,
+            is_of_unit: false,
+        }
+    }
+}
+
 impl fmt::Display for ClockFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.topic, self.reason)
@@ -38,83 +51,238 @@ impl fmt::Display for ClockFault {
 /// The clocks of the topics, to be checked against each other.
 pub(super) struct ClockCheck<'a> {
     clocks: &'a [TopicClock],
-    left: Option<&'a TopicClock>,
-    right: &'a str,
     selection: &'a Selection,
     images: &'a [String; 2],
+    /// The clock of the right calibrations, if they have the stamps of the images.
+    right_info: Option<&'a TopicClock>,
+    /// The options that take log times for all stamps.
+    by_log: String,
 }
 
 impl<'a> ClockCheck<'a> {
     pub(super) fn new(
-        images: &'a [String; 2],
+        scan: &'a ClockScan,
         clocks: &'a [TopicClock],
+        right_info: Option<&str>,
         selection: &'a Selection,
     ) -> Self {
-        let [left, right] = images;
+        let first = |topic: &str| scan.topics.get(topic).map(|topic| &topic.first[..]);
+        let right = first(&scan.images[1]).and_then(<[_]>::first);
+        let right_info = right_info.filter(|info| {
+            let mut infos = first(info).into_iter().flatten();
+            right.is_some_and(|right| infos.any(|info| info.stamp_ns == right.stamp_ns))
+        });
+        let skew_ns = scan.log_skew_ns().unwrap_or(0);
+        // Some are later than the first ones.
+        let skew_ms = (skew_ns + skew_ns / 4).div_ceil(1_000_000);
+        let by_log = if skew_ms * 1_000_000 > selection.max_skew_ns {
+            format!("`--stamps log --max-skew-ms {skew_ms}`")
+        } else {
+            "`--stamps log`".to_owned()
+        };
         Self {
             clocks,
-            left: clocks.iter().find(|clock| clock.topic == *left),
-            right,
             selection,
-            images,
+            images: &scan.images,
+            right_info: right_info.and_then(|info| clocks.iter().find(|clock| clock.topic == info)),
+            by_log,
         }
     }
 
+    fn clock(&self, topic: &str) -> Option<&'a TopicClock> {
+        self.clocks.iter().find(|clock| clock.topic == topic)
+    }
+
     pub(super) fn faults(&self) -> Vec<ClockFault> {
-        let used = self.clocks.iter().filter(|clock| clock.matters);
+        let followers = self.followers();
+        let is_named = |clock: &&TopicClock| {
+            clock.matters
+                && !followers
+                    .iter()
+                    .any(|follower| follower.topic == clock.topic)
+        };
+        let used = self.clocks.iter().filter(is_named);
         let mut faults: Vec<_> = used.filter_map(|clock| self.fault(clock)).collect();
+        faults.extend(self.left_fault(&followers));
         faults.extend(self.early(&faults));
         faults
     }
 
     fn fault(&self, clock: &TopicClock) -> Option<ClockFault> {
-        let fault = |reason: String, denies_pairs: bool, is_of_unit: bool| ClockFault {
-            topic: clock.topic.clone(),
-            reason,
-            denies_pairs,
-            is_of_unit,
-        };
         if let Some(wrong) = clock.wrong_unit {
             let is_image = self.images.contains(&clock.topic);
-            return Some(fault(unit_words(clock, wrong), is_image, true));
-        }
-        let behind = clock.behind?;
-        if clock.topic == self.right {
-            let is_told = self.selection.right_offset_ns.is_some();
-            let is_off = is_beyond(clock, MIN_RIGHT_NS, RIGHT_PERIODS * self.period_ns(clock));
-            return is_off.then(|| {
-                let shift_ns = clock.shift_ns.unwrap_or(behind.median_ns);
-                fault(self.right_words(&behind, shift_ns), !is_told, false)
+            let words = self.unit_words(clock, wrong);
+            return Some(ClockFault {
+                is_of_unit: true,
+                ..ClockFault::new(&clock.topic, words, is_image)
             });
         }
+        if let Some(right) = clock
+            .right
+            .as_ref()
+            .filter(|_| clock.topic == self.images[1])
+        {
+            let words = self.right_words(clock, right)?;
+            return Some(ClockFault::new(&clock.topic, words, self.denies()));
+        }
+        let behind = clock.behind?;
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
         is_off.then(|| {
-            let words = behind_words(&behind);
-            let cure = "correct its stamps, or `--stamps log` takes log times for all stamps";
-            fault(
-                format!("by the log times its clock is {words}: {cure}"),
-                false,
-                false,
-            )
+            let words = format!(
+                "by the log times its clock is {}: correct its stamps, or {} takes log times for \
+                 all stamps",
+                behind_words(&behind),
+                self.by_log
+            );
+            ClockFault::new(&clock.topic, words, false)
         })
+    }
+
+    /// True if a clock of the cameras permits no pair, as the user does not say otherwise.
+    fn denies(&self) -> bool {
+        self.selection.right_offset_ns.is_none()
+    }
+
+    fn right_limit_ns(&self, clock: &TopicClock) -> f64 {
+        MIN_RIGHT_NS.max(RIGHT_PERIODS * self.period_ns(clock))
+    }
+
+    /// True if the clock of the right images is off, and not the images late: that their
+    /// calibrations of the same stamps would not be.
+    fn is_right_off(&self, clock: &TopicClock, right: &RightClock) -> bool {
+        let limit_ns = self.right_limit_ns(clock);
+        let infos = self.right_info.and_then(|info| info.behind);
+        let are_infos_off =
+            infos.is_none_or(|behind| behind.median_ns.unsigned_abs() as f64 >= limit_ns / 2.0);
+        is_beyond(clock, MIN_RIGHT_NS, limit_ns)
+            && !right.is_late
+            && are_infos_off
+            && self.step_words(clock, right).is_none()
+    }
+
+    /// The right images and the other topics whose clocks agree with theirs, not with that of the
+    /// left ones; none if one agrees with that.
+    fn followers(&self) -> Vec<&'a TopicClock> {
+        let [left, right] = &self.images;
+        let Some(right) = self.clock(right) else {
+            return Vec::new();
+        };
+        let off = right
+            .right
+            .as_ref()
+            .filter(|off| self.is_right_off(right, off));
+        let Some((behind, _)) = right.behind.zip(off) else {
+            return Vec::new();
+        };
+        let others = self.clocks.iter().filter(|clock| {
+            let is_other = clock.topic != *left && clock.topic != right.topic;
+            is_other && clock.role != ClockRole::Calibration && clock.behind.is_some()
+        });
+        let others: Vec<_> = others.collect();
+        let limit_ns = self
+            .right_limit_ns(right)
+            .min(behind.median_ns.unsigned_abs() as f64 / 2.0);
+        let agrees = |clock: &&TopicClock| {
+            let median_ns = clock.behind.map_or(0, |other| other.median_ns);
+            median_ns.abs_diff(behind.median_ns) as f64 <= limit_ns
+        };
+        if others.is_empty() || !others.iter().all(agrees) {
+            return Vec::new();
+        }
+        others.into_iter().chain([right]).collect()
+    }
+
+    /// The fault of the left images, whose clock is the odd one out.
+    fn left_fault(&self, followers: &[&TopicClock]) -> Option<ClockFault> {
+        let (right, others) = followers.split_last()?;
+        let behind = right.behind?;
+        let ahead = ClockOffset {
+            median_ns: behind.median_ns.saturating_neg(),
+            ..behind
+        };
+        let others: Vec<_> = others.iter().map(|clock| clock.topic.as_str()).collect();
+        let whose = format!("those of {} and {}", others.join(", "), right.topic);
+        let right_ms = right.right.as_ref()?.shift_ns as f64 / 1e6;
+        let reason = format!(
+            "by the log times its clock is {}, and pairs by stamp are of different moments: {} \
+             takes log times for all stamps; `--right-offset-ms {right_ms:.1}` moves the right \
+             stamps to this clock, for pairs alone; 0 leaves them",
+            offset_words(&ahead, &whose),
+            self.by_log
+        );
+        Some(ClockFault::new(&self.images[0], reason, self.denies()))
     }
 
     /// The slower one's period, of a topic and the left images.
     fn period_ns(&self, clock: &TopicClock) -> f64 {
-        let both = [Some(clock), self.left].into_iter().flatten();
+        let both = [Some(clock), self.clock(&self.images[0])]
+            .into_iter()
+            .flatten();
         let periods = both.filter_map(|clock| Some(1e9 / clock.stamps_hz?.min(clock.log_hz?)));
         periods.fold(0.0, f64::max)
     }
 
-    fn right_words(&self, behind: &ClockOffset, shift_ns: i64) -> String {
+    /// The fault of the right images; `None` without one.
+    fn right_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
         let told = self.selection.right_offset_ns.unwrap_or_default();
-        let right_ms = shift_ns.saturating_add(told) as f64 / 1e6;
+        if self.is_right_off(clock, right) {
+            let right_ms = right.shift_ns.saturating_add(told) as f64 / 1e6;
+            return Some(format!(
+                "by the log times its clock is {}, and pairs by stamp are of different moments: \
+                 `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
+                behind_words(&clock.behind?)
+            ));
+        }
+        self.step_words(clock, right)
+    }
+
+    fn step_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
+        let limit_ns = self.step_limit_ns(clock, right);
+        let words = |clock: &RightClock| clock.bins.words(limit_ns, &self.by_log);
+        let infos = self.right_info.and_then(|info| info.right.as_ref());
+        words(right).filter(|_| infos.is_none_or(|infos| words(infos).is_some()))
+    }
+
+    fn step_limit_ns(&self, clock: &TopicClock, right: &RightClock) -> f64 {
+        self.right_limit_ns(clock) + right.bin_noise_ns
+    }
+
+    /// A watch for steps of the right clock behind what was looked at, if it is measured.
+    pub(super) fn watch(&self) -> Option<StepWatch> {
+        let clock = self.clock(&self.images[1]).filter(|_| self.denies())?;
+        let right = clock.right.as_ref()?;
+        Some(StepWatch {
+            bins: OffsetBins::new(self.period_ns(clock)),
+            usual_ns: right.bins.usual_ns()?,
+            limit_ns: self.step_limit_ns(clock, right),
+            shift_ns: right.shift_ns,
+            latency_ns: MIN_RIGHT_NS + right.bin_noise_ns,
+            begin_ns: None,
+            cure: self.by_log.clone(),
+        })
+    }
+
+    fn unit_words(&self, clock: &TopicClock, wrong: WrongUnit) -> String {
+        let WrongUnit { unit, stamps_hz } = wrong;
+        let log_hz = clock.log_hz.unwrap_or_default();
+        let rates =
+            format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
+        let (unit, option) = match unit {
+            Some(StampUnit::Milliseconds) => ("milliseconds", "ms"),
+            Some(_) => ("microseconds", "us"),
+            None => {
+                return format!(
+                    "{rates}: its stamps are no time, as those that count images; {} takes log \
+                     times for all stamps",
+                    self.by_log
+                );
+            }
+        };
         format!(
-            "by the log times its clock is {}, and pairs by stamp are of different moments: \
-             `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
-            behind_words(behind)
+            "{rates}: its stamps are {unit}, written as nanoseconds; `--stamps {option}` reads \
+             them so"
         )
     }
 
@@ -142,15 +310,12 @@ impl<'a> ClockCheck<'a> {
         });
         let words = words.collect::<Vec<_>>().join(", ");
         let first = early.first()?;
-        Some(ClockFault {
-            topic: first.topic.clone(),
-            reason: format!(
-                "stamps are later than their log times, so that their clock is not the recorder's: \
-                 {words}; `--stamps log` takes log times for all stamps"
-            ),
-            denies_pairs: false,
-            is_of_unit: false,
-        })
+        let reason = format!(
+            "stamps are later than their log times, so that their clock is not the recorder's: \
+             {words}; {} takes log times for all stamps",
+            self.by_log
+        );
+        Some(ClockFault::new(&first.topic, reason, false))
     }
 }
 
@@ -159,55 +324,77 @@ impl<'a> ClockCheck<'a> {
 fn is_beyond(clock: &TopicClock, least_ns: f64, periods_ns: f64) -> bool {
     let limit_ns = least_ns.max(periods_ns).max(clock.noise_ns);
     clock.behind.is_some_and(|behind| {
+        // A recorder that stalls makes some messages late, and batches make most.
         let median_ns = behind.median_ns.unsigned_abs() as f64;
         // A recorder that stalls makes some messages late.
-        median_ns > limit_ns && behind.usual_ns as f64 > limit_ns / 2.0
+        let floor_ns = clock
+            .floor_ns
+            .unwrap_or(0)
+            .saturating_mul(behind.median_ns.signum());
+        median_ns > limit_ns && behind.usual_ns.min(floor_ns) as f64 > limit_ns / 2.0
     })
 }
 
-/// A unit that the user names, of stamps that are in none.
-pub(super) fn unused_unit(scan: &ClockScan) -> ClockFault {
-    ClockFault {
-        topic: scan.images[0].clone(),
-        reason: "--stamps names a unit that neither its stamps nor those of another topic have, \
-                 by the log times of 10 messages or more: leave it out"
-            .to_owned(),
-        denies_pairs: true,
-        is_of_unit: false,
-    }
+/// A unit that the user names and no stamps have, or in which those of a topic are beyond all
+/// times.
+pub(super) fn wrong_option(
+    scan: &ClockScan,
+    clocks: &[TopicClock],
+    rules: &BTreeMap<String, StampRule>,
+) -> Option<ClockFault> {
+    let reading = |topic: &str| rules.get(topic).copied().unwrap_or_default();
+    let is_beyond = |clock: &&TopicClock| {
+        let rule = reading(&clock.topic);
+        rule.has_unit() && !rule.is_log() && clock.stamps_hz.is_none()
+    };
+    let (topic, reason) = match clocks.iter().find(is_beyond) {
+        Some(clock) => (
+            &clock.topic,
+            "in the unit that --stamps names its stamps are beyond the year 2554: leave it out",
+        ),
+        None if rules.values().any(|rule| rule.has_unit()) => return None,
+        None => (
+            &scan.images[0],
+            "--stamps names a unit that neither its stamps nor those of another topic have, by the \
+             log times of 10 messages or more: leave it out",
+        ),
+    };
+    Some(ClockFault::new(topic, reason.to_owned(), true))
 }
 
-/// Images that come twice.
+/// Messages that come several times.
 pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
-    let images = scan.images.iter().filter_map(|topic| {
-        let found = scan.topics.get(topic)?;
-        Some((topic, found, found.first.len() as u64))
-    });
-    let doubled = images.filter(|(_, topic, messages)| {
-        // Half of them but for an incomplete one at either end; those of a camera at rest follow
-        // each other.
-        let half = messages / 2;
-        *messages >= MIN_MESSAGES as u64
-            && topic.copies == topic.lone_copies
-            && (half.saturating_sub(1)..=half).contains(&topic.copies)
-    });
-    let doubled: Vec<_> = doubled.collect();
-    let cure = match &doubled[..] {
-        [_] => "copies without partners are lost, which `--allow-loss` allows",
-        _ => "`--every 2` takes each once",
-    };
-    let faults = doubled
-        .into_iter()
-        .map(|(topic, found, messages)| ClockFault {
-            topic: topic.clone(),
-            reason: format!(
-                "every image comes twice: of the first {messages}, {} are equal to the one before; \
-             {cure}",
-                found.copies
-            ),
-            denies_pairs: false,
-            is_of_unit: false,
+    let is_used =
+        |topic: &TopicScan| matches!(topic.role, ClockRole::Image | ClockRole::Measurement);
+    let topics = scan.topics.iter().filter(|(_, topic)| is_used(topic));
+    let copied = topics.filter_map(|(name, topic)| Some((name, topic, topic.copies()?)));
+    let faults = copied.map(|(name, topic, copies)| {
+        let of_images = scan.images.each_ref().map(|topic| {
+            let copies = scan.topics.get(topic).and_then(TopicScan::copies);
+            copies.unwrap_or(1)
         });
+        let cure = if !scan.images.contains(name) {
+            "leave it out as a truth, or keep the first of each: a copy is as old as that"
+                .to_owned()
+        } else if !topic.repeats_stamps() && of_images == [copies; 2] {
+            format!("`--every {copies}` takes each once")
+        } else {
+            // The copies of a pair have no partner.
+            let lost = of_images.iter().sum::<usize>() - 2;
+            let percent = (100 * lost).div_ceil(lost + 1) + 1;
+            format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
+        };
+        let times = match copies {
+            2 => "twice".to_owned(),
+            more => format!("{more} times"),
+        };
+        let reason = format!(
+            "every message comes {times}: the first {} are {} and copies of them; {cure}",
+            topic.first.len(),
+            topic.runs.len()
+        );
+        ClockFault::new(name, reason, false)
+    });
     faults.collect()
 }
 
@@ -216,34 +403,19 @@ fn seconds(ns: i64) -> String {
 }
 
 fn behind_words(behind: &ClockOffset) -> String {
+    offset_words(behind, "that of the left images")
+}
+
+/// `whose`: the clock that it is compared with.
+fn offset_words(behind: &ClockOffset, whose: &str) -> String {
     let direction = if behind.median_ns > 0 {
         "behind"
     } else {
         "ahead of"
     };
     format!(
-        "{} s {direction} that of the left images (median; spread {} s)",
+        "{} s {direction} {whose} (median; spread {} s)",
         seconds(behind.median_ns.saturating_abs()),
         seconds(behind.spread_ns)
     )
-}
-
-fn unit_words(clock: &TopicClock, WrongUnit { unit, stamps_hz }: WrongUnit) -> String {
-    let log_hz = clock.log_hz.unwrap_or_default();
-    let rates =
-        format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
-    match unit {
-        Some(StampUnit::Milliseconds) => format!(
-            "{rates}: its stamps are milliseconds, written as nanoseconds; `--stamps ms` reads \
-             them so"
-        ),
-        Some(_) => format!(
-            "{rates}: its stamps are microseconds, written as nanoseconds; `--stamps us` reads \
-             them so"
-        ),
-        None => format!(
-            "{rates}: its stamps are no time, as those that count images; `--stamps log` takes log \
-             times for all stamps"
-        ),
-    }
 }

@@ -1,6 +1,7 @@
 //! Rates and offsets of the topics' clocks.
 
 use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TimedMessage, TopicScan};
+use super::steps::OffsetBins;
 use crate::stamp_rule::{StampReading, StampRule, StampUnit};
 use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
@@ -48,9 +49,25 @@ pub struct TopicClock {
     /// Largest part of `behind` that random latencies explain, nanoseconds.
     #[serde(skip)]
     pub(super) noise_ns: f64,
-    /// The shift of right stamps by which the images are of one moment, nanoseconds.
+    /// `behind` by the least delays: messages that come in batches are late, not their clock.
     #[serde(skip)]
-    pub(super) shift_ns: Option<i64>,
+    pub(super) floor_ns: Option<i64>,
+    /// More about the clocks of the right images and their calibrations.
+    #[serde(skip)]
+    pub(super) right: Option<RightClock>,
+}
+
+/// The clock of the right images, or their calibrations, against that of the left ones.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RightClock {
+    /// The shift of right stamps by which the images are of one moment, nanoseconds.
+    pub(super) shift_ns: i64,
+    /// True if the first images of both have the same stamp, but were logged that far apart.
+    pub(super) is_late: bool,
+    /// Part of the difference of two bins that random latencies, and log times of another speed
+    /// than that of the stamps, explain.
+    pub(super) bin_noise_ns: f64,
+    pub(super) bins: OffsetBins,
 }
 
 /// Stamps that are too fast to be nanoseconds.
@@ -142,6 +159,16 @@ impl TopicTimes {
         Some(log_hz? / stamps_hz?)
     }
 
+    /// Difference of the log times' speed from that of the stamps, all over the recording.
+    fn drift(&self) -> f64 {
+        let span = |time: fn(&TimedMessage) -> u64| {
+            let ends = [self.all.first(), self.all.last()].map(|end| end.map(time));
+            Some(ends[1]?.abs_diff(ends[0]?) as f64)
+        };
+        let spans = span(|sample| sample.stamp_ns).zip(span(|sample| sample.log_ns));
+        spans.map_or(0.0, |(stamps, logs)| (1.0 - stamps / logs).abs())
+    }
+
     /// Period by the log times; of a topic of few messages at least that.
     fn period_ns(&self) -> f64 {
         let span = |all: &[TimedMessage]| Some(all.last()?.log_ns - all.first()?.log_ns);
@@ -151,8 +178,8 @@ impl TopicTimes {
         }
     }
 
-    /// The median delay of the messages that were logged within `window_ns` of a time.
-    fn delay_at(&self, log_ns: u64, window_ns: u64) -> Option<i64> {
+    /// The delay at that rank of the messages that were logged within `window_ns` of a time.
+    fn delay_at(&self, log_ns: u64, window_ns: u64, rank: f64) -> Option<i64> {
         let from = self
             .all
             .partition_point(|sample| sample.log_ns < log_ns.saturating_sub(window_ns));
@@ -161,7 +188,7 @@ impl TopicTimes {
             .take_while(|sample| sample.log_ns <= log_ns.saturating_add(window_ns));
         let mut delays: Vec<_> = near.map(TimedMessage::delay_ns).collect();
         delays.sort_unstable();
-        nearest_rank(&delays, 0.5)
+        nearest_rank(&delays, rank)
     }
 
     /// The shift of the stamps near `shift_ns` by which they are nearest to those of `left`: the
@@ -185,7 +212,7 @@ impl TopicTimes {
     fn jitter_ns(&self) -> f64 {
         let window_ns = window_ns(self.period_ns());
         let apart = |sample: &TimedMessage| {
-            let usual = self.delay_at(sample.log_ns, window_ns)?;
+            let usual = self.delay_at(sample.log_ns, window_ns, 0.5)?;
             Some(sample.delay_ns().saturating_sub(usual))
         };
         let apart = ClockOffset::new(self.all.iter().filter_map(apart).collect());
@@ -200,9 +227,9 @@ impl TopicTimes {
         (self.jitter_ns() + left.jitter_ns()).max(spread_ns) / messages.sqrt()
     }
 
-    /// The delay less that of `left` at equal log times. Medians on both sides: a recorder that
-    /// stalls logs the messages of one topic after those of another.
-    fn behind(&self, left: &Self) -> Option<ClockOffset> {
+    /// The delay at that rank less that of `left` at equal log times. Ranks on both sides: a
+    /// recorder that stalls logs the messages of one topic after those of another.
+    fn behind(&self, left: &Self, rank: f64) -> Option<ClockOffset> {
         let ratio = self.speed().zip(left.speed()).map(|(own, left)| own / left);
         let is_alike = |ratio: f64| (1.0 / MAX_SPEED_RATIO..=MAX_SPEED_RATIO).contains(&ratio);
         if !ratio.is_none_or(is_alike) {
@@ -210,14 +237,33 @@ impl TopicTimes {
         }
         let window_ns = window_ns(self.period_ns().max(left.period_ns()));
         let at = |sample: &TimedMessage| {
-            let own = self.delay_at(sample.log_ns, window_ns)?;
-            Some(own.saturating_sub(left.delay_at(sample.log_ns, window_ns)?))
+            let own = self.delay_at(sample.log_ns, window_ns, rank)?;
+            Some(own.saturating_sub(left.delay_at(sample.log_ns, window_ns, rank)?))
         };
         let offsets: Vec<_> = self.all.iter().filter_map(at).collect();
         if offsets.len() < MIN_MESSAGES {
             return None;
         }
         ClockOffset::new(offsets)
+    }
+
+    /// The clock of right images that is `behind` that of the left ones.
+    fn right(&self, left: &Self, behind: &ClockOffset) -> RightClock {
+        let period_ns = self.period_ns().max(left.period_ns());
+        let mut bins = OffsetBins::new(period_ns);
+        bins.take_in_all([&left.all, &self.all]);
+        let is_late = |(own, left): (&TimedMessage, &TimedMessage)| {
+            let logged = own.log_ns.wrapping_sub(left.log_ns).cast_signed();
+            (own.stamp_ns.abs_diff(left.stamp_ns) as f64) < period_ns / 4.0
+                && logged.signum() == behind.median_ns.signum()
+                && logged.unsigned_abs() > behind.median_ns.unsigned_abs() / 2
+        };
+        RightClock {
+            shift_ns: self.shift_ns(left, behind.median_ns),
+            is_late: self.all.first().zip(left.all.first()).is_some_and(is_late),
+            bin_noise_ns: self.jitter_ns() + left.jitter_ns() + left.drift() * bins.width_ns as f64,
+            bins,
+        }
     }
 }
 
@@ -306,8 +352,12 @@ impl TopicScan {
 }
 
 impl ClockScan {
-    /// The clocks of all topics, with their stamps by `rules`.
-    pub(super) fn measured(&self, rules: &BTreeMap<String, StampRule>) -> Vec<TopicClock> {
+    /// The clocks of all topics, with their stamps by `rules`. `info`: the right calibrations.
+    pub(super) fn measured(
+        &self,
+        rules: &BTreeMap<String, StampRule>,
+        info: Option<&str>,
+    ) -> Vec<TopicClock> {
         let samples = |name: &str, topic: &TopicScan| {
             TopicTimes::new(topic, rules.get(name).copied().unwrap_or_default())
         };
@@ -323,7 +373,8 @@ impl ClockScan {
             let not_measured = own.not_measured();
             let is_left = name == left_name;
             let others = left.as_ref().filter(|_| not_measured.is_none() && !is_left);
-            let behind = others.and_then(|(left, _)| own.behind(left));
+            let behind = others.and_then(|(left, _)| own.behind(left, 0.5));
+            let floor = others.and_then(|(left, _)| own.behind(left, 0.0));
             let delays: Vec<_> = own.all.iter().map(TimedMessage::delay_ns).collect();
             TopicClock {
                 topic: name.clone(),
@@ -339,9 +390,13 @@ impl ClockScan {
                 noise_ns: others
                     .zip(behind)
                     .map_or(0.0, |((left, _), behind)| own.noise_ns(left, &behind)),
-                shift_ns: behind
-                    .zip(left.as_ref().filter(|_| name == right_name))
-                    .map(|(behind, (left, _))| own.shift_ns(left, behind.median_ns)),
+                floor_ns: floor.map(|floor| floor.median_ns),
+                right: behind
+                    .zip(
+                        left.as_ref()
+                            .filter(|_| name == right_name || info == Some(name)),
+                    )
+                    .map(|(behind, (left, _))| own.right(left, &behind)),
             }
         };
         self.topics.iter().map(clock).collect()

@@ -6,6 +6,7 @@
 mod faults;
 mod measure;
 mod scan;
+mod steps;
 
 use super::{Selection, choose, topics};
 use crate::Recording;
@@ -13,11 +14,12 @@ use crate::messages::{Channel, warn_once};
 use crate::restamped::StampRules;
 use crate::stamp_rule::StampRule;
 pub use faults::ClockFault;
-use faults::{ClockCheck, copies, unused_unit};
+use faults::{ClockCheck, copies, wrong_option};
 pub use measure::{ClockOffset, TopicClock};
 pub use scan::ClockRole;
 pub(crate) use scan::{ClockScan, without_stamp};
 use std::collections::BTreeMap;
+pub(crate) use steps::StepWatch;
 use svl_core::Result;
 use svl_core::stereo::Side;
 
@@ -30,6 +32,8 @@ pub struct ClockTable {
     pub faults: Vec<ClockFault>,
     #[serde(skip)]
     rules: BTreeMap<String, StampRule>,
+    #[serde(skip)]
+    watch: Option<StepWatch>,
 }
 
 impl ClockTable {
@@ -42,15 +46,15 @@ impl ClockTable {
         let Ok(images) = choose(&channels, selection) else {
             return Ok(None);
         };
-        let scan = ClockScan::read(recording, &images)?;
+        let scan = ClockScan::read(recording, &images, selection.to_ns)?;
         Ok(Some(Self::new(&scan, &channels, selection)))
     }
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
         let images = scan.images.each_ref().map(String::as_str);
-        let [_, right] = topics::calibrations(channels, images);
-        let right = [Some(images[Side::Right as usize].to_owned()), right];
+        let [_, info] = topics::calibrations(channels, images);
+        let right = [Some(images[Side::Right as usize].to_owned()), info.clone()];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
             let rule = StampRule {
@@ -66,23 +70,37 @@ impl ClockTable {
                 rules.insert(name.clone(), rule);
             }
         }
-        let clocks = scan.measured(&rules);
-        let check = ClockCheck::new(&scan.images, &clocks, selection);
+        let clocks = scan.measured(&rules, info.as_deref());
+        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
         let mut faults = check.faults();
+        let watch = check.watch();
         faults.extend(copies(scan));
-        if selection.stamps.is_some() && !rules.values().any(|rule| rule.has_unit()) {
-            faults.push(unused_unit(scan));
+        if selection.stamps.is_some() {
+            faults.extend(wrong_option(scan, &clocks, &rules));
         }
         Self {
             topics: clocks,
             faults,
             rules,
+            watch,
         }
     }
 
     /// The rules by which the stamps are read.
     pub(crate) fn rules(&self) -> StampRules {
         self.rules.clone().into()
+    }
+
+    /// A watch for steps of the right clock behind what was looked at.
+    pub(crate) fn watch(&self) -> Option<StepWatch> {
+        self.watch.clone()
+    }
+
+    /// Adds a step of the right clock, in words, unless a fault of it is known.
+    pub(crate) fn add_step(&mut self, topic: &str, step: String) {
+        if self.faults.iter().all(|fault| fault.topic != topic) {
+            self.faults.push(ClockFault::new(topic, step, false));
+        }
     }
 
     /// False if a fault permits no pair.

@@ -82,12 +82,10 @@ pub(super) struct TopicScan {
     pub(super) later: Vec<TimedMessage>,
     /// Messages before the first one that has a stamp.
     pub(super) unset: u64,
-    /// Hash of the last message without its stamp; messages equal to the one before, and those
-    /// among them whose predecessor is not.
+    /// Hash of the last message without its stamp.
     hash: Option<u64>,
-    is_copy: bool,
-    pub(super) copies: u64,
-    pub(super) lone_copies: u64,
+    /// Lengths of the runs of equal messages among the first ones.
+    pub(super) runs: Vec<usize>,
 }
 
 impl TopicScan {
@@ -98,15 +96,30 @@ impl TopicScan {
             later: Vec::new(),
             unset: 0,
             hash: None,
-            is_copy: false,
-            copies: 0,
-            lone_copies: 0,
+            runs: Vec::new(),
         }
     }
 
     /// True if the messages differ in more than their stamps.
     pub(super) fn changes(&self) -> bool {
-        self.copies + 1 < self.first.len() as u64
+        self.runs.len() > 1
+    }
+
+    /// The number of times that each message comes, if all come equally often and more than once;
+    /// the first and the last run may be cut.
+    pub(super) fn copies(&self) -> Option<usize> {
+        let [_, runs @ .., _] = &self.runs[..] else {
+            return None;
+        };
+        let copies = *runs.first()?;
+        let is_even = runs.len() > 3 && runs.iter().all(|run| *run == copies);
+        (copies > 1 && is_even).then_some(copies)
+    }
+
+    /// True if some messages have the stamps of those before.
+    pub(super) fn repeats_stamps(&self) -> bool {
+        let mut two = self.first.windows(2);
+        two.any(|two| two[0].stamp_ns == two[1].stamp_ns)
     }
 
     fn compare(&mut self, channel: &Channel, data: &[u8]) {
@@ -116,10 +129,11 @@ impl TopicScan {
         } else {
             xxhash_rust::xxh3::xxh3_64(without_stamp(channel, data))
         };
-        let is_copy = self.hash.replace(hash) == Some(hash);
-        self.copies += u64::from(is_copy);
-        self.lone_copies += u64::from(is_copy && !self.is_copy);
-        self.is_copy = is_copy;
+        match self.runs.last_mut() {
+            Some(run) if self.hash == Some(hash) => *run += 1,
+            _ => self.runs.push(1),
+        }
+        self.hash = Some(hash);
     }
 }
 
@@ -162,22 +176,32 @@ impl ClockScan {
         }
     }
 
-    /// Reads as much of a recording as clocks need.
+    /// Reads as much of a recording as clocks need; see [`super::Selection::to_ns`].
     ///
     /// # Errors
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].
-    pub(super) fn read(recording: &Recording, images: &[String; 2]) -> Result<Self> {
+    pub(super) fn read(
+        recording: &Recording,
+        images: &[String; 2],
+        to_ns: Option<u64>,
+    ) -> Result<Self> {
         let mut scan = Self::new(images);
+        let mut begin_ns = None;
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Damage is reported with the pairs.
             while let Ok(Some(event)) = messages.next() {
                 if let FileEvent::Message(channel, log_ns, data) = event {
-                    scan.take_in(channel, log_ns, &data);
-                    if scan.has_first() {
+                    let since_ns = log_ns.saturating_sub(*begin_ns.get_or_insert(log_ns));
+                    let is_all = to_ns.is_some_and(|to_ns| since_ns > to_ns) && scan.has_enough();
+                    if !is_all {
+                        scan.take_in(channel, log_ns, &data);
+                        if !scan.has_first() {
+                            continue;
+                        }
                         scan.read_places(recording)?;
-                        return Ok(scan);
                     }
+                    return Ok(scan);
                 }
             }
         }
@@ -194,7 +218,7 @@ impl ClockScan {
             Some(sample) => topic.first.push(sample),
             None => topic.unset += u64::from(topic.first.is_empty()),
         }
-        if matches!(topic.role, ClockRole::Image | ClockRole::Calibration) {
+        if topic.role != ClockRole::Pose {
             topic.compare(channel, data);
         }
     }
@@ -268,5 +292,26 @@ impl ClockScan {
         if let Some((topic, Some(sample))) = self.sample(channel, log_ns, data) {
             topic.later.push(sample);
         }
+    }
+
+    /// The greatest time in the log from a right image to the nearest left one, of the first ones
+    /// that have others around; at most half a period of the slower camera.
+    pub(super) fn log_skew_ns(&self) -> Option<u64> {
+        let logs = self.images.each_ref().map(|topic| {
+            let first = self.topics.get(topic).map_or(&[][..], |topic| &topic.first);
+            first
+                .iter()
+                .map(|message| message.log_ns)
+                .collect::<Vec<_>>()
+        });
+        let period_ns = |logs: &Vec<u64>| Some((logs.last()? - logs.first()?) / logs.len() as u64);
+        let half_ns = period_ns(&logs[0])?.max(period_ns(&logs[1])?) / 2;
+        let nearest = |log: &u64| {
+            let at = logs[0].partition_point(|left| left < log);
+            let around = logs[0].get(at.checked_sub(1)?)?.abs_diff(*log);
+            Some(around.min(logs[0].get(at)?.abs_diff(*log)))
+        };
+        let worst_ns = logs[1].iter().filter_map(nearest).max()?;
+        Some(worst_ns.min(half_ns))
     }
 }

@@ -210,10 +210,102 @@ fn a_right_clock_permits_no_pair_without_its_offset() {
         }
     });
     assert!(!table(&stepped).permits_pairs());
+    // One that steps in the last third is found by the bins of log time.
+    let stepped = stamped(Some(IMAGES[1]), |stamp| {
+        stamp - if stamp - BEGIN < 14 * S { 0 } else { 300 * MS }
+    });
+    let found = table(&stepped);
+    names(&found, IMAGES[1], true, "it is 0.000 s behind, and 0.30");
+    assert!(
+        found.faults[0].reason.contains("from 14 s"),
+        "{:?}",
+        found.faults
+    );
     // Half a period is the latency of a slower node.
     let mut slow = robot();
     slow[1].latency_ns += 16 * MS;
     assert_eq!(robot_table(&slow).faults, []);
+}
+
+#[test]
+fn right_images_that_come_late_have_no_fault() {
+    // By a constant time, from the first stamp on.
+    let mut late = robot();
+    late[1].latency_ns += 90 * MS;
+    assert_eq!(robot_table(&late).faults, []);
+    // For a while, as their calibrations of the same stamps show; a clock steps for both.
+    let channels = [
+        channel("/right/image_rect", "sensor_msgs/msg/Image"),
+        channel("/right/camera_info", "sensor_msgs/msg/CameraInfo"),
+    ];
+    let mut with_infos = robot();
+    with_infos.push(publisher(
+        "/right/camera_info",
+        "sensor_msgs/msg/CameraInfo",
+        33,
+    ));
+    let right = logged(&with_infos, &mut Rng::with_seed(1));
+    for (late_ms, clock_ms) in [(120, 0), (0, 120)] {
+        let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
+        let mut messages = right.clone();
+        for message in &mut messages {
+            let is_then = (7..13).contains(&((message.3 - BEGIN) / S));
+            message.0 += late_ms * MS * i64::from(is_then && message.1 == IMAGES[1]);
+            message.3 -= clock_ms * MS * i64::from(is_then && message.1.starts_with("/right"));
+        }
+        messages.sort_by_key(|(log, ..)| *log);
+        for (place, (log, topic, schema, stamp)) in messages.into_iter().enumerate() {
+            let data = message(stamp, place as u32);
+            scan.take_in(&channel(topic, schema), log as u64, &data);
+        }
+        let channels: Vec<_> = channels.iter().collect();
+        let found = ClockTable::new(&scan, &channels, &Selection::default());
+        assert_eq!(found.permits_pairs(), late_ms > 0, "{:#?}", found.faults);
+    }
+    // In batches of as many.
+    for images in [10, 30] {
+        let mut messages = logged(&robot(), &mut Rng::with_seed(1));
+        for message in &mut messages {
+            if message.1 == IMAGES[1] {
+                let place = (message.3 - BEGIN) / (33 * MS);
+                message.0 += (images - 1 - place % images) * 33 * MS;
+            }
+        }
+        messages.sort_by_key(|(log, ..)| *log);
+        assert_eq!(table(&messages).faults, [], "{images}");
+    }
+}
+
+#[test]
+fn the_left_clock_is_named_if_it_is_the_odd_one_out() {
+    for (clock_ms, words, offset) in [
+        (
+            -300,
+            "0.300 s behind those of /odom, /points and",
+            "--right-offset-ms -300.0`",
+        ),
+        (
+            1000,
+            "1.000 s ahead of those of /odom, /points and",
+            "--right-offset-ms 1000.0`",
+        ),
+    ] {
+        let mut robot = robot();
+        robot[0].clock_ns = clock_ms * MS;
+        let messages = logged(&robot, &mut Rng::with_seed(1));
+        let found = table(&messages);
+        names(&found, IMAGES[0], true, words);
+        assert!(
+            found.faults[0].reason.contains(offset),
+            "{:?}",
+            found.faults
+        );
+        let by_log = Selection {
+            stamps: Some(StampUnit::Log),
+            ..Selection::default()
+        };
+        assert_eq!(table_with(&messages, &by_log).faults, []);
+    }
 }
 
 #[test]
@@ -308,29 +400,51 @@ fn a_stamp_of_0_is_one_where_the_clock_begins_there() {
 }
 
 #[test]
-fn images_that_come_twice_are_named() {
-    let twice = |topic: &str, copies: u32| {
+fn messages_that_come_several_times_are_named_with_a_cure() {
+    let copied = |topics: &[&str], copies: u32, stamps: u32| {
         let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
         for place in 0..60_u32 {
-            for image in IMAGES {
-                let number = if image == topic {
-                    place / copies
+            for (topic, schema) in [
+                (IMAGES[0], "sensor_msgs/msg/Image"),
+                (IMAGES[1], "sensor_msgs/msg/Image"),
+                ("/points", "sensor_msgs/msg/PointCloud2"),
+            ] {
+                let [number, stamp] = if topics.contains(&topic) {
+                    [place / copies, place / stamps * stamps]
                 } else {
-                    place
+                    [place; 2]
                 };
-                let stamp = BEGIN + i64::from(place) * 33 * MS;
+                let stamp = BEGIN + i64::from(stamp) * 33 * MS;
+                let log = BEGIN + i64::from(place) * 33 * MS + 5 * MS;
                 let data = message(stamp, number);
-                let image = channel(image, "sensor_msgs/msg/Image");
-                scan.take_in(&image, (stamp + 5 * MS) as u64, &data);
+                scan.take_in(&channel(topic, schema), log as u64, &data);
             }
         }
         ClockTable::new(&scan, &[], &Selection::default())
     };
-    names(&twice(IMAGES[1], 2), IMAGES[1], false, "comes twice");
+    let right = [IMAGES[1]];
+    names(
+        &copied(&right, 2, 1),
+        IMAGES[1],
+        false,
+        "comes twice: the first 60 are 30 and",
+    );
+    names(
+        &copied(&right, 3, 3),
+        IMAGES[1],
+        false,
+        "comes 3 times: the first 60 are 20 and",
+    );
+    names(&copied(&["/points"], 2, 2), "/points", false, "comes twice");
+    for (stamps, cure) in [(1, "`--every 3`"), (3, "`--allow-loss 81%`")] {
+        let both = copied(&IMAGES, 3, stamps);
+        assert_eq!(both.faults.len(), 2, "{:?}", both.faults);
+        assert!(both.faults[0].reason.contains(cure), "{:?}", both.faults);
+    }
     // A camera at rest, and one that repeats some.
-    assert_eq!(twice(IMAGES[1], 60).faults, []);
-    assert_eq!(twice(IMAGES[1], 30).faults, []);
-    assert_eq!(twice(IMAGES[1], 1).faults, []);
+    assert_eq!(copied(&right, 60, 1).faults, []);
+    assert_eq!(copied(&right, 30, 1).faults, []);
+    assert_eq!(copied(&right, 1, 1).faults, []);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use svl_files::{self as files, InverseDepth, RVL_HEADER};
 pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let image = ros::read(channel, data, ros::image)?.1;
     let depths = depths(&image)?;
-    warn_of_values(&channel.topic, image.encoding, &depths);
+    warn_of_values(channel, image.encoding, &depths);
     Ok(depths)
 }
 
@@ -23,7 +23,8 @@ pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, St
 const MAX_LARGEST: f64 = 0.01;
 
 /// Warns of depths that are likely none: the largest value of 16 bits, and images of ranges.
-fn warn_of_values(topic: &str, encoding: &str, depths: &Plane<f32>) {
+fn warn_of_values(channel: &Channel, encoding: &str, depths: &Plane<f32>) {
+    let topic = &channel.topic;
     let words = topic
         .rsplit('/')
         .next()
@@ -39,7 +40,7 @@ fn warn_of_values(topic: &str, encoding: &str, depths: &Plane<f32>) {
     let count = depths.pixels().filter(|depth| *depth == largest).count();
     let (width, height) = depths.size();
     let is_largest = count as f64 > MAX_LARGEST * (width * height) as f64;
-    if is_largest && matches!(encoding, "16UC1" | "mono16") {
+    if is_largest && !encoding.starts_with("32FC1") {
         warn_once(format!(
             "{topic}: more than 1 % of the pixels of a depth image are 65535, which is 65.535 m: \
              write 0 where there is no depth (REP 118)"
@@ -60,26 +61,34 @@ pub(super) fn codes(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String
     plane.map_err(|e| e.to_string())
 }
 
-pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(super) fn foxglove_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let image: RawImage = decode_protobuf(data)?;
-    depths(&RawPixels {
+    let depths = depths(&RawPixels {
         width: image.width,
         height: image.height,
         step: image.step,
         encoding: &image.encoding,
         big_endian: false,
         data: &image.data,
-    })
+    })?;
+    warn_of_values(channel, &image.encoding, &depths);
+    Ok(depths)
 }
 
 pub(super) fn ros_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let message = ros::read(channel, data, ros::compressed_image)?;
-    decompress(message.format, message.data)
+    compressed(channel, message.format, message.data)
 }
 
-pub(super) fn foxglove_compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(super) fn foxglove_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let message: CompressedImage = decode_protobuf(data)?;
-    decompress(&message.format, &message.data)
+    compressed(channel, &message.format, &message.data)
+}
+
+fn compressed(channel: &Channel, format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+    let depths = decompress(format, data)?;
+    warn_of_values(channel, format, &depths);
+    Ok(depths)
 }
 
 /// Depths by the `format` of a CompressedImage:
