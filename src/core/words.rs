@@ -14,9 +14,46 @@ pub fn joined(words: impl IntoIterator<Item = impl Display>) -> String {
     words.join(", ")
 }
 
+/// A text from outside as a terminal may show it: characters that control the terminal or reverse
+/// the order of others are escaped, in a form that JSON and TOML read back. Lines and tabs remain.
+pub fn printable(text: &str) -> String {
+    escaped(text, |c| matches!(c, '\n' | '\t'))
+}
+
+/// [`printable`] in one line.
+pub fn printable_line(text: &str) -> String {
+    escaped(text, |_| false)
+}
+
+fn escaped(text: &str, is_kept: impl Fn(char) -> bool) -> String {
+    let mut printable = String::with_capacity(text.len());
+    for c in text.chars() {
+        // Marks of direction (Unicode's Bidi_Control), and ends of lines and paragraphs.
+        let is_mark = matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2066}'..='\u{2069}');
+        if (c.is_control() && !is_kept(c)) || is_mark {
+            printable += &format!("\\u{:04x}", u32::from(c));
+        } else {
+            printable.push(c);
+        }
+    }
+    printable
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn terminal_controls_are_escaped() {
+        let text = "a\u{1b}[2J\u{7}\u{9b}1m\u{202e}\u{2066}\r\u{7f}\u{2028}\tö\u{200d}µ\n";
+        let escaped = r"a\u001b[2J\u0007\u009b1m\u202e\u2066\u000d\u007f\u2028";
+        assert_eq!(printable(text), format!("{escaped}\tö\u{200d}µ\n"));
+        let line = format!(r"{escaped}\u0009ö{}µ\u000a", '\u{200d}');
+        assert_eq!(printable_line(text), line);
+        let json: String = serde_json::from_str(&format!("\"{line}\"")).unwrap();
+        assert_eq!(json, text);
+    }
 
     #[test]
     fn one_is_singular() {

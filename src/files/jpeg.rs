@@ -10,6 +10,9 @@ use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
 /// Markers: the first two bytes of an image, and the second ones of others.
 const BEGIN: [u8; 2] = [0xFF, 0xD8];
 const END: u8 = 0xD9;
+const SEQUENTIAL_0: u8 = 0xC0;
+const SEQUENTIAL_1: u8 = 0xC1;
+const SCAN: u8 = 0xDA;
 const RESTART_0: u8 = 0xD0;
 const RESTART_7: u8 = 0xD7;
 
@@ -97,7 +100,8 @@ fn broken(error: &DecodeErrors) -> String {
 }
 
 /// The image up to its end marker, with ones inserted before each marker that ends coded data
-/// finally.
+/// finally. Some cameras omit the end marker: the end of the file is taken for it behind the only
+/// scan of an image.
 ///
 /// If a marker comes too early, the decoder invents the rest, strict or not. No Huffman code
 /// consists of ones (ITU-T T.81, annex C), so a decoder that continues to read fails at them.
@@ -115,8 +119,14 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
     }
     let mut guarded = [&BEGIN, MOTION_JPEG].concat();
     let (mut taken, mut at) = (BEGIN.len(), BEGIN.len());
+    // Number of the components of an image of one scan, and true within that.
+    let (mut components, mut is_in_scan) = (None, false);
     loop {
-        let marker = at + jpeg.get(at..).and_then(to_marker).ok_or_else(cut)?;
+        let Some(marker) = jpeg.get(at..).and_then(to_marker).map(|next| at + next) else {
+            let rest = jpeg.get(taken..).filter(|_| is_in_scan).ok_or_else(cut)?;
+            let rest = rest.strip_suffix(&[0xFF]).unwrap_or(rest);
+            return Ok([&guarded, rest, &ONES, &[0xFF, END]].concat());
+        };
         match jpeg[marker + 1] {
             RESTART_0..=RESTART_7 => {
                 if guarded.len() > marker + ONES.len() * MAX_BLOCKS {
@@ -135,8 +145,13 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
                 .concat());
             }
             // A segment with its length; markers inside, such as those of a thumbnail, are ignored.
-            _ => {
+            kind => {
                 let length = jpeg.get(marker + 2..marker + 4).ok_or_else(cut)?;
+                match kind {
+                    SEQUENTIAL_0 | SEQUENTIAL_1 => components = jpeg.get(marker + 9),
+                    SCAN => is_in_scan = components.is_some() && jpeg.get(marker + 4) == components,
+                    _ => {}
+                }
                 at = marker + 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
             }
         }
@@ -212,9 +227,20 @@ mod tests {
     }
 
     #[test]
+    fn the_end_marker_may_be_missing_where_nothing_else_can_be() {
+        for jpeg in whole() {
+            let cut = [2, 1].map(|bytes| decode(&jpeg[..jpeg.len() - bytes]));
+            match jpeg == PROGRESSIVE {
+                true => assert!(cut.iter().all(Result::is_err)),
+                false => assert!(cut.into_iter().all(|cut| cut == decode(&jpeg))),
+            }
+        }
+    }
+
+    #[test]
     fn an_image_that_is_cut_off_is_none() {
         for jpeg in whole() {
-            for length in 0..jpeg.len() {
+            for length in 0..jpeg.len() - 3 {
                 assert!(
                     decode(&jpeg[..length]).is_err(),
                     "{length} of {} bytes",

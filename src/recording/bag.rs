@@ -13,9 +13,9 @@ const BAG: &str = "rosbag2_bagfile_information";
 const MAX_BYTES: u64 = 1 << 22;
 /// Limit on files listed in a message.
 const LISTED: usize = 5;
-/// Command that converts a bag svl cannot read.
-const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes a bag that \
-                       svl reads (pip install rosbags)";
+/// Command that converts a bag svl cannot read; only the ROS that wrote it has its plugins.
+const CONVERT: &str = "`ros2 bag convert` of the ROS 2 that recorded it makes an mcap bag, which \
+                       svl reads";
 
 /// True if `path` is the folder of a bag: with its metadata, or with its files and no subfolders.
 pub fn is_bag(path: &Path) -> bool {
@@ -51,13 +51,15 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
              .mcap and no .db3",
         )),
         1 => Ok(files),
-        _ => Err(Error::format(
-            path,
-            format!(
-                "is a folder of recordings, without a bag's metadata.yaml: {}",
+        _ => {
+            let shown = path.display();
+            let cure = format!("`ros2 bag reindex {shown}` writes it for the files of one bag");
+            let reason = format!(
+                "is a folder of recordings, without a bag's metadata.yaml: {}; {cure}",
                 name_one(&files)
-            ),
-        )),
+            );
+            Err(Error::format(path, reason))
+        }
     }
 }
 

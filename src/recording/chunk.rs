@@ -10,7 +10,9 @@ pub(super) fn may_be_chunk(start: &[u8], length: u64) -> bool {
     let number = |at| u64_at(start, at).unwrap_or(0);
     let name = u32_at(start, 28).and_then(|name| start.get(32..)?.get(..name as usize));
     let fits = match name {
+        // The empty name is MCAP's, `none` that of some writers.
         Some(b"") => number(16) == number(32),
+        Some(b"none") => number(16) == number(36),
         Some(b"zstd" | b"lz4") => number(16) <= MAX_RECORD,
         _ => false,
     };
@@ -37,7 +39,7 @@ pub(super) fn unpack(
         return Err(format!("it holds {size} bytes, more than {MAX_RECORD}"));
     }
     let read = match header.compression.as_str() {
-        "" => (&*data).read_to_end(records),
+        "" | "none" => (&*data).read_to_end(records),
         // The size is untrusted until the CRC matches. Pages that are reserved but not written cost
         // nothing.
         "zstd" => match records.try_reserve(size as usize) {

@@ -23,6 +23,14 @@ pub(super) struct Channel {
 impl Channel {
     /// Types of ROS 1 are named as those of ROS 2 with the same fields.
     pub(super) fn new(topic: String, schema: String, encoding: String) -> Self {
+        // Recorders of DDS write sensor_msgs::msg::dds_::Image_.
+        let dds = schema
+            .strip_suffix('_')
+            .and_then(|name| name.split_once("::dds_::"));
+        let schema = match dds {
+            Some((package, name)) => format!("{}/{name}", package.replace("::", "/")),
+            None => schema,
+        };
         let schema = match schema.split_once('/') {
             Some(("tf", "tfMessage")) if encoding == ROS1 => "tf2_msgs/msg/TFMessage".to_owned(),
             Some((package, name)) if encoding == ROS1 => format!("{package}/msg/{name}"),

@@ -4,6 +4,8 @@ use super::messages::{Channel, EventReader, FileEvent};
 use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, params};
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result, inputs};
@@ -74,12 +76,10 @@ impl SqliteFile {
             name.push(end);
             inputs::register(Path::new(&name));
         }
-        // Without a mutex: a connection has one owner.
-        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let wrong = |e: rusqlite::Error| {
             Error::format(&self.path, format!("is not a rosbag2 bag in SQLite: {e}"))
         };
-        let connection = Connection::open_with_flags(file, flags).map_err(wrong)?;
+        let connection = open(file).map_err(wrong)?;
         // SQLite rejects a truncated file as a whole, except in this mode for repairs.
         let lenient = connection.execute_batch("PRAGMA writable_schema = ON");
         let channels = lenient
@@ -94,6 +94,40 @@ impl SqliteFile {
             ended: false,
         })
     }
+}
+
+/// Opens a file to read, without a file beside it that was not there before: SQLite would leave its
+/// shared memory (`-shm`) beside one with a write-ahead log, and refuse it in a folder that cannot
+/// be written.
+fn open(file: &Path) -> rusqlite::Result<Connection> {
+    let beside = |end: &str| {
+        let mut name = file.as_os_str().to_owned();
+        name.push(end);
+        Path::new(&name).exists()
+    };
+    let mut start = [0; 20];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut start));
+    // A process that writes shares its memory. <https://sqlite.org/fileformat.html>, 1.3.2
+    let has_log = read.is_ok() && start[18..] == [2, 2] && !beside("-shm");
+    let (how, lock) = match (has_log, beside("-wal")) {
+        (true, false) => ("?immutable=1", ""),
+        (true, true) if cfg!(unix) => ("?vfs=unix-none", "PRAGMA locking_mode = EXCLUSIVE"),
+        _ => ("", ""),
+    };
+    let mut name = "file:".to_owned();
+    for byte in file.as_os_str().as_encoded_bytes() {
+        name += &match byte.is_ascii_alphanumeric() {
+            true => char::from(*byte).to_string(),
+            false => format!("%{byte:02x}"),
+        };
+    }
+    // Without a mutex: a connection has one owner.
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_URI;
+    let connection = Connection::open_with_flags(name + how, flags)?;
+    connection.execute_batch(lock)?;
+    Ok(connection)
 }
 
 fn channels(connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> {
@@ -170,6 +204,44 @@ impl EventReader for SqliteMessages {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_write_ahead_log_is_read_and_nothing_is_left_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = |folder: &Path| {
+            let names = std::fs::read_dir(folder).unwrap().flatten();
+            let mut names: Vec<_> = names.map(|entry| entry.file_name()).collect();
+            names.sort_unstable();
+            names
+        };
+        let tables = "PRAGMA journal_mode = WAL;
+                      CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format);
+                      CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data);
+                      INSERT INTO topics VALUES(7, '/a', 'std_msgs/msg/String', 'cdr');
+                      INSERT INTO messages VALUES(1, 7, 10, x'00');
+                      PRAGMA wal_checkpoint(TRUNCATE);
+                      INSERT INTO messages VALUES(2, 7, 20, x'00');";
+        let written = folder.path().join("written.db3");
+        let connection = Connection::open(&written).unwrap();
+        connection.execute_batch(tables).unwrap();
+        // The files of a recorder that was killed, and of one that has closed its file.
+        for (ends, expected) in [(&["", "-wal"][..], 2), (&[""], 1)] {
+            let copy = folder.path().join(format!("a %3f?#{expected}"));
+            std::fs::create_dir(&copy).unwrap();
+            for end in ends {
+                let from = folder.path().join(format!("written.db3{end}"));
+                std::fs::copy(from, copy.join(format!("bag.db3{end}"))).unwrap();
+            }
+            let before = names(&copy);
+            let file = SqliteFile::new(&copy.join("bag.db3"), 1, None);
+            let (mut messages, mut count) = (file.messages().unwrap(), 0);
+            while messages.next().unwrap().is_some() {
+                count += 1;
+            }
+            drop(messages);
+            assert_eq!((count, names(&copy)), (expected, before));
+        }
+    }
 
     #[test]
     fn messages_come_in_their_order_up_to_the_damage() {

@@ -211,6 +211,7 @@ pub const SOURCES: &[SourceKind] = &[
         options: &[
             "left",
             "right",
+            "side_by_side",
             "bits",
             "max_skew_ms",
             "stamps",
@@ -286,7 +287,11 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     // Recordings may lie in a folder of images or videos.
     let are_files = |side: &String| side.contains('*') || is_video(side);
     let topics = request.topics();
-    let names_files = request.options.side_by_side || topics.iter().flatten().any(are_files);
+    let is_topic = topics[0]
+        .as_deref()
+        .is_some_and(|left| left.starts_with('/'));
+    let names_files =
+        request.options.side_by_side && !is_topic || topics.iter().flatten().any(are_files);
     let is_bag = |kind: &SourceKind| kind.is_recording() && path.is_dir();
     let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));

@@ -13,7 +13,8 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kalibr",
     title: "Kalibr's camchain",
     conventions: "pinhole fu fv pu pv with radtan k1 k2 p1 p2, equidistant k1 k2 k3 k4 or none; \
-                  T_cn_cnm1: x_cam1 = T x_cam0, metres; no rectification; cam0 is the left camera",
+                  T_cn_cnm1: x_cam1 = T x_cam0, metres, or T_cam_imu or T_imu_cam of both; no \
+                  rectification; cam0 is the left camera",
     endings: &["yaml"],
     pairs: &[],
     single: true,
@@ -29,7 +30,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let cameras = StereoParameters {
         left: camera(document, "cam0", hints)?,
         right: camera(document, "cam1", hints)?,
-        right_from_left: Some(pose(document, "cam1.T_cn_cnm1")?),
+        right_from_left: Some(right_from_left(document)?),
         rectification: None,
     };
     let remarks = if document.has("cam2") {
@@ -62,6 +63,22 @@ fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> 
     let size = document.size_of(&key("resolution"))?;
     Intrinsics::new(size, (fx, fy), (cx, cy), distortion)
         .map_err(|e| document.error(format!("'{name}.intrinsics': {e}")))
+}
+
+/// The motion between the cameras; without their own by those to the IMU, as in OpenVINS's files.
+fn right_from_left(document: &Document) -> Result<Isometry3<f64>> {
+    let own = "cam1.T_cn_cnm1";
+    let both = |key: &str| {
+        let keys = ["cam0", "cam1"].map(|camera| format!("{camera}.{key}"));
+        (!document.has(own) && keys.iter().all(|key| document.has(key))).then_some(keys)
+    };
+    if let Some([left, right]) = both("T_cam_imu") {
+        Ok(pose(document, &right)? * pose(document, &left)?.inverse())
+    } else if let Some([left, right]) = both("T_imu_cam") {
+        Ok(pose(document, &right)?.inverse() * pose(document, &left)?)
+    } else {
+        pose(document, own)
+    }
 }
 
 /// A transform of four rows of four numbers.

@@ -1,12 +1,13 @@
 //! The log of a command: its notices, and lines on standard error, which are held back while a tool
 //! has the screen.
 
-use super::terminal::print_error;
+use super::terminal::write_error;
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
 use std::io::{self, IsTerminal};
 use std::sync::LazyLock;
 use svl::notice::{Notice, NoticeLog};
+use svl::printable_line;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
@@ -51,7 +52,8 @@ impl Lines {
                 held.push(line);
             }
         } else if self.is_new(&line) {
-            print_error(text(&line, io::stderr().is_terminal()));
+            let mark = mark(line.0, io::stderr().is_terminal());
+            write_error(&mark, &(printable_line(&line.1) + "\n"));
         }
     }
 
@@ -63,7 +65,8 @@ impl Lines {
     fn take_last(&mut self) -> Option<String> {
         let (held, taken) = self.held.as_mut()?;
         let new = &held[std::mem::replace(taken, held.len())..];
-        new.last().map(|line| text(line, false))
+        new.last()
+            .map(|line| mark(line.0, false) + &printable_line(&line.1))
     }
 }
 
@@ -84,25 +87,18 @@ pub(crate) fn take_last() -> Option<String> {
     LINES.lock().take_last()
 }
 
-/// The text of a line, without the control characters that a name in it may have.
-fn text((level, words): &LogLine, is_rich: bool) -> String {
-    let color = match *level {
+/// The level before a line.
+fn mark(level: Level, is_rich: bool) -> String {
+    let color = match level {
         Level::ERROR => 31,
         Level::WARN => 33,
         Level::INFO => 32,
         _ => 34,
     };
-    let mut text = match is_rich {
+    match is_rich {
         true => format!("\u{1b}[{color}m{level:>5}\u{1b}[0m "),
         false => format!("{level:>5} "),
-    };
-    for c in words.chars() {
-        match c.is_control() && c != '\n' && c != '\t' {
-            true => text.extend(c.escape_default()),
-            false => text.push(c),
-        }
     }
-    text
 }
 
 #[cfg(test)]
@@ -114,13 +110,10 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_written_once_without_control_characters_of_its_words() {
+    fn a_line_is_written_once() {
         let mut lines = Lines::default();
         let news = ["first", "second", "first"].map(|words| lines.is_new(&warning(words)));
         assert_eq!(news, [true, true, false]);
-        let line = warning("a\u{1b}[2Jb");
-        assert_eq!(text(&line, false), " WARN a\\u{1b}[2Jb");
-        assert_eq!(text(&line, true), "\u{1b}[33m WARN\u{1b}[0m a\\u{1b}[2Jb");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use svl::console::{Bar, Console, Unit};
+use svl::printable_line;
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
@@ -67,7 +68,7 @@ impl Console for Terminal {
         // The templates above are constants, which the tests run.
         let style = ProgressStyle::with_template(&format!("{{prefix:<24!}} {form}"));
         bar.set_style(style.expect("a valid template").with_key("per_sec", rate));
-        bar.set_prefix(work.to_owned());
+        bar.set_prefix(printable_line(work));
         Box::new(TerminalBar {
             log: (!self.quiet && !std::io::stderr().is_terminal())
                 .then(|| ProgressLog::new(work, unit, total)),
@@ -110,7 +111,7 @@ impl Bar for TerminalBar {
 
     fn show(&self, text: String) {
         if !self.bar.is_hidden() {
-            self.bar.set_message(text);
+            self.bar.set_message(printable_line(&text));
         }
     }
 

@@ -5,18 +5,27 @@ use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use svl::report::table::TerminalStyle;
 use svl::sink::report_runs;
+use svl::{printable, printable_line};
 
-/// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
+/// Prints to standard output, with text from outside escaped. A reader that went away (`| head`)
+/// has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
+    let text = style().printable(text);
     match io::stdout().lock().write_all(text.as_bytes()) {
         Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result.context("standard output"),
     }
 }
 
-/// Prints a line to standard error. Does nothing if that is closed.
+/// Prints a line to standard error.
 pub(crate) fn print_error(line: impl std::fmt::Display) {
-    let _ = writeln!(io::stderr(), "{line}");
+    write_error("", &format!("{line}\n"));
+}
+
+/// Writes svl's own `mark`, then a text, in which text from outside is escaped, to standard error.
+/// Does nothing if that is closed.
+pub(crate) fn write_error(mark: &str, text: &str) {
+    let _ = write!(io::stderr(), "{mark}{}", printable(text));
 }
 
 /// Prints a value as JSON.
@@ -74,10 +83,10 @@ pub(crate) fn report_lines(named: &Path) -> String {
 /// Last column of the help below the options, which clap does not break again.
 pub(crate) const LAST_COLUMN: usize = 78;
 
-/// `head`, and from a column on the words of `text`, broken at the last column.
+/// `head`, and from a column on the words of `text`, escaped and broken at the last column.
 pub(crate) fn wrapped(head: &str, column: usize, text: &str, last: usize) -> String {
     let mut lines = vec![format!("{head:<column$}")];
-    for word in text.split(' ') {
+    for word in printable_line(text).split(' ') {
         let line = lines.last_mut().expect("one to begin with");
         let used = line.chars().count();
         if used > column && used + 1 + word.chars().count() > last {

@@ -161,6 +161,29 @@ impl PairReader {
         Ok(())
     }
 
+    /// Leaves calibrations out that were found by the names of their topics alone, if a frame in
+    /// them is not that of its camera's images.
+    pub(super) fn check_info_frames(&mut self, info_frames: &[Option<String>; 2]) {
+        let [left, right] = &self.images;
+        for (side, [image, other]) in [[left, right], [right, left]].into_iter().enumerate() {
+            let frames = info_frames[side].as_ref().zip(self.frames[side].as_ref());
+            if let Some((info, (info_frame, frame))) = self.calibrations[side].as_ref().zip(frames)
+                && (!topics::is_near(info, image) || topics::is_near(info, other))
+                && info_frame != frame
+                && !info_frame.is_empty()
+                && !frame.is_empty()
+            {
+                tracing::warn!(
+                    "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations \
+                     are not used; --calib FILE gives the cameras theirs",
+                    self.name
+                );
+                (self.calibrations, self.cameras, self.tracks) = Default::default();
+                return;
+            }
+        }
+    }
+
     /// Makes the calibrations of a pair with these stamps the current ones. Warns of the first that
     /// differs from that of the pair before it, and of pairs before the first one.
     pub(super) fn calibrate_pair(&mut self, stamps: [u64; 2]) {

@@ -14,6 +14,8 @@ pub(super) struct FirstMessages {
     images: FirstImages,
     /// The earliest stamp of each camera's images.
     first_ns: [Option<u64>; 2],
+    /// The frame of each camera's first calibration.
+    info_frames: [Option<String>; 2],
     /// The first log time, the latest, and that at which the calibrations were there.
     begin_ns: Option<u64>,
     log_ns: u64,
@@ -65,6 +67,13 @@ impl FirstMessages {
         }
         self.images.take_in(&pairs.images, channel, data);
         let cameras = pairs.images.iter().zip(&mut pairs.frames);
+        for (info, frame) in pairs.calibrations.iter().zip(&mut self.info_frames) {
+            if info.as_ref() == Some(&channel.topic)
+                && let Ok((_, name)) = head(channel, data)
+            {
+                frame.get_or_insert(name);
+            }
+        }
         for ((topic, frame), first_ns) in cameras.zip(&mut self.first_ns) {
             if *topic == channel.topic
                 && let Ok((stamp, name)) = head(channel, data)
@@ -90,6 +99,7 @@ impl FirstMessages {
     /// # Errors
     /// The errors of [`BitDepth::decide`].
     pub(super) fn end(self, pairs: &mut PairReader, selection: &Selection) -> Result<()> {
+        pairs.check_info_frames(&self.info_frames);
         pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
         Ok(())
     }
@@ -111,23 +121,21 @@ impl FirstImages {
     }
 
     fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
-        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
-            return;
-        };
-        // Videos are decoded to 8 bits.
-        if video::is_picture(channel, data) {
-            self.are_videos[side] = true;
-            self.are_of_8_bits = true;
-            return;
-        }
-        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
-            return;
-        }
-        // An unreadable one is reported when its turn comes.
-        if let Ok((_, Ok(image))) = image::decode(channel, data) {
-            match image.image.largest() {
-                Some(largest) => self.largest[side].push(largest),
-                None => self.are_of_8_bits = true,
+        for side in (0..2).filter(|side| topics[*side] == channel.topic) {
+            // Videos are decoded to 8 bits.
+            if video::is_picture(channel, data) {
+                self.are_videos[side] = true;
+                self.are_of_8_bits = true;
+            }
+            if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+                continue;
+            }
+            // An unreadable one is reported when its turn comes.
+            if let Ok((_, Ok(image))) = image::decode(channel, data) {
+                match image.image.largest() {
+                    Some(largest) => self.largest[side].push(largest),
+                    None => self.are_of_8_bits = true,
+                }
             }
         }
     }

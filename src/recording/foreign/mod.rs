@@ -193,9 +193,7 @@ impl PairReader {
         } else {
             choose(channels, selection)?
         };
-        let calibrations = images
-            .each_ref()
-            .map(|topic| topics::calibration(channels, topic));
+        let calibrations = topics::calibrations(channels, images.each_ref().map(String::as_str));
         Ok(Self {
             images,
             own: is_own.then(OwnTopics::default),
@@ -476,7 +474,12 @@ impl PairReader {
         let pair = match (left, right) {
             (Ok(left), Ok(right)) => {
                 let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
-                self.depth.pair(images).map_err(|e| e.to_string())
+                let images = match self.images[0] == self.images[1] {
+                    true => images[0].halves(),
+                    false => Ok(images),
+                };
+                let pair = images.and_then(|images| self.depth.pair(images));
+                pair.map_err(|e| e.to_string())
             }
             (Err(reason), _) | (_, Err(reason)) => Err(reason),
         };

@@ -44,13 +44,15 @@ impl PairStamps {
             } => {
                 pairing.advance(log_time);
                 let of_topic = |side: &Side| topics[*side as usize] == channel.topic;
-                let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
-                    return;
-                };
+                let mut sides = Side::BOTH.into_iter().filter(of_topic).peekable();
                 // An unreadable message is reported when its turn comes.
-                if let Ok((stamp, _)) = head(channel, data) {
+                if sides.peek().is_some()
+                    && let Ok((stamp, _)) = head(channel, data)
+                {
                     let stamp_ns = stamp.unwrap_or(log_time);
-                    pairing.push(side, stamp_ns, log_time, (), data.len());
+                    sides.for_each(|side| {
+                        pairing.push(side, stamp_ns, log_time, (), data.len());
+                    });
                 }
             }
         }

@@ -3,6 +3,7 @@
 use super::{camera, image, video};
 use crate::messages::Channel;
 use crate::stamp_rule::StampUnit;
+use std::collections::BTreeSet;
 use svl_core::joined;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
@@ -11,6 +12,8 @@ pub struct Selection {
     /// Topic of the left images; by default found by type and name.
     pub left: Option<String>,
     pub right: Option<String>,
+    /// True if each image of one topic, the left one, holds both as its halves.
+    pub side_by_side: bool,
     /// Largest skew of a pair.
     pub max_skew_ns: u64,
     /// Number of bits of 16 that the images use; by default decided by the first images.
@@ -29,9 +32,9 @@ impl Selection {
     /// free-running ones above.
     pub const MAX_SKEW_NS: u64 = 5_000_000;
 
-    /// True if it names a topic: then svl's own recordings are paired by stamp, too.
+    /// True if it tells how topics form pairs: then svl's own recordings are paired by stamp, too.
     pub fn names_topics(&self) -> bool {
-        self.left.is_some() || self.right.is_some()
+        self.left.is_some() || self.right.is_some() || self.side_by_side
     }
 }
 
@@ -40,6 +43,7 @@ impl Default for Selection {
         Self {
             left: None,
             right: None,
+            side_by_side: false,
             max_skew_ns: Self::MAX_SKEW_NS,
             bits: None,
             stamps: None,
@@ -67,6 +71,17 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             return Err(format!("{option}{fault}"));
         }
     }
+    if selection.side_by_side {
+        return match (&selection.left, &selection.right, &topics[..]) {
+            (_, Some(_), _) => Err("--side-by-side reads one topic: leave --right out".to_owned()),
+            (Some(left), ..) => Ok([left.clone(), left.clone()]),
+            (None, None, [only]) => Ok([only, only].map(|topic| (*topic).to_owned())),
+            _ => Err(format!(
+                "which images are side by side? Name one with --left TOPIC; it has \
+                 {listed}"
+            )),
+        };
+    }
     let free =
         |named: &Option<String>, topic: &str| named.as_deref().is_none_or(|named| named == topic);
     let pairs = topics
@@ -89,7 +104,8 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             |reason| format!("has no stereo pairs that svl reads: {reason}"),
         )),
         (_, [only]) => Err(format!(
-            "has no stereo pairs: {only} is its only topic of images"
+            "has no stereo pairs: {only} is its only topic of images; --side-by-side if each shows \
+             both cameras"
         )),
         _ => Err(format!(
             "which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}"
@@ -296,6 +312,43 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
+/// The calibration topics for the image topics of a pair: each the one for its own
+/// ([`calibration`]); else, of those for no image, the only two that are a left and a right one.
+pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<String>; 2] {
+    let own = images.map(|image| calibration(channels, image));
+    if own[0] != own[1] && own.iter().all(Option::is_some) {
+        return own;
+    }
+    let others = channels.iter().map(|channel| channel.topic.as_str());
+    let others = others.filter(|topic| !images.contains(topic));
+    let is_image = |topic: &&str| channels.iter().any(|c| c.topic == *topic && is_image(c));
+    let taken: Vec<_> = others
+        .filter(is_image)
+        .filter_map(|topic| calibration(channels, topic))
+        .collect();
+    let free = channels.iter().filter(|c| camera::is_calibration(c));
+    let free = free.map(|channel| &channel.topic);
+    let free: BTreeSet<_> = free.filter(|topic| !taken.contains(topic)).collect();
+    let pairs = free
+        .iter()
+        .flat_map(|left| free.iter().map(move |right| [*left, *right]));
+    let mut pairs = pairs.filter(|[left, right]| are_sides(left, right));
+    match (pairs.next(), pairs.next()) {
+        (Some(pair), None) => pair.map(|topic| Some(topic.clone())),
+        _ => own,
+    }
+}
+
+/// True if a calibration topic is in a namespace of an image topic, or below it: image/camera_info.
+pub(super) fn is_near(info: &str, image: &str) -> bool {
+    format!("{image}/").starts_with(namespace(info))
+}
+
+/// The name of a topic up to its last part.
+fn namespace(topic: &str) -> &str {
+    &topic[..topic.rfind('/').map_or(0, |slash| slash + 1)]
+}
+
 /// The calibration topic for the image topic `topic`: the one that shares the longest namespace,
 /// and of one namespace the one of its processing: `camera_info_rect` for `image_rect`.
 pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
@@ -303,15 +356,8 @@ pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
         .iter()
         .copied()
         .filter(|channel| camera::is_calibration(channel));
-    let folder = |channel: &&Channel| {
-        channel
-            .topic
-            .rsplit_once('/')
-            .map_or(0, |(folder, _)| folder.len() + 1)
-    };
-    // Also one below the image: image/camera_info.
-    let below = format!("{topic}/");
-    let fits = |channel: &&Channel| below.starts_with(&channel.topic[..folder(channel)]);
+    let folder = |channel: &&Channel| namespace(&channel.topic).len();
+    let fits = |channel: &&Channel| is_near(&channel.topic, topic);
     // Length of the processing in the names of both; 0 of a calibration of any image.
     let processing = |channel: &&Channel| {
         let folder = folder(channel);
@@ -477,6 +523,55 @@ mod tests {
         let zed = ["/left/rect/camera_info", "/left/rect/image/camera_info"];
         assert_eq!(found(&zed, "/left/rect/image").as_deref(), Some(zed[1]));
         assert_eq!(found(&zed[1..], "/left/rect/image_2"), None);
+    }
+
+    #[test]
+    fn calibrations_elsewhere_are_a_left_and_a_right_one_for_no_other_image() {
+        let found = |topics: &[&str]| {
+            let schema = |topic: &str| match topic.contains("info") {
+                true => "sensor_msgs/msg/CameraInfo",
+                false => "sensor_msgs/msg/Image",
+            };
+            let channels = topics.iter().map(|topic| channel_of(topic, schema(topic)));
+            let channels: Vec<_> = channels.collect();
+            let channels: Vec<_> = channels.iter().collect();
+            calibrations(&channels, ["/a/left/image", "/a/right/image"])
+                .map(Option::unwrap_or_default)
+        };
+        let images = ["/a/left/image", "/a/right/image"];
+        let with = |more: &[&str]| found(&[&images[..], more].concat());
+        let info = ["/info/left", "/info/right"];
+        assert_eq!(with(&info), info);
+        assert_eq!(
+            with(&["/info_right", "/info_left"]),
+            ["/info_left", "/info_right"]
+        );
+        // Both share a namespace with both cameras.
+        assert_eq!(
+            with(&["/a/info_l", "/a/info_r"]),
+            ["/a/info_l", "/a/info_r"]
+        );
+        assert_eq!(
+            with(&["/a/left/info", "/a/right/info", "/info/left", "/info/right"])[0],
+            "/a/left/info"
+        );
+        // Calibrations of other cameras, and two pairs of them.
+        let rear = [
+            "/b/left/image",
+            "/b/right/image",
+            "/b/left/info",
+            "/b/right/info",
+        ];
+        assert_eq!(with(&rear), ["", ""]);
+        assert_eq!(
+            with(&[
+                "/info/i/left",
+                "/info/i/right",
+                "/info/j/left",
+                "/info/j/right"
+            ]),
+            ["", ""]
+        );
     }
 
     #[test]

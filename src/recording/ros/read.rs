@@ -85,6 +85,7 @@ pub(crate) fn read_cdr<'a, T>(
         _ if data.starts_with(&container::ZSTD) => {
             return Err(container::unpack_message(data).err().unwrap_or_default());
         }
+        [] => return Err("it is empty".to_owned()),
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
     read(&mut MessageReader::new(body, true)).map_err(|e| format!("its CDR cannot be read: {e}"))

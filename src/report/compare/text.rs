@@ -154,11 +154,12 @@ impl Comparison {
             text += &format!("\n{}", self.overview().terminal(style));
             let courses = self.algorithms.iter();
             let courses = courses
-                .filter_map(|own| Some(format!("\n{}: {}", own.labels(), own.course_words()?)));
-            text.extend(courses.map(|line| wrapped(&line, 2, style.width)));
+                .filter_map(|own| Some(format!("{}: {}", own.labels(), own.course_words()?)));
+            text.extend(courses.map(|line| "\n".to_owned() + &wrapped(&line, 2, style.width)));
         } else {
             for own in &self.algorithms {
-                let extent = format!("\n{}: {}", own.title(), own.extent());
+                let extent = format!("{}: {}", own.title(), own.extent());
+                text.push('\n');
                 let lines = [extent].into_iter().chain(own.course_words());
                 text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
                 text += &own.table(columns).terminal(style);

@@ -16,6 +16,7 @@ pub(crate) use terminal::wrapped;
 pub use super::words::NONE;
 use super::words::ms;
 use serde::Serialize;
+use svl_core::printable_line;
 
 /// A table whose first column names the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -202,7 +203,7 @@ impl TableCell {
     /// The cell without pictures.
     fn text(&self) -> String {
         match self {
-            Self::Text(text) | Self::Alert(text) => text.clone(),
+            Self::Text(text) | Self::Alert(text) => printable_line(text),
             Self::Time { ms: time_ms, mark } => ms(*time_ms) + mark,
             Self::Bar { .. } => String::new(),
             Self::Marks(shares) => {

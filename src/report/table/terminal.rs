@@ -3,6 +3,7 @@
 
 use super::{Table, TableCell};
 use std::fmt::Write;
+use svl_core::{printable, printable_line};
 
 /// Style of text on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,23 @@ impl TerminalStyle {
             width,
             is_rich: false,
         }
+    }
+
+    /// A text as a terminal may show it: escaped, but for svl's own colours.
+    pub fn printable(self, text: &str) -> String {
+        let mut parts = text.split(ESCAPE);
+        let own = [RIGHT, UNKNOWN, WRONG].map(color);
+        let is_own =
+            |part: &str| own.iter().any(|own| part.starts_with(own)) || part.starts_with(END);
+        let first = printable(parts.next().unwrap_or_default());
+        parts.fold(first, |text, part| {
+            let escape = ESCAPE.to_string();
+            let escape = match self.is_rich && is_own(part) {
+                true => escape,
+                false => printable(&escape),
+            };
+            text + &escape + &printable(part)
+        })
     }
 }
 
@@ -213,7 +231,17 @@ fn cell(cell: &TableCell, width: usize, is_left: bool, style: TerminalStyle) -> 
 }
 
 fn colored(text: &str, code: u8) -> String {
-    format!("\x1b[38;5;{code}m{text}\x1b[0m")
+    format!("{ESCAPE}{}{text}{ESCAPE}{END}", color(code))
+}
+
+/// Begin of a terminal's codes.
+const ESCAPE: char = '\u{1b}';
+/// End of a colour, behind [`ESCAPE`].
+const END: &str = "[0m";
+
+/// Begin of a colour, behind [`ESCAPE`].
+fn color(code: u8) -> String {
+    format!("[38;5;{code}m")
 }
 
 /// Right, unknown and wrong, rounded so that their lengths add up.
@@ -232,11 +260,13 @@ fn bar(right: f64, wrong: f64, width: usize) -> String {
     parts.collect()
 }
 
-/// A text in lines that fit, all but the first behind blanks.
+/// A text, escaped, in lines that fit, all but the first behind blanks.
 pub fn wrapped(text: &str, indent: usize, width: usize) -> String {
     let mut lines = vec![String::new()];
     // A number and its unit are one word.
-    let joined = text.replace(" %", "\u{a0}%").replace(" ms", "\u{a0}ms");
+    let joined = printable_line(text)
+        .replace(" %", "\u{a0}%")
+        .replace(" ms", "\u{a0}ms");
     for word in joined.split(' ') {
         let line = lines.last_mut().expect("one to begin with");
         if line.is_empty() {

@@ -45,11 +45,16 @@ impl Fixture {
             .timeout(std::time::Duration::from_secs(1800))
             .output();
         let output = output.unwrap();
-        Ran {
+        let ran = Ran {
             code: output.status.code(),
             stdout: String::from_utf8(output.stdout).unwrap(),
             stderr: String::from_utf8(output.stderr).unwrap(),
+        };
+        // Whatever is in names of the case.
+        for text in [&ran.stdout, &ran.stderr] {
+            assert_eq!(*text, svl::printable(text), "what controls a terminal");
         }
+        ran
     }
 
     /// The JSON output of this command.

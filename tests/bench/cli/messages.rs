@@ -289,7 +289,7 @@ const COMMANDS: &str = "
 ";
 
 /// Small inputs, most of them wrong in one way.
-fn inputs() -> Fixture {
+pub(super) fn inputs() -> Fixture {
     let fixture = Fixture::new();
     fixture.run("record --frames 2 -o a.mcap");
     std::fs::copy(fixture.path("a.mcap"), fixture.path("run.mcap")).unwrap();

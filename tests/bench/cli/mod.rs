@@ -11,6 +11,7 @@ mod calibrate_distance;
 mod compare;
 mod copies;
 mod counts;
+mod cures;
 mod datasets;
 mod description;
 mod drive;

@@ -264,7 +264,11 @@ fn options_are_for_what_takes_them() {
             2,
             &["--fps is for a video, a folder"],
         ),
-        (&["p.mcap", "--side-by-side"], 2, &["--side-by-side is for"]),
+        (
+            &["p.mcap", "--side-by-side"],
+            1,
+            &["which images are side by side", "/stereo/left/image"],
+        ),
         (&["scene", "--fps", "10"], 2, &["scenes of a data set"]),
         (&["film.mp4"], 2, &["--side-by-side", "--left and --right"]),
     ] {

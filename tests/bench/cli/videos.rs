@@ -104,11 +104,14 @@ fn write_film(fixture: &Fixture, width: u32, numbers: Range<u32>, filter: &str, 
         "color=size={width}x48:rate=10:d={seconds},format=yuv420p,\
          geq=lum=16+5*(N+{first}):cb=128:cr=128{filter}"
     );
-    let args = ["-f", "lavfi", "-i", &source, "-vsync", "vfr"];
-    ffmpeg(
-        fixture,
-        &[&args[..], &["-c:v", "mjpeg", "-q:v", "1", name]].concat(),
-    );
+    // Matroska keeps the times of frames, whatever the option for that is called.
+    let is_mp4 = name.ends_with(".mp4");
+    let first = if is_mp4 { "film.mkv" } else { name };
+    let args = ["-f", "lavfi", "-i", &source, "-c:v", "mjpeg", "-q:v", "1"];
+    ffmpeg(fixture, &[&args[..], &[first]].concat());
+    if is_mp4 {
+        ffmpeg(fixture, &["-i", first, "-c", "copy", name]);
+    }
 }
 
 /// The number of the left and of the right frame of each pair, and its stamp in tenths of a second.

@@ -176,7 +176,7 @@ fn no_bag_names_files_elsewhere() {
 #[test]
 fn other_containers_have_a_cure() {
     let (holder, folder) = bag_of(&[&messages(0)]);
-    let cure = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap`";
+    let cure = "`ros2 bag convert`";
     for (storage, compression, what) in [
         (
             "leveldb",

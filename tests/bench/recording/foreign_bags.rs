@@ -227,6 +227,75 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
 }
 
 #[test]
+fn both_images_may_be_in_one_topic() {
+    let wide = |i: u64| {
+        let [left, right] = [2 * i, 2 * i + 1].map(|seed| bytes(&image(SIZE, seed)));
+        let rows = left.chunks(SIZE.0).zip(right.chunks(SIZE.0));
+        let rows: Vec<u8> = rows.flat_map(|(l, r)| [l, r].concat()).collect();
+        ros_image(
+            "/stereo/image",
+            stamp(i),
+            (2 * SIZE.0, SIZE.1),
+            "mono8",
+            &rows,
+        )
+    };
+    let (_folder, path) = write_bag((0..5).map(wide));
+    assert!(complaint(&path).contains("--side-by-side if each shows both cameras"));
+    let selection = Selection {
+        side_by_side: true,
+        ..Selection::default()
+    };
+    let mut reader = Reader::new(Recording::open(&path).unwrap(), &selection).unwrap();
+    for i in 0..5 {
+        let frame = reader.next_pair().unwrap().unwrap();
+        assert_eq!(frame.pair.left(), &image(SIZE, 2 * i));
+        assert_eq!(frame.pair.right(), &image(SIZE, 2 * i + 1));
+        assert_eq!(
+            (frame.stamp_ns, frame.exposure.skew_ns),
+            (stamp(i), Some(0))
+        );
+    }
+    assert!(reader.next_pair().unwrap().is_none());
+    let named = Selection {
+        right: Some("/stereo/image".to_owned()),
+        ..selection
+    };
+    let wrong = Reader::new(Recording::open(&path).unwrap(), &named)
+        .err()
+        .unwrap();
+    assert!(wrong.to_string().contains("leave --right out"), "{wrong}");
+}
+
+#[test]
+fn calibrations_elsewhere_are_used_unless_a_frame_differs() {
+    let found = |frames: [&str; 2], infos: [&'static str; 2]| {
+        let pixels = bytes(&image(SIZE, 3));
+        let images = [(LEFT, frames[0]), (RIGHT, frames[1])].map(|(topic, frame)| {
+            bag::ros_image_in(frame, topic, stamp(0), SIZE, ("mono8", &pixels))
+        });
+        let infos = [
+            camera_info(infos[0], 9, &[], 0.0),
+            camera_info(infos[1], 9, &[], -14.432),
+        ];
+        let (_folder, path) = write_bag(infos.into_iter().chain(images));
+        let mut reader = Reader::open(&path).unwrap();
+        reader.next_pair().unwrap().unwrap().rig().is_some()
+    };
+    let infos = ["/calibrations/left", "/calibrations/right"];
+    // The calibrations are of the frame 'cam'.
+    assert!(found(["cam", "cam"], infos));
+    assert!(found(["", ""], infos));
+    assert!(!found(["cam", "other"], infos));
+    assert!(!found(["cam", "other"], ["/info_left", "/info_right"]));
+    // Calibrations of the cameras' own namespaces need no name of a frame.
+    assert!(found(
+        ["a", "b"],
+        ["/cam0/camera_info", "/cam1/camera_info"]
+    ));
+}
+
+#[test]
 fn a_compressed_mosaic_is_that_mosaic() {
     let pixels = bytes(&image(SIZE, 3));
     let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();

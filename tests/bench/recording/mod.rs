@@ -21,6 +21,7 @@ mod hints;
 mod kill;
 mod live_topics;
 mod poses;
+mod printed;
 mod realsense;
 mod recorded_depth;
 mod recovery;

@@ -378,6 +378,27 @@ fn the_nearest_measurement_within_the_limit_counts() {
 }
 
 #[test]
+fn an_odd_measurement_costs_only_itself() {
+    let depth = |i| depth32(i, SIZE, |_, _| 2.0);
+    let known = |truths: &[Option<Truth>]| [0, 1].map(|i| truths[i].is_some());
+    // A message twice, one of another size, and rows of unknown length.
+    let (found, without) = truths([depth(0), depth(1), depth(1)], "/depth");
+    assert_eq!((known(&found), without), ([true, false], 1));
+    let small = depth32(1, (12, 8), |_, _| 2.0);
+    let (found, without) = truths([depth(0), small], "/depth");
+    assert_eq!((known(&found), without), ([true, false], 1));
+    let rowless = cloud_with("cam", stamp(0), &[[0.0, 0.0, 2.0]], false, 0);
+    let (found, _) = truths([rowless], "/points");
+    let seen = found[0].as_ref().unwrap().disparity.get(12, 8);
+    assert!((seen - (FB / 2.0) as f32).abs() < 1e-4, "{seen}");
+    refused(
+        pairs().into_iter().chain([depth(0), depth(0)]),
+        "/depth",
+        &["1 pair", "2 measurements", "unknown which belong together"],
+    );
+}
+
+#[test]
 fn a_cloud_is_moved_into_the_left_camera() {
     // A lidar 0.5 m behind the camera and 0.2 m to its right; a point 2 m before the lidar.
     let links = [

@@ -83,6 +83,28 @@ fn kalibr_s_chain_is_read() {
         &read(&alone, &Hints::default()).unwrap_err(),
         &["no 'cam1.T_cn_cnm1.0'"],
     );
+    // The IMU beside the right camera, turned and moved by a known motion from the left one.
+    let imu = "[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3]";
+    let back = "[0.0, 1.0, 0.0, -0.2], [-1.0, 0.0, 0.0, 0.1], [0.0, 0.0, 1.0, -0.3]";
+    let at = "[0.0, -1.0, 0.0, -0.02], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3]";
+    let at_back = "[0.0, 1.0, 0.0, -0.2], [-1.0, 0.0, 0.0, -0.02], [0.0, 0.0, 1.0, -0.3]";
+    for (key, left, right) in [("T_cam_imu", imu, at), ("T_imu_cam", back, at_back)] {
+        let last = "[0.0, 0.0, 0.0, 1.0]";
+        let chain = CAMCHAIN.replace("T_cn_cnm1:", "T_other:");
+        let chain = chain.replacen("cam0:\n", &format!("cam0:\n  {key}: [{left}, {last}]\n"), 1);
+        let chain = chain.replacen(
+            "cam1:\n",
+            &format!("cam1:\n  {key}: [{right}, {last}]\n"),
+            1,
+        );
+        let motion = read(&chain, &Hints::default()).unwrap().calibration;
+        let motion = motion.right_from_left();
+        let apart = motion.translation.vector - Vector3::new(-0.12, 0.0, 0.0);
+        assert!(
+            apart.norm() < 1e-12 && motion.rotation.angle() < 1e-12,
+            "{key}: {motion}"
+        );
+    }
     let five = CAMCHAIN.replace("-0.0021, 0.0005]", "-0.0021, 0.0005, 0.0]");
     assert_says(
         &read(&five, &Hints::default()).unwrap_err(),

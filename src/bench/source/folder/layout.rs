@@ -90,7 +90,12 @@ pub(super) const LAYOUTS: &[Layout] = &[
     // MRPT's 0_left.jpg, and 00_left.png.
     plain(["*left", "*right"]),
     plain(["*_l", "*_r"]),
+    // L1.jpg and L_1.jpg; see as_laid_out.
+    plain(LETTERS),
 ];
+
+/// Letters that are sides if no word begins with them.
+pub(super) const LETTERS: [&str; 2] = ["l*", "r*"];
 
 const fn plain(images: [&'static str; 2]) -> Layout {
     Layout {
@@ -101,11 +106,18 @@ const fn plain(images: [&'static str; 2]) -> Layout {
     }
 }
 
-/// All layouts, in a line.
+/// All layouts, in a line: those of data sets by their names.
 pub(super) fn known() -> String {
-    let patterns = |layout: &Layout| format!("{} ({})", layout.images.join(" and "), layout.name);
-    let known: Vec<_> = LAYOUTS.iter().map(patterns).collect();
-    known.join("; ")
+    let is_plain = |layout: &&Layout| layout.stamps.is_none();
+    let (plain, others): (Vec<_>, Vec<_>) = LAYOUTS.iter().partition(is_plain);
+    let patterns = plain.iter().map(|layout| layout.images.join(" and "));
+    let mut names: Vec<_> = others.iter().map(|layout| layout.name).collect();
+    names.dedup();
+    format!(
+        "{}; the folders of {}",
+        patterns.collect::<Vec<_>>().join("; "),
+        names.join("; ")
+    )
 }
 
 /// Image files by what stands for `*` in their pattern: bytes, as names need not be UTF-8.

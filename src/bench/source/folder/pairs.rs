@@ -1,7 +1,7 @@
 //! Finds the pairs of a folder.
 
 use super::FolderRequest;
-use super::layout::{Images, LAYOUTS, Layout, entries, find, known, natural, stem};
+use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natural, stem};
 use std::path::{Path, PathBuf};
 use svl_core::counted;
 use svl_core::{Error, Result};
@@ -44,8 +44,14 @@ pub(super) fn pairs(folder: &Path, request: &FolderRequest) -> Result<FoundPairs
 
 fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
     for layout in LAYOUTS {
-        let [left, right] = layout.images;
-        let found = paired(find(folder, left)?, find(folder, right)?);
+        let mut images = [Images::new(), Images::new()];
+        for (images, pattern) in images.iter_mut().zip(layout.images) {
+            *images = find(folder, pattern)?;
+            let is_word = |key: &[u8]| key.first().is_some_and(u8::is_ascii_alphabetic);
+            images.retain(|key, _| layout.images != LETTERS || !is_word(key));
+        }
+        let [left, right] = images;
+        let found = paired(left, right);
         if !found.pairs.is_empty() {
             return Ok(FoundPairs {
                 layout: Some(layout),

@@ -206,11 +206,8 @@ impl VideoStream {
             bytes: vec![0; width * height * bytes],
             first: None,
         };
-        let Some(first) = stream.decode()? else {
-            return Err(Error::format(path, "gives no frame that can be read"));
-        };
-        stream.first_ns = first.0;
-        stream.first = Some(first);
+        stream.first = stream.decode()?;
+        stream.first_ns = stream.first.as_ref().and_then(|(time_ns, _)| *time_ns);
         Ok(stream)
     }
 
@@ -234,8 +231,14 @@ impl VideoStream {
             Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
                 self.has_ended = true;
                 let _ = self.decoder.wait();
-                if let Some(line) = self.log.last_error() {
-                    tracing::warn!("{}: ffmpeg: {line}", self.path.display());
+                let said = self.log.last_error().map(|line| format!("ffmpeg: {line}"));
+                if self.got == 0 {
+                    let said = said.map_or_else(String::new, |said| format!("; {said}"));
+                    let reason = format!("gives no frame that can be read{said}");
+                    return Err(Error::format(&self.path, reason));
+                }
+                if let Some(said) = said {
+                    tracing::warn!("{}: {said}", self.path.display());
                 }
                 return Ok(None);
             }

@@ -1,6 +1,7 @@
 //! Asks the user about each helpful pair: shown in Rerun or as a PNG, answered on the terminal.
 
 use crate::cli::shared::progress::interrupted;
+use crate::cli::shared::terminal::write_error;
 use crate::cli::shared::viewer::viewer;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -122,10 +123,11 @@ impl ViewPrompt {
         // Discard what was typed before the question.
         while lines.try_recv().is_ok() {}
         loop {
-            eprint!(
+            let question = format!(
                 "pair {}; still missing: {missing}\naccept it? [Y]es, [n]o, [e]nough: ",
                 offer.name
             );
+            write_error("", &question);
             match answer(lines).as_deref().map(str::trim) {
                 Some("" | "y" | "Y" | "yes") => return Ok(Decision::Accept),
                 Some("n" | "N" | "no") => return Ok(Decision::Decline),

@@ -183,7 +183,16 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
         _ if is_live => format!("svl record {name} -o run.mcap  # keeps the pairs"),
         (Some(output), _) if args.verify.is_none() => {
             let output = file(output);
-            format!("svl replay {output} --verify  # the same results again?")
+            // The maps of another program are in its recording alone.
+            let replayed = match args
+                .algo
+                .iter()
+                .any(|algorithm| algorithm.spec().is_recorded())
+            {
+                true => format!("{name} --verify={output}"),
+                false => format!("{output} --verify"),
+            };
+            format!("svl replay {replayed}  # the same results again?")
         }
         (_, Some(viewed)) => format!("svl view {}  # the run in Rerun", file(viewed)),
         _ if args.options.keys()?.is_empty() => {

@@ -326,9 +326,5 @@ fn quoted(bytes: &[u8]) -> String {
 /// `text` as one line of limited length.
 pub(super) fn one_line(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    words
-        .chars()
-        .filter(|c| !c.is_control())
-        .take(400)
-        .collect()
+    words.chars().take(400).collect()
 }

@@ -52,9 +52,9 @@ impl ClockTable {
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
-        let right = &scan.images[Side::Right as usize];
-        let info = topics::calibration(channels, right);
-        let right = [Some(right.clone()), info.clone()];
+        let images = scan.images.each_ref().map(String::as_str);
+        let [_, info] = topics::calibrations(channels, images);
+        let right = [Some(images[Side::Right as usize].to_owned()), info.clone()];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
             let rule = StampRule {

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::Frame;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 
 /// Limit on the bytes of measurements kept for later pairs; beyond it they are read again.
 const HELD_BYTES: usize = 256 << 20;
@@ -177,6 +177,8 @@ pub(super) struct Measurements {
     /// Measurements needed by the current pair or later ones, by index, with their stamps.
     held: BTreeMap<u64, (u64, Arc<Measured>)>,
     unreadable: BTreeSet<u64>,
+    /// True once the user was warned of one that cannot be read.
+    has_warned: bool,
     /// The sensor's frame, whose transform is used; empty if not needed.
     frame: String,
     unit_m: Option<f32>,
@@ -205,7 +207,7 @@ impl Measurements {
         } = StampScan::run(recording, [&selection.topic, left], pair_stamps, look)?;
         if without_stamp > 0 {
             let path = recording.path().display();
-            let measurements = svl_core::counted(without_stamp, "measurement");
+            let measurements = counted(without_stamp, "measurement");
             tracing::warn!(
                 "{path}: {}: {measurements} without a stamp; the log time, which is later, is used \
                  instead",
@@ -214,7 +216,7 @@ impl Measurements {
         }
         let first = recording.files().next();
         let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
-        let found = Self {
+        let mut found = Self {
             recording: recording.clone(),
             selection: selection.clone(),
             kind,
@@ -227,6 +229,7 @@ impl Measurements {
             next: 0,
             held: BTreeMap::new(),
             unreadable: BTreeSet::new(),
+            has_warned: false,
             frame: frame.to_owned(),
             unit_m,
         };
@@ -264,40 +267,55 @@ impl Measurements {
         ))
     }
 
-    /// Warns if measurements are assigned to pairs by order, and rejects stamps that no order
-    /// resolves.
-    fn check_stamps(&self) -> std::result::Result<(), String> {
-        let mut by_order = 0;
+    /// Warns if measurements are assigned to pairs by order, and leaves those out whose stamps no
+    /// order resolves; rejects stamps of which that is so for all.
+    fn check_stamps(&mut self) -> std::result::Result<(), String> {
+        let (mut by_order, mut unique) = (0, 0);
+        let mut fault = None;
         for &(stamp, _) in &self.pairs.0 {
             let limit_ns = self.selection.max_skew_ns;
             let Some((nearest, _)) = self.stamps.nearest(stamp, limit_ns, |_| true) else {
                 continue;
             };
-            let counts = [self.pairs.at(stamp).len(), self.stamps.at(nearest).len()];
-            let [pairs, measured] = counts;
+            let [pairs, measured] = [self.pairs.at(stamp), self.stamps.at(nearest)];
+            let counts = [pairs.len(), measured.len()];
             if counts == [1, 1] {
-                continue;
+                unique += 1;
+            } else if stamp == nearest && pairs.len() == measured.len() {
+                by_order += 1;
+            } else {
+                self.unreadable
+                    .extend(measured.iter().map(|(_, number)| number));
+                fault.get_or_insert_with(|| {
+                    format!(
+                        "{} with the stamp {} s and {} with {} s: it is unknown which belong \
+                         together",
+                        counted(pairs.len() as u64, "pair"),
+                        seconds(stamp),
+                        counted(measured.len() as u64, "measurement"),
+                        seconds(nearest)
+                    )
+                });
             }
-            if stamp != nearest || pairs != measured {
-                return Err(format!(
-                    "{} with the stamp {} s and {} with {} s: it is unknown which belong \
-                     together; name another topic, or give the messages stamps of their own",
-                    svl_core::counted(pairs as u64, "pair"),
-                    seconds(stamp),
-                    svl_core::counted(measured as u64, "measurement"),
-                    seconds(nearest)
-                ));
-            }
-            by_order += 1;
         }
+        let (path, asked) = (self.recording.path().display(), self.selection.asked());
         if by_order > 0 {
-            let (path, asked) = (self.recording.path().display(), self.selection.asked());
             tracing::warn!(
                 "{path}: {asked}: {by_order} pairs share their stamps, as many \
                  measurements do: used in the order of the file"
             );
         }
-        Ok(())
+        match fault {
+            Some(fault) if unique + by_order == 0 => Err(format!(
+                "{fault}; name another topic, or give the messages stamps of their own"
+            )),
+            Some(fault) => {
+                let left_out = counted(self.unreadable.len() as u64, "such measurement");
+                tracing::warn!("{path}: {asked}: {fault}; {left_out} left out");
+                Ok(())
+            }
+            None => Ok(()),
+        }
     }
 
     /// The measurement of a pair, or `None` within the limit.
@@ -379,7 +397,7 @@ impl Measurements {
                             self.held.insert(this, (stamp, measured));
                         }
                         Err(reason) => {
-                            if self.unreadable.is_empty() {
+                            if !std::mem::replace(&mut self.has_warned, true) {
                                 let topic = &self.selection.topic;
                                 warn_of_first(&self.recording, topic, log_time, &reason);
                             }

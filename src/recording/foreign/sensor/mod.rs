@@ -10,7 +10,7 @@ mod view;
 use super::motion::PoseStep;
 use super::poses::{PoseMotion, PoseReader};
 use super::{PairStamps, topics, transforms};
-use crate::messages::{Channel, EventReader, FileEvent};
+use crate::messages::{Channel, EventReader, FileEvent, warn_once};
 use crate::{Recording, topic, truth};
 pub(crate) use depth_image::floats;
 use kind::Measured;
@@ -169,7 +169,8 @@ impl SensorTopic {
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
-        let setup = SensorSetup::find(recording, &channels, &topics[0], topic, kind)?;
+        let images = topics.each_ref().map(String::as_str);
+        let setup = SensorSetup::find(recording, &channels, images, topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
@@ -288,7 +289,25 @@ impl SensorTopic {
         let role = self.selection.role;
         let found = view.disparities(&measured, motion.as_ref(), &rig, camera.size, role);
         self.view = Some((camera, view));
-        found.map(Some).map_err(|reason| self.wrong(&reason))
+        let doubt = match (&found, &*measured) {
+            // One of another size, or of another kind.
+            (Err(reason), _) => {
+                self.without += 1;
+                Some(format!("{reason}; left out"))
+            }
+            (Ok((map, _)), Measured::Points(points)) if !points.is_empty() => {
+                let is_seen = map.rows().flatten().any(|px| px.is_finite());
+                let words = "no point of a measurement is in view of the left camera; if that is \
+                             so of all, its transform in /tf_static is wrong";
+                (!is_seen).then(|| words.to_owned())
+            }
+            _ => None,
+        };
+        if let Some(doubt) = doubt {
+            let (path, asked) = (self.recording.path().display(), self.selection.asked());
+            warn_once(format!("{path}: {asked}: {doubt}"));
+        }
+        Ok(found.ok())
     }
 
     /// The surfaces of a truth that was measured for the frame: those that the recording has of the

@@ -25,10 +25,15 @@ pub(super) fn ros_cloud(channel: &Channel, data: &[u8]) -> Result<Points, String
         Some((*offset, i32::from(*kind)))
     })?;
     let (width, height) = (cloud.width as usize, cloud.height as usize);
-    let (step, row) = (cloud.point_step as usize, cloud.row_step as usize);
+    let step = cloud.point_step as usize;
     check(&fields, step)?;
     // Saturating: the sizes are untrusted numbers from a message.
     let row_bytes = width.saturating_mul(step);
+    // Some programs leave it out.
+    let row = match cloud.row_step as usize {
+        0 => row_bytes,
+        row => row,
+    };
     // An organized cloud may pad its rows; the last one may lack the padding.
     let needed = row
         .saturating_mul(height.saturating_sub(1))

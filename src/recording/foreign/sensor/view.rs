@@ -111,11 +111,11 @@ impl SensorSetup {
     pub(super) fn find(
         recording: &Recording,
         channels: &[&Channel],
-        left: &str,
+        images: [&str; 2],
         topic: &str,
         kind: &MeasuredKind,
     ) -> Result<std::result::Result<Self, String>> {
-        let left_info = topics::calibration(channels, left);
+        let [left_info, _] = topics::calibrations(channels, images);
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
@@ -123,7 +123,7 @@ impl SensorSetup {
         let mut units = names.filter(|unit| realsense::is_unit_topic(unit, topic));
         let unit = units.next().cloned();
         let wanted = SoughtTopics {
-            left,
+            left: images[0],
             topic,
             kind,
             infos: [left_info, own_info],

@@ -29,9 +29,9 @@ const MAX_BYTES: u64 = 3 * (MAX_SIDE * MAX_SIDE) as u64;
 /// one.
 const INPUT: &str = "-nostdin -loglevel error -threads 1 -err_detect explode -ec 0 \
     -flags low_delay -probesize 32 -analyzeduration 0 -c:v";
-/// The options after the decoder's name: each picture once, with its time and size.
-const OUTPUT: &str = "-f ivf -i pipe:0 -map 0:v:0 -vsync passthrough -copyts \
-    -enc_time_base 1:1000 -autoscale 0";
+/// The options after the decoder's name: each picture with its time, which differs from all others.
+/// Pictures of another size are for another child ([`PictureOrder`]).
+const OUTPUT: &str = "-f ivf -i pipe:0 -map 0:v:0 -copyts -enc_time_base 1:1000";
 /// The last ones. Matroska has no name for RGB: the muxer accepts it as another.
 const PIXELS: &str = "-vf format=gray|rgb24 -c:v rawvideo -tag:v I420 -f matroska pipe:1";
 

@@ -1,0 +1,283 @@
+//! Commands that messages offer as the cure: each one in the sources runs here with files of its
+//! kind, or is listed with the reason why it does not.
+
+use super::fixture::has;
+use super::messages::inputs;
+use crate::recording::bag;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// What is done with a command.
+enum Cure {
+    /// A command of svl of that form succeeds.
+    Run(&'static str),
+    /// A shell's line does where its program is installed, and then a command of svl.
+    Shell(&'static str, &'static str),
+    /// Nothing, for this reason.
+    Left(&'static str),
+}
+use Cure::{Left, Run, Shell};
+
+/// The commands as the sources write them, in the order in which they run.
+const CURES: &[(&str, Cure)] = &[
+    ("svl algos", Run("algos")),
+    ("svl algos {algorithm}", Run("algos v3")),
+    ("svl calibrate check", Run("calibrate check a.mcap")),
+    (
+        "svl calibrate convert --rectify",
+        Run("calibrate convert cv.yml k.txt --to kitti --rectify --unit m"),
+    ),
+    (
+        "svl calibrate convert --unit",
+        Run("calibrate convert cv.yml u.yaml --unit m"),
+    ),
+    (
+        "svl calibrate convert --unit squares=SIDE_IN_METRES",
+        Run("calibrate convert cv.yml s.xml --unit squares=0.03"),
+    ),
+    ("svl columns metrics", Run("columns metrics")),
+    ("svl datasets --data {shown}", Run("datasets --data .")),
+    ("svl help sources", Run("help sources")),
+    ("svl info", Run("info a.mcap")),
+    ("svl info {name}", Run("info pairs")),
+    ("svl record", Run("record --frames 2 -o r.mcap")),
+    (
+        "svl record --calib FILE --alpha 1",
+        Run("record mav0 --calib mav0 --alpha 1 -o e.mcap"),
+    ),
+    ("svl record --list", Run("record --list")),
+    ("svl record FOLDER", Run("record pairs -o p.mcap")),
+    (
+        "svl recover {} -o OUT.mcap",
+        Run("recover cut.mcap -o whole.mcap"),
+    ),
+    ("svl replay", Run("replay whole.mcap --algo v3")),
+    (
+        "svl replay -o RESULT.mcap",
+        Run("replay a.mcap --algo v3 -o result.mcap"),
+    ),
+    (
+        "svl replay --rows ROWS.csv",
+        Run("replay result.mcap --algo v3 --rows r.csv"),
+    ),
+    (
+        "svl score",
+        Run("score short.toml --algo v3 --rerun none -o out"),
+    ),
+    (
+        "svl score {name}",
+        Run("score a.mcap --algo v3 --rerun none -o own"),
+    ),
+    (
+        "svl score arena --print-scenario",
+        Run("score arena --print-scenario"),
+    ),
+    (
+        "svl score arena --seeds 1..3 --algo v3:texture_delta=3/3.35/4",
+        Run("score short.toml --seeds 1..2 --algo v3:texture_delta=3/3.35/4 --rerun none -o t"),
+    ),
+    ("svl report", Run("report out")),
+    ("svl report {folder}", Run("report out")),
+    ("svl report {shown}", Run("report own")),
+    (
+        "tar xf FILE -C FOLDER",
+        Shell(
+            "mkdir tar && tar cf p.tar pairs && tar xf p.tar -C tar",
+            "info tar/pairs",
+        ),
+    ),
+    (
+        "ffmpeg -i IN -r HZ OUT",
+        Shell(
+            "ffmpeg -v error -f lavfi -i testsrc=size=64x48:rate=9:d=1 in.mkv && \
+             ffmpeg -v error -i in.mkv -r 5 out.mkv",
+            "record out.mkv --side-by-side -o v.mcap",
+        ),
+    ),
+    (
+        "sqlite3 FILE .recover",
+        Shell(
+            "sqlite3 cut.db3 .recover | sqlite3 whole.db3",
+            "info whole.db3",
+        ),
+    ),
+    ("svl calibrate board", Left("cli::calibrate_board runs it")),
+    (
+        "svl calibrate convert --model equidistant",
+        Left("lean::calibration_files reads such a file"),
+    ),
+    (
+        "svl calibrate convert --size WxH",
+        Left("lean::calibration_files reads such a file"),
+    ),
+    ("svl label", Left("needs a terminal; cli::label drives it")),
+    (
+        "svl label checkpoints",
+        Left("needs a terminal; cli::label drives it"),
+    ),
+    (
+        "svl label windows",
+        Left("needs a terminal; cli::filter drives it"),
+    ),
+    (
+        "svl label windows {path} --kind {kind}",
+        Left("needs a terminal; cli::filter drives it"),
+    ),
+    (
+        "svl record FOLDER --left LEFT.mp4 --right RIGHT.mp4",
+        Left("cli::videos has them"),
+    ),
+    ("svl report PART… -o FOLDER", Left("cli::shard joins parts")),
+    ("svl score --shard I/N", Left("cli::shard has such parts")),
+    (
+        "svl train filter",
+        Left("takes minutes; cli::filter has short ones"),
+    ),
+    (
+        "svl train v5",
+        Left("takes minutes; cli::train is a short one"),
+    ),
+    ("svl tune", Left("needs a terminal; cli::tune drives it")),
+    (
+        "svl tune RECORDING --algo v3",
+        Left("needs a terminal; cli::tune drives it"),
+    ),
+    ("svl view", Left("opens a window")),
+    ("apt install ffmpeg", Left("installs a program")),
+    (
+        "cargo install --locked --path . --features rerun",
+        Left("installs a program"),
+    ),
+    (
+        "cargo install --locked --path . --features ros2",
+        Left("installs a program"),
+    ),
+    (
+        "pip install rerun-sdk=={version}",
+        Left("installs a program"),
+    ),
+    (
+        "mcap sort FILE -o SORTED.mcap",
+        Left("needs Foxglove's program"),
+    ),
+    ("ros2 bag convert", Left("needs ROS 2")),
+    ("ros2 bag record", Left("needs ROS 2")),
+    ("ros2 bag reindex {shown}", Left("needs ROS 2")),
+    ("rosbag decrypt", Left("needs ROS 1")),
+    ("rosbag fix {bag} NEW.bag", Left("needs ROS 1")),
+    (
+        "sudo sysctl -w net.core.rmem_max={RECEIVE_BYTES}",
+        Left("changes the machine"),
+    ),
+    (
+        "sudo usermod -aG dialout $USER",
+        Left("changes the machine"),
+    ),
+];
+
+/// Programs whose commands are cures.
+const PROGRAMS: &[&str] = &[
+    "svl",
+    "apt",
+    "cargo",
+    "ffmpeg",
+    "mcap",
+    "pip",
+    "ros2",
+    "rosbag",
+    "rosbags-convert",
+    "sqlite3",
+    "sudo",
+    "tar",
+];
+
+/// Adds the commands between backticks in the literals of a folder's sources.
+fn add_offered(folder: &Path, offered: &mut BTreeSet<String>) {
+    for path in std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+    {
+        if path.is_dir() {
+            add_offered(&path, offered);
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+            let lines = text.lines().map(str::trim_start);
+            let lines = lines.filter(|line| !line.starts_with("//"));
+            // A literal goes on behind a backslash at the end of a line.
+            let text: String = lines
+                .map(|line| {
+                    line.strip_suffix('\\')
+                        .map_or(format!("{line}\n"), str::to_owned)
+                })
+                .collect();
+            let quoted = text
+                .lines()
+                .flat_map(|line| line.split('`').skip(1).step_by(2));
+            let is_command = |text: &&str| {
+                text.split_once(' ')
+                    .is_some_and(|(program, _)| PROGRAMS.contains(&program))
+            };
+            offered.extend(quoted.filter(is_command).map(str::to_owned));
+        }
+    }
+}
+
+#[test]
+fn every_command_that_a_message_offers_runs_or_says_why_not() {
+    let mut offered = BTreeSet::new();
+    add_offered(Path::new("src"), &mut offered);
+    let known: BTreeSet<_> = CURES.iter().map(|(cure, _)| (*cure).to_owned()).collect();
+    assert_eq!(offered, known, "offered, and known here");
+
+    let fixture = inputs();
+    fixture.write_euroc("60.0");
+    fixture.run("record --frames 12 -o long.mcap");
+    let whole = fixture.bytes("long.mcap");
+    fixture.write("cut.mcap", &whole[..whole.len() * 3 / 4]);
+    let images = (0..40_u64).flat_map(|i| {
+        ["/left/image_rect", "/right/image_rect"].map(|topic| {
+            bag::ros_image(
+                topic,
+                1_000_000_000 * (i + 1),
+                (64, 48),
+                "mono8",
+                &[9; 64 * 48],
+            )
+        })
+    });
+    let db3 = bag::write_sqlite(&fixture.path(""), &images.collect::<Vec<_>>());
+    let whole = std::fs::read(db3).unwrap();
+    fixture.write("cut.db3", &whole[..whole.len() * 3 / 4]);
+    for (cure, how) in CURES {
+        let line = match how {
+            Run(line) => line,
+            Shell(shell, line) => {
+                let program = cure.split(' ').next().unwrap_or_default();
+                if !has(program, &["--help"]) {
+                    continue;
+                }
+                let ran = std::process::Command::new("sh")
+                    .args(["-c", shell])
+                    .current_dir(fixture.path(""))
+                    .status();
+                assert!(ran.unwrap().success(), "{cure}: {shell}");
+                line
+            }
+            Left(reason) => {
+                println!("{cure}: {reason}");
+                continue;
+            }
+        };
+        let is_option = |word: &&str| word.starts_with('-');
+        for option in cure
+            .split(' ')
+            .filter(is_option)
+            .filter(|_| cure.starts_with("svl"))
+        {
+            assert!(line.contains(option), "{cure} is not {line}");
+        }
+        let ran = fixture.svl(*line);
+        assert_eq!(ran.code, Some(0), "{cure}, as {line}: {}", ran.stderr);
+    }
+}
