@@ -63,7 +63,7 @@ const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
 
 /// Log odds, thousandths, that small cells lose whose report is right for less than
 /// [`MIN_SPAN`] bins: such walls are far, and often plain.
-const NARROW_SMALL: i64 = 800;
+const NARROW_SMALL: i64 = 1600;
 
 /// Fewest cells of either kind that are worth a fit.
 const MIN_CELLS: usize = 20;

@@ -77,9 +77,10 @@ impl CalibrationCheck {
             .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));
         let half = || {
             format!(
-                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of {}x{} \
-             pixels, and its image has {width}x{height}: unless the images are cropped, the \
-             calibration is of half the size, and distances are wrong: --calib FILE",
+                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of \
+                 {:.0}x{:.0} pixels, and its image has {width}x{height}: unless the images are \
+                 cropped, the calibration is of half the size, and distances are wrong: \
+                 --calib FILE",
                 2.0 * x + 1.0,
                 2.0 * y + 1.0
             )
@@ -222,7 +223,8 @@ mod tests {
         assert_eq!(doubt(&rig.checks((0, 0))), "");
         // Just inside the middle half, and the middle of half the image.
         let words = "the middle of 322x242 pixels, and its image has 640x480";
-        assert!(doubts((160.6, 120.6), 0.0).contains(words));
+        let half = doubts((160.6, 120.6), 0.0);
+        assert!(half.contains(words), "{half}");
         assert_eq!(doubts((160.6, 150.0), 0.0), "");
     }
 

@@ -33,7 +33,7 @@ const KEY: &str = "v5";
 const VERSION: &str = "2";
 
 /// Percentile that small cells report: of two surfaces the nearer one, if it fills a good third.
-const SMALL_RANK: i64 = 65;
+const SMALL_RANK: i64 = 70;
 
 const CURE: &str = "`svl train v5` makes one";
 
