@@ -53,8 +53,8 @@ pub struct NearTraining {
     pub right: f64,
 }
 
-/// Log odds, thousandths, that reports of one of several sizes lose: the first that is sure decides,
-/// so each is another chance to be wrong.
+/// Log odds, thousandths, that reports of one of several sizes lose: the first that is sure
+/// decides, so each is another chance to be wrong.
 const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
     (TableRole::Finest, 650),
     (TableRole::Middle, 1600),
@@ -63,7 +63,7 @@ const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
 
 /// Log odds, thousandths, that small cells lose whose report is right for less than
 /// [`MIN_SPAN`] bins: such walls are far, and often plain.
-const NARROW_SMALL: i64 = 1600;
+const NARROW_SMALL: i64 = 2000;
 
 /// Fewest cells of either kind that are worth a fit.
 const MIN_CELLS: usize = 20;

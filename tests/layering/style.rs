@@ -72,7 +72,7 @@ const LINES: [(&str, usize); 16] = [
     ("c", 470),
     ("calibrate", 4890),
     ("cli", 11381),
-    ("core", 18432),
+    ("core", 18433),
     ("files", 2090),
     ("grab", 5079),
     ("live", 419),

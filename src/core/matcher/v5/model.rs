@@ -32,7 +32,7 @@ pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 const KEY: &str = "v5";
 const VERSION: &str = "2";
 
-/// Percentile that small cells report: of two surfaces the nearer one, if it fills a good third.
+/// Percentile that small cells report: of two surfaces the nearer one, if it fills a third.
 const SMALL_RANK: i64 = 70;
 
 const CURE: &str = "`svl train v5` makes one";
