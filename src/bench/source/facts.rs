@@ -312,7 +312,7 @@ impl TruthFacts {
         self.error = match (self.measured_pairs, self.disparity_px) {
             (_, Some(_)) => None,
             (0, None) => Some(format!(
-                "none of its measurements is of the time of the first {pairs}: --truth-skew-ms"
+                "none of its measurements is of the time of the first {pairs}: its clock is another"
             )),
             (_, None) => Some(format!(
                 "none of its pixels at the first {pairs} is a distance: 0, negative values and NaN \

@@ -169,10 +169,16 @@ impl PairReader {
             let frames = info_frames[side].as_ref().zip(self.frames[side].as_ref());
             if let Some((info, (info_frame, frame))) = self.calibrations[side].as_ref().zip(frames)
                 && (!topics::is_near(info, image) || topics::is_near(info, other))
-                && info_frame != frame
-                && !info_frame.is_empty()
-                && !frame.is_empty()
+                && !is_same_frame(info_frame, frame)
             {
+                if info_frame.is_empty() || frame.is_empty() {
+                    tracing::warn!(
+                        "{}: {info} is used for {image} by its name alone, as a frame_id is empty; \
+                         --calib FILE if it is of another camera",
+                        self.name
+                    );
+                    continue;
+                }
                 tracing::warn!(
                     "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations \
                      are not used; --calib FILE gives the cameras theirs",
@@ -233,4 +239,9 @@ impl PairReader {
             stamp_ns as f64 / 1e9
         );
     }
+}
+
+/// True for frames of one name; ROS 1 writes them with or without a leading slash.
+fn is_same_frame(one: &str, other: &str) -> bool {
+    one.trim_start_matches('/') == other.trim_start_matches('/')
 }

@@ -12,6 +12,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 pub use minijinja::Value;
 use minijinja::{HtmlEscape, context};
 use serde::Serialize;
+use svl_core::printable;
 use svl_core::{Error, Result};
 use svl_files::overlay::Mark;
 
@@ -55,7 +56,10 @@ pub fn fill(
         }
         templates.get_template("page.html")?.render(view)
     };
-    filled().map_err(|e: minijinja::Error| Error::Invalid(format!("HTML page: {e:#}")))
+    let filled =
+        filled().map_err(|e: minijinja::Error| Error::Invalid(format!("HTML page: {e:#}")))?;
+    // The engine escapes what is HTML, not what controls a terminal.
+    Ok(printable(&filled))
 }
 
 /// A text with code in backticks.

@@ -1,6 +1,7 @@
 //! A table as Markdown.
 
 use super::Table;
+use svl_core::printable;
 
 impl Table {
     /// The table with its notes as a list below; the title is the caller's.
@@ -46,10 +47,10 @@ pub fn escape_prose(text: &str) -> String {
     parts.collect()
 }
 
-/// Keeps text from being read as Markdown or HTML.
+/// Keeps text from being read as Markdown or HTML, or as control of a terminal.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in printable(text).chars() {
         match c {
             // A backslash does not keep < from beginning an HTML tag.
             '<' => escaped.push_str("&lt;"),

@@ -156,9 +156,11 @@ impl<'a> ClockCheck<'a> {
         let infos = self.right_info.and_then(|info| info.behind);
         let are_infos_off =
             infos.is_none_or(|behind| behind.median_ns.unsigned_abs() as f64 >= limit_ns / 2.0);
+        // Images that come late are behind, never ahead.
+        let is_ahead = clock.behind.is_some_and(|behind| behind.median_ns < 0);
         is_beyond(clock, MIN_RIGHT_NS, limit_ns)
             && !right.is_late
-            && are_infos_off
+            && (is_ahead || are_infos_off)
             && self.step_words(clock, right).is_none()
     }
 
