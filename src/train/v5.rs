@@ -57,7 +57,7 @@ pub struct NearTraining {
 /// decides, so each is another chance to be wrong.
 const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
     (TableRole::Finest, 650),
-    (TableRole::Middle, 1600),
+    (TableRole::Middle, 1800),
     (TableRole::Coarsest, 700),
 ];
 
