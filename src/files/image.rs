@@ -171,7 +171,8 @@ mod tests {
         let pgm = [b"P5 40 30 255\n", &pixels[..]].concat();
         for (bytes, end) in [
             (&pgm, pgm.len()),
-            (&jpeg, jpeg.len()),
+            // The end marker may be missing; its last byte of data may be of padding alone.
+            (&jpeg, jpeg.len() - 3),
             (&png, png.len() - END_CHUNK),
         ] {
             for length in 0..end {
