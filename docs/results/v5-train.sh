@@ -13,7 +13,6 @@ scenario() {
   local base="$1-training" frames="6\nrate_hz = 0.5" seeds=41..52 tolerance=""
   [ "$1" != boards ] || base=shapes-training
   [ "$1" != arena ] || frames="10\nrate_hz = 0.35"
-  [ "$1" != approach ] || { frames="12\nrate_hz = 1.0" seeds=1041..1052; }
   [ "$3" != narrow ] || { seeds=61..66; tolerance=$'tolerance_m = 0.02\ntolerance_percent = 5.0'; }
   {
     sed -e "/^\[grid\]/,/^$/d" -e "/^\[cells\]/,/^$/d" -e "/^\[arena.rig\]/,/^$/d" -e "/^rate_hz/d" \
@@ -37,5 +36,4 @@ all() {
 # shellcheck disable=SC2046
 "$svl" train v5 $(all 5x3 640 960) --tables-only --algo v5:max_disparity=160 -o levels.safetensors --force
 # shellcheck disable=SC2046
-"$svl" train v5 $(all 24x12 320 640 960) $(for width in 320 640 960; do scenario approach $width wide 24x12; done) \
-  --tables-only --algo v5:model=levels.safetensors -o v5.safetensors --force
+"$svl" train v5 $(all 24x12 320 640 960) --tables-only --algo v5:model=levels.safetensors -o v5.safetensors --force

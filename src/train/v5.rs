@@ -7,7 +7,7 @@ use crate::fit::{CellSample, GapSettings, TimeFigures, fit_time};
 use serde::Serialize;
 use std::path::PathBuf;
 use svl_bench::console::{Console, Unit};
-use svl_core::depth::decision::{Feature, MIN_SPAN, TimeTable, probability};
+use svl_core::depth::decision::{TimeTable, probability};
 use svl_core::filter::ModelFacts;
 use svl_core::matcher::V5Model;
 use svl_core::{Error, Result, counted, interrupt};
@@ -60,10 +60,6 @@ const SEVERAL_CHANCES: [(TableRole, i64); 3] = [
     (TableRole::Middle, 1800),
     (TableRole::Coarsest, 700),
 ];
-
-/// Log odds, thousandths, that small cells lose whose report is right for less than
-/// [`MIN_SPAN`] bins: such walls are far, and often plain.
-const NARROW_SMALL: i64 = 2000;
 
 /// Fewest cells of either kind that are worth a fit.
 const MIN_CELLS: usize = 20;
@@ -196,25 +192,21 @@ fn fit_tables(
     Ok(tables)
 }
 
-/// Completes the tables that were fitted: each of several sizes is one of several chances, where
-/// earlier reports count as at one size; small cells have no past.
+/// Completes the tables of several sizes: earlier reports count as at one size, and each of those
+/// that were fitted is one of several chances.
 fn complete_levels(model: &mut V5Model, fitted: &[CellTraining]) {
     let is_fitted = |role| fitted.iter().any(|table| table.table == role);
-    let time = model.median.time.clone();
     for (role, lost) in SEVERAL_CHANCES {
+        role.table_mut(model).base -= if is_fitted(role) { lost } else { 0 };
+    }
+    let time = model.median.time.clone();
+    for role in &TableRole::ALL[1..] {
         let table = role.table_mut(model);
-        table.base -= if is_fitted(role) { lost } else { 0 };
         table.time = time.clone().map(|time| TimeTable {
             least_score: table.least_score,
             ..time
         });
     }
-    let small = &mut model.levels.small;
-    if is_fitted(TableRole::Small) {
-        small.base -= NARROW_SMALL;
-        small.steps[Feature::Span as usize].raise_from(MIN_SPAN, NARROW_SMALL);
-    }
-    small.time = None;
 }
 
 fn learn_network(

@@ -110,7 +110,7 @@ fn things_nearer_than_the_range_are_found_at_half_the_size() {
 fn a_coarser_level_decides_where_the_finest_sees_nothing() {
     let (small, noise) = (
         wide((160, 40), 5, 0),
-        pair(Scene::Constant, (640, 160), 0, 60, 0),
+        pair(Scene::Constant, (640, 160), 0, 76, 0),
     );
     let mixed = |small: &Gray, noise: &Gray| {
         let grey = |x, y| small.get(x / 4, y / 4) / 12 + noise.get(x, y);
@@ -121,7 +121,7 @@ fn a_coarser_level_decides_where_the_finest_sees_nothing() {
         mixed(small.right(), noise.right()),
     ];
     let pair = StereoPair::new(left, right).unwrap();
-    let grid = grid("v5", &pair);
+    let grid = grid("v5:confidence=0.8", &pair);
     let coarse = known(&grid).iter().filter(|cell| cell.level == 1).count();
     assert!(coarse > 0, "{coarse} of {}", known(&grid).len());
     let right = |cell: &&&Cell| (cell.depth.unwrap().median_px - 20.0).abs() < 3.0;

@@ -189,12 +189,16 @@ impl TrueCells {
                 .quarter
                 .map(|quarter| quarter.near.judge(report, self.rule));
             let by_median = judge_cell(median, claimed(report, median), rule);
+            let is_nearer = || {
+                let depths = report.depth.zip(median);
+                depths.is_some_and(|(report, median)| report.median_px > median.median_px)
+            };
             CellJudgement {
                 points: cell.sparse.as_ref().map(|points| points.count),
                 near: near.unwrap_or_default(),
                 area: cell.area,
                 right_surface: match by_median.verdict {
-                    Verdict::Wrong => self.names_nearer(frame, place, report),
+                    Verdict::Wrong => is_nearer() && self.names_surface(frame, place, report),
                     verdict => verdict == Verdict::Right,
                 },
                 ..by_median
@@ -203,23 +207,18 @@ impl TrueCells {
         judged.collect()
     }
 
-    /// True if a report is nearer than the median of its cell and agrees with a quarter of it.
-    pub fn names_nearer(&self, frame: &Frame, place: (usize, usize), cell: &Cell) -> bool {
+    /// True if a report agrees with a quarter of its cell.
+    fn names_surface(&self, frame: &Frame, place: (usize, usize), cell: &Cell) -> bool {
         let (Some(report), Some(truth)) = (cell.depth, &frame.truth) else {
             return false;
         };
-        let number = place.1 * self.grid.shape().columns + place.0;
-        let median = self.grid.cell(place.0, place.1).depth;
-        if median.is_none_or(|median| report.median_px <= median.median_px) {
-            return false;
-        }
         let agrees = |px: f32| {
             let surface = CellDepth::at(px, frame.rig());
             cell.too_close && surface.median_px >= report.median_px
                 || is_within(&surface, &report, self.rule.proportional_at(px.into()))
         };
         let shape = self.grid.shape();
-        let named = match &self.cells[number].sparse {
+        let named = match &self.cells[place.1 * shape.columns + place.0].sparse {
             Some(points) => points.share(agrees),
             None => {
                 let (columns, rows) = shape.pixels(place, truth.disparity.size());

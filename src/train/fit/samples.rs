@@ -91,8 +91,6 @@ pub fn pair_cells(
 ) -> Vec<PairCells> {
     let rig = judged.frame.rig();
     let truth = judged.true_cells.as_ref();
-    let size = judged.frame.pair.size();
-    let is_small = has_small_cells(size, judge.grid.shape().cells());
     let of_algorithm = |(scored, (target, choice)): (_, &(CellTarget, SafeChoice))| {
         let scored: &svl_score::judge::JudgedEstimate = scored;
         let wanted: Vec<Option<CellDepth>> = match (truth, target) {
@@ -103,18 +101,7 @@ pub fn pair_cells(
             (Some(truth), CellTarget::Near) => truth.near().collect(),
         };
         let (_, clear_m) = judge.cells.obstacle_and_clear_m();
-        // Small cells may report the nearer of two surfaces.
-        let is_right = |(i, place): (usize, _), depth: Option<CellDepth>| {
-            let (truth, wanted) = truth.zip(wanted[i])?;
-            let is_right = is_right(&wanted, depth.as_ref(), truth.rule(i, &wanted))?;
-            let depth = depth.filter(|_| is_small && !is_right);
-            let cell = Cell {
-                depth,
-                ..Cell::UNKNOWN
-            };
-            Some(is_right || truth.names_nearer(&judged.frame, place, &cell))
-        };
-        let decision = |(i, place): (usize, _), cell: &Cell, level: &LevelCell| {
+        let decision = |i: usize, cell: &Cell, level: &LevelCell| {
             let found = level.evidence.and_then(|evidence| {
                 let report = [evidence.report; 3];
                 Some((evidence, reported_depth(report, level.level, rig)?))
@@ -124,7 +111,9 @@ pub fn pair_cells(
             PairCell {
                 evidence,
                 // `None` if the rule finds no truth.
-                right: is_right((i, place), reported),
+                right: wanted[i].zip(truth).and_then(|(wanted, truth)| {
+                    is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
+                }),
                 known: cell.depth.is_some() && cell.level == level.level,
                 is_refused: matches!(
                     level.verdict,
@@ -139,15 +128,13 @@ pub fn pair_cells(
         let grid = &scored.estimate.grid;
         let cells = grid.iter().zip(grid.levels()).enumerate();
         let cells: Vec<_> = cells
-            .flat_map(|(i, ((place, cell), levels))| {
-                levels.iter().map(move |level| ((i, place), cell, level))
-            })
-            .map(|(at, cell, level)| decision(at, cell, level))
+            .flat_map(|(i, ((_, cell), levels))| levels.iter().map(move |level| (i, cell, level)))
+            .map(|(i, cell, level)| decision(i, cell, level))
             .collect();
         PairCells {
             stamp_ns: judged.frame.stamp_ns,
             levels: cells.len() / grid.shape().cells(),
-            is_small,
+            is_small: has_small_cells(judged.frame.pair.size(), grid.shape().cells()),
             cells,
         }
     };

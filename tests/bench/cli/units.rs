@@ -93,14 +93,13 @@ fn files_are_compared_by_their_pairs_where_their_times_differ() {
 #[test]
 fn pairs_with_other_stamps_are_matched_again() {
     let fixture = Fixture::new();
-    // Named by their stamps: v5 uses the cells of pairs that follow within a second, unless they
-    // are small.
+    // Named by their stamps: v5 uses the cells of pairs that follow within a second.
     let write = |step_ms: u64| {
         let _ = std::fs::remove_dir_all(fixture.path("p"));
         for i in 0..6 {
             let ns = 1_700_000_000_000_000_000 + i * step_ms * 1_000_000;
             let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{ns}.pgm"));
-            fixture.write_pair(&left, &right, (320, 192), 5);
+            fixture.write_pair(&left, &right, (160, 96), 5);
         }
     };
     let cells = |report: &str| {

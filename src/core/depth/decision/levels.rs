@@ -12,7 +12,7 @@ pub const DECIDES: i64 = 2197;
 
 /// Least number of right bins of a report: a narrower tolerance is finer than the pixels of a
 /// halved image, or of a small cell, can tell.
-pub const MIN_SPAN: i64 = 14;
+const MIN_SPAN: i64 = 14;
 
 /// Disparity in excess of that of infinity up to which a report agrees with one at infinity, pixels
 /// of the pair.

@@ -16,7 +16,7 @@ mod time;
 mod tolerance;
 
 pub use fill::{fill_empty_rows, fill_row};
-pub use levels::{DECIDES, LevelRule, MIN_SPAN};
+pub use levels::{DECIDES, LevelRule};
 pub use map::safe_grid;
 pub use steps::Steps;
 pub use table::{Feature, VerdictTable, cell, least_score, probability, reported_depth};

@@ -128,7 +128,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
             description: "least probability of a cell that is reported, 0 = the model's: 0.9, \
-                          up to 400 px of width 0.93 with earlier reports, of small cells 0.8",
+                          up to 400 px of width 0.93 with earlier reports",
         },
     ],
     cells: Some(safe_choice),

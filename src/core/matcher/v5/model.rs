@@ -32,9 +32,6 @@ pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 const KEY: &str = "v5";
 const VERSION: &str = "2";
 
-/// Percentile that small cells report: of two surfaces the nearer one, if it fills a third.
-const SMALL_RANK: i64 = 70;
-
 const CURE: &str = "`svl train v5` makes one";
 
 /// Units of a weight and of a bias: 256ths, and 64ths of them.
@@ -146,7 +143,7 @@ impl V5Model {
             finest: table("finest", 50)?,
             middle: table("middle", 50)?,
             coarsest: table("coarsest", 50)?,
-            small: table("small", SMALL_RANK)?,
+            small: table("small", 50)?,
         };
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));
