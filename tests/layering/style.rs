@@ -73,7 +73,7 @@ const LINES: [(&str, usize); 16] = [
     ("calibrate", 4890),
     ("cli", 11381),
     ("core", 18433),
-    ("files", 2090),
+    ("files", 2093),
     ("grab", 5079),
     ("live", 419),
     ("python", 318),
