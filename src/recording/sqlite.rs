@@ -116,9 +116,10 @@ fn open(file: &Path) -> rusqlite::Result<Connection> {
     };
     let mut name = "file:".to_owned();
     for byte in file.as_os_str().as_encoded_bytes() {
-        name += &match byte.is_ascii_alphanumeric() {
-            true => char::from(*byte).to_string(),
-            false => format!("%{byte:02x}"),
+        name += &if byte.is_ascii_alphanumeric() {
+            char::from(*byte).to_string()
+        } else {
+            format!("%{byte:02x}")
         };
     }
     // Without a mutex: a connection has one owner.

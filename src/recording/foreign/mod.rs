@@ -474,9 +474,10 @@ impl PairReader {
         let pair = match (left, right) {
             (Ok(left), Ok(right)) => {
                 let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
-                let images = match self.images[0] == self.images[1] {
-                    true => images[0].halves(),
-                    false => Ok(images),
+                let images = if self.images[0] == self.images[1] {
+                    images[0].halves()
+                } else {
+                    Ok(images)
                 };
                 let pair = images.and_then(|images| self.depth.pair(images));
                 pair.map_err(|e| e.to_string())

@@ -528,9 +528,12 @@ mod tests {
     #[test]
     fn calibrations_elsewhere_are_a_left_and_a_right_one_for_no_other_image() {
         let found = |topics: &[&str]| {
-            let schema = |topic: &str| match topic.contains("info") {
-                true => "sensor_msgs/msg/CameraInfo",
-                false => "sensor_msgs/msg/Image",
+            let schema = |topic: &str| {
+                if topic.contains("info") {
+                    "sensor_msgs/msg/CameraInfo"
+                } else {
+                    "sensor_msgs/msg/Image"
+                }
             };
             let channels = topics.iter().map(|topic| channel_of(topic, schema(topic)));
             let channels: Vec<_> = channels.collect();

@@ -42,7 +42,7 @@ impl Table {
 pub fn escape_prose(text: &str) -> String {
     let parts = text.split('`').enumerate().map(|(i, part)| match i % 2 {
         0 => escape(part),
-        _ => format!("`{part}`"),
+        _ => format!("`{}`", printable(part)),
     });
     parts.collect()
 }
@@ -55,9 +55,21 @@ pub fn escape(text: &str) -> String {
             // A backslash does not keep < from beginning an HTML tag.
             '<' => escaped.push_str("&lt;"),
             '\\' | '`' | '*' | '_' | '[' | ']' | '|' | '#' | '>' => escaped.extend(['\\', c]),
-            '\n' | '\r' => escaped.push(' '),
+            '\n' => escaped.push(' '),
             c => escaped.push(c),
         }
     }
     escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_control_neither_markdown_nor_a_terminal() {
+        assert_eq!(escape("a_b\n<c>"), "a\\_b &lt;c\\>");
+        assert_eq!(escape("a\u{1b}[2J"), "a\\\\u001b\\[2J");
+        assert_eq!(escape_prose("*`a_\u{202e}`"), "\\*`a_\\u202e`");
+    }
 }

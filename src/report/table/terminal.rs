@@ -32,9 +32,10 @@ impl TerminalStyle {
         let first = printable(parts.next().unwrap_or_default());
         parts.fold(first, |text, part| {
             let escape = ESCAPE.to_string();
-            let escape = match self.is_rich && is_own(part) {
-                true => escape,
-                false => printable(&escape),
+            let escape = if self.is_rich && is_own(part) {
+                escape
+            } else {
+                printable(&escape)
             };
             text + &escape + &printable(part)
         })

@@ -286,6 +286,8 @@ fn calibrations_elsewhere_are_used_unless_a_frame_differs() {
     // The calibrations are of the frame 'cam'.
     assert!(found(["cam", "cam"], infos));
     assert!(found(["", ""], infos));
+    // ROS 1 writes frames with a leading slash.
+    assert!(found(["/cam", "cam"], infos));
     assert!(!found(["cam", "other"], infos));
     assert!(!found(["cam", "other"], ["/info_left", "/info_right"]));
     // Calibrations of the cameras' own namespaces need no name of a frame.

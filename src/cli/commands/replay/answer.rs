@@ -184,13 +184,11 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
         (Some(output), _) if args.verify.is_none() => {
             let output = file(output);
             // The maps of another program are in its recording alone.
-            let replayed = match args
-                .algo
-                .iter()
-                .any(|algorithm| algorithm.spec().is_recorded())
-            {
-                true => format!("{name} --verify={output}"),
-                false => format!("{output} --verify"),
+            let mut algorithms = args.algo.iter();
+            let replayed = if algorithms.any(|algorithm| algorithm.spec().is_recorded()) {
+                format!("{name} --verify={output}")
+            } else {
+                format!("{output} --verify")
             };
             format!("svl replay {replayed}  # the same results again?")
         }
