@@ -234,7 +234,8 @@ fn every_command_that_a_message_offers_runs_or_says_why_not() {
     fixture.write_euroc("60.0");
     fixture.run("record --frames 12 -o long.mcap");
     let whole = fixture.bytes("long.mcap");
-    fixture.write("cut.mcap", &whole[..whole.len() * 3 / 4]);
+    // Without its footer, every chunk is whole: so is every pair.
+    fixture.write("cut.mcap", &whole[..whole.len() - 16]);
     let images = (0..40_u64).flat_map(|i| {
         ["/left/image_rect", "/right/image_rect"].map(|topic| {
             bag::ros_image(
