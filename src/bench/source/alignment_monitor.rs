@@ -11,7 +11,7 @@ use svl_core::stereo::{Frame, StereoPair};
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
-    /// The same with the right images of the pair before, and with the left ones.
+    /// The same of the left images with the right ones of the pair after, and of that before.
     apart: [AlignmentMeter; 2],
     /// The pair before the next one that is measured, and its time.
     before: Option<(StereoPair, u64)>,
@@ -85,33 +85,27 @@ impl<'a> AlignmentMonitor<'a> {
         }
     }
 
-    /// Measures images of this pair with those of the one before, if pairs are misaligned.
+    /// Measures the images of this pair with those of the one before, if pairs are misaligned.
     fn measure_apart(&mut self, frame: &Frame) {
         let is_off = self.meter.alignment().is_some_and(|found| found.is_off());
         let Some((before, stamp_ns)) = self.before.take().filter(|_| is_off) else {
             return;
         };
         self.period_ns = frame.stamp_ns.saturating_sub(stamp_ns);
-        let [left, right] = [frame.pair.left(), frame.pair.right()].map(Clone::clone);
-        let [left_before, right_before] = before.into_images();
-        let pairs = [(left, right_before), (left_before, right)];
-        for (meter, (left, right)) in self.apart.iter_mut().zip(pairs) {
-            if let Ok(pair) = StereoPair::new(left, right) {
-                meter.add(&pair);
-            }
+        let both = [&before, &frame.pair];
+        for (meter, [left, right]) in self.apart.iter_mut().zip([both, [both[1], both[0]]]) {
+            let pair = StereoPair::new(left.left().clone(), right.right().clone());
+            pair.iter().for_each(|pair| meter.add(pair));
         }
     }
 
-    /// The cure, if pairs are aligned with images of one camera that are a pair apart.
+    /// The cure, if the left images are aligned with the right ones of a pair after or before.
     fn one_apart(&self) -> Option<String> {
-        let [before, after] = &self.apart;
-        let (which, sign) = if before.is_better_than(&self.meter) {
-            ("before", "")
-        } else if after.is_better_than(&self.meter) {
-            ("after", "-")
-        } else {
-            return None;
-        };
+        let which = self
+            .apart
+            .iter()
+            .position(|apart| apart.is_better_than(&self.meter))?;
+        let (which, sign) = [("after", "-"), ("before", "")][which];
         Some(format!(
             "with the right image of the pair {which} they are aligned, so the cameras are a pair \
              apart, which `--right-offset-ms {sign}{:.1}` corrects in a recording of another \

@@ -17,11 +17,12 @@ const MIN_FARTHEST: f64 = 0.05;
 pub(super) struct RepeatWatch {
     begin_ns: Option<u64>,
     /// Left images, right images, truths, and their farthest distances.
-    runs: [Option<Run>; 4],
+    runs: [Run; 4],
     has_spoken: bool,
 }
 
 /// Pairs in a row with equal pixels.
+#[derive(Default)]
 struct Run {
     pixels: Vec<f32>,
     /// The image of the first pair that changes as well, and the time of that pair.
@@ -38,55 +39,54 @@ impl RepeatWatch {
         let [left, right] = images.map(|image| sampled(image, f32::from));
         let truth = frame.truth.as_ref();
         let truth = truth.map(|truth| sampled(&truth.disparity, |px| px));
-        let farthest = truth.as_deref().and_then(farthest);
+        let truth = truth.filter(|px| known(px).count() > MIN_KNOWN);
+        let farthest = truth.as_deref().and_then(farthest).map(|px| vec![px]);
         let parts = [
             (Some(left.clone()), &right),
             (Some(right.clone()), &left),
-            (truth.filter(|px| known(px).count() > MIN_KNOWN), &left),
-            (farthest.map(|px| vec![px]), &left),
+            (truth, &left),
+            (farthest, &left),
         ];
         let mut stuck = None;
         for (place, (pixels, other)) in parts.into_iter().enumerate() {
             let run = &mut self.runs[place];
-            match (run, pixels) {
-                (_, None) => {}
-                (Some(run), Some(pixels)) if run.pixels == pixels => {
-                    run.pairs += 1;
-                    let is_stuck = run.pairs >= MIN_PAIRS && is_changed(&run.other, other);
-                    stuck = stuck.or(is_stuck.then_some((place, run.since_ns)));
-                }
-                (run, Some(pixels)) => {
-                    *run = Some(Run {
-                        pixels,
-                        other: other.clone(),
-                        since_ns: frame.stamp_ns,
-                        pairs: 1,
-                    });
-                }
+            let Some(pixels) = pixels else { continue };
+            if run.pixels != pixels {
+                let (other, since_ns, pairs) = (other.clone(), frame.stamp_ns, 0);
+                *run = Run {
+                    pixels,
+                    other,
+                    since_ns,
+                    pairs,
+                };
             }
+            run.pairs += 1;
+            let is_stuck = run.pairs >= MIN_PAIRS && is_changed(&run.other, other);
+            stuck = stuck.or(is_stuck.then_some((place, run.since_ns)));
         }
         let (place, since_ns) = stuck.filter(|_| !self.has_spoken)?;
         self.has_spoken = true;
-        let seconds = since_ns.saturating_sub(begin_ns) as f64 / 1e9;
-        Some(words(place, seconds))
+        Some(words(place, since_ns.saturating_sub(begin_ns) as f64 / 1e9))
     }
 }
 
 fn words(place: usize, seconds: f64) -> String {
-    let since =
-        format!("in {MIN_PAIRS} pairs or more, from {seconds:.3} s on, and the images change");
-    let what = ["left images are", "right images are", "truth is"].get(place);
-    let Some(what) = what else {
-        return format!(
-            "the farthest distance of the truth is the same {since}: it is the limit of a sensor, \
-             not a distance: write 0 or NaN there"
-        );
+    let what = [
+        "left images are",
+        "right images are",
+        "truth is",
+        "farthest distance of the truth is",
+    ];
+    let cure = match (place, seconds) {
+        (3, _) => "it is the limit of a sensor, not a distance: write 0 or NaN there".to_owned(),
+        (_, 0.0) => "stuck, and of another moment: record again".to_owned(),
+        _ => format!("stuck, and of another moment: `--to {seconds:.3}` ends before"),
     };
-    let cure = match seconds {
-        0.0 => "record again".to_owned(),
-        _ => format!("`--to {seconds:.3}` ends before"),
-    };
-    format!("the {what} the same {since}: stuck, and of another moment: {cure}")
+    format!(
+        "the {} the same in {MIN_PAIRS} pairs or more, from {seconds:.3} s on, and the images \
+         change: {cure}",
+        what[place]
+    )
 }
 
 /// Some pixels, all over a plane.
@@ -106,8 +106,7 @@ fn known(disparities: &[f32]) -> impl Iterator<Item = f32> {
 fn farthest(disparities: &[f32]) -> Option<f32> {
     let least = known(disparities).reduce(f32::min)?;
     let count = known(disparities).filter(|px| *px == least).count();
-    let all = known(disparities).count();
-    (all > MIN_KNOWN && count as f64 > MIN_FARTHEST * all as f64).then_some(least)
+    (count as f64 > MIN_FARTHEST * known(disparities).count() as f64).then_some(least)
 }
 
 fn is_changed(before: &[f32], now: &[f32]) -> bool {

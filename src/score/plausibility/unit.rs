@@ -122,7 +122,7 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
         TruthOrigin::Sensor(name) => {
             let (name, unit) = TruthUnit::split(name).unwrap_or((name, None));
             match unit.or_else(|| usual_unit(name)) {
-                Some(unit) => format!("likely --truth '{name}:{}'{length}", unit.times(factor)),
+                Some(unit) => format!("likely --truth '{name}:{}'", unit.times(factor)),
                 None if name.contains('*') => format!(
                     "likely a unit {} times as long, --truth '{name}:unit=METRES'",
                     rounded(factor)

@@ -67,6 +67,8 @@ enum CameraFault {
     /// The right clock is off by a constant time.
     Offset,
     Step(ClockStep),
+    /// None: the images of one come late from some time on.
+    Late,
 }
 
 /// True if the right images, behind that log time, come late, and false if their stamps are of
@@ -184,7 +186,12 @@ impl<'a> ClockCheck<'a> {
         if let Some(step) = right.bins.step(step_ns) {
             let are_infos = infos.is_none_or(|infos| infos.bins.step(step_ns).is_some());
             let is_step = are_infos && are_late(step.shift_ns(), step.to.log_ns) != Some(true);
-            return is_step.then_some(CameraFault::Step(step));
+            let fault = if is_step {
+                CameraFault::Step(step)
+            } else {
+                CameraFault::Late
+            };
+            return Some(fault);
         }
         let limit_ns = self.right_limit_ns(clock);
         let infos = self.right_info.and_then(|info| info.behind);
@@ -259,6 +266,7 @@ impl<'a> ClockCheck<'a> {
     /// The fault of the cameras' clocks in words; `right`: that of the right images.
     fn between_fault(&self, right: &TopicClock) -> Option<ClockFault> {
         let (side, words) = match self.between.as_ref()? {
+            CameraFault::Late => return None,
             CameraFault::Step(step) => (step.side, step.camera_words(&self.by_log)),
             CameraFault::Offset => {
                 let told_ns = self.selection.right_offset_ns.unwrap_or_default();
@@ -286,7 +294,9 @@ impl<'a> ClockCheck<'a> {
 
     /// A watch for steps of the right clock behind what was looked at, if it is measured.
     pub(super) fn watch(&self) -> Option<StepWatch> {
-        let clock = self.clock(&self.images[1]).filter(|_| self.denies())?;
+        let is_late = matches!(self.between, Some(CameraFault::Late));
+        let is_watched = self.denies() && !is_late;
+        let clock = self.clock(&self.images[1]).filter(|_| is_watched)?;
         let right = clock.compared.as_ref()?;
         Some(StepWatch {
             bins: OffsetBins::new(self.period_ns(clock)),
@@ -296,7 +306,6 @@ impl<'a> ClockCheck<'a> {
             latency_ns: MIN_RIGHT_NS + right.bin_noise_ns,
             begin_ns: None,
             cure: self.by_log.clone(),
-            cameras: Default::default(),
         })
     }
 
@@ -418,7 +427,9 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
             format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
         } else if of_images != [copies; 2] {
             let from = topic.first_new_ns().zip(topic.first.first());
-            let from_ns = from.map_or(0, |((new_ns, _), first)| new_ns - first.stamp_ns);
+            let from_ns = from.map_or(0, |((new_ns, _), first)| {
+                new_ns.saturating_sub(first.stamp_ns)
+            });
             let from = format!("--from {:.3} ", from_ns as f64 / 1e9 - 0.001);
             let from = if from_ns > 0 { &from } else { "" };
             format!(

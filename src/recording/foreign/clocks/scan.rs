@@ -121,12 +121,12 @@ impl TopicScan {
         let copies = self.copies()?;
         let cut = self.runs.first().filter(|run| **run != copies);
         let new = self.first.get(cut.copied().unwrap_or(0))?;
-        let span_ns = self
-            .first
-            .last()?
-            .stamp_ns
-            .checked_sub(self.first[0].stamp_ns)?;
-        Some((new.stamp_ns, span_ns / (self.first.len() as u64 - 1)))
+        let [first, .., last] = &self.first[..] else {
+            return None;
+        };
+        let span_ns = last.stamp_ns.saturating_sub(first.stamp_ns);
+        let period_ns = span_ns / (self.first.len() as u64 - 1);
+        Some((new.stamp_ns, period_ns.max(1)))
     }
 
     /// True if some messages have the stamps of those before.

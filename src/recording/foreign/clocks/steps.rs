@@ -195,52 +195,6 @@ pub(crate) struct StepWatch {
     /// Log time of the first image.
     pub(super) begin_ns: Option<u64>,
     pub(super) cure: String,
-    pub(super) cameras: [CameraDelays; 2],
-}
-
-/// The last image of a camera, and how its delays changed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct CameraDelays {
-    last: Option<TimedMessage>,
-    /// Times from one image to the next, by stamps and by log times, where both run alike.
-    usual_ns: [i64; 2],
-    /// The largest change of the delay of late, with its log time.
-    jump: Option<(u64, DelayJump)>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct DelayJump {
-    ns: u64,
-    /// True if the log times jump, and the stamps go on: the images come late.
-    is_of_log: bool,
-}
-
-impl CameraDelays {
-    /// Adds an image. `limit_ns`: smallest change that counts; `old_ns`: time after which one is
-    /// forgotten.
-    fn take_in(&mut self, message: TimedMessage, limit_ns: f64, old_ns: u64) {
-        let Some(last) = self.last.replace(message) else {
-            return;
-        };
-        let since = |now: u64, then: u64| now.wrapping_sub(then).cast_signed();
-        let times_ns = [
-            since(message.stamp_ns, last.stamp_ns),
-            since(message.log_ns, last.log_ns),
-        ];
-        let ns = times_ns[0].abs_diff(times_ns[1]);
-        if (ns as f64) < limit_ns {
-            self.usual_ns = times_ns;
-            return;
-        }
-        let [by_stamp, by_log] = [0, 1].map(|i| times_ns[i].abs_diff(self.usual_ns[i]));
-        let is_of_log = by_log > by_stamp;
-        let is_smaller = |(log_ns, jump): (u64, DelayJump)| {
-            jump.ns > ns && message.log_ns.saturating_sub(log_ns) < old_ns
-        };
-        if !self.jump.is_some_and(is_smaller) {
-            self.jump = Some((message.log_ns, DelayJump { ns, is_of_log }));
-        }
-    }
 }
 
 impl StepWatch {
@@ -261,23 +215,13 @@ impl StepWatch {
         stamp_ns: u64,
     ) -> Option<(Side, String)> {
         let begin_ns = *self.begin_ns.get_or_insert(log_ns);
-        let message = TimedMessage { log_ns, stamp_ns };
-        let old_ns = KEPT_BINS as u64 * self.bins.width_ns;
-        self.cameras[side as usize].take_in(message, self.limit_ns / 2.0, old_ns);
-        self.bins.take_in(side as usize, &message);
+        self.bins
+            .take_in(side as usize, &TimedMessage { log_ns, stamp_ns });
         let old = self.bins.offsets.len().saturating_sub(KEPT_BINS);
         self.bins.offsets.drain(..old);
         let place = self.bins.beyond(self.usual_ns, self.limit_ns)?;
-        let (before, to) = (
-            self.bins.offsets[place.saturating_sub(1)],
-            self.bins.offsets[place],
-        );
+        let [before, to] = [place.saturating_sub(1), place].map(|i| self.bins.offsets[i]);
         let step = ClockStep::new(self.usual_ns, before, to, begin_ns);
-        let jump = self.cameras[step.side as usize].jump;
-        if jump.is_some_and(|(at, jump)| jump.is_of_log && at.abs_diff(to.log_ns) < old_ns) {
-            self.usual_ns = to.ns();
-            return None;
-        }
         Some((step.side, step.camera_words(&self.cure)))
     }
 }
