@@ -22,14 +22,8 @@ pub struct RectificationMeter {
 }
 
 impl RectificationMeter {
-    /// Pairs and matches that decide, and the pairs after which no further one is measured.
-    const MIN_PAIRS: usize = 3;
-    const MIN_MATCHES: usize = 50;
+    /// Pairs after which no further one is measured.
     const MAX_PAIRS: usize = 5;
-    /// Greatest misalignment of images that are rectified already: pixels, and as a fraction of
-    /// that after rectification.
-    const MAX_RECTIFIED_PX: f64 = 1.0;
-    const MAX_FRACTION: f64 = 0.5;
 
     /// Adds a pair before and after its rectification. True if that was the last that is needed.
     pub fn add(&mut self, before: &StereoPair, after: &StereoPair) -> bool {
@@ -40,16 +34,7 @@ impl RectificationMeter {
 
     /// True if no further pair is needed.
     pub fn is_done(&self) -> bool {
-        self.before.pairs >= Self::MAX_PAIRS
-            || self.before.pairs >= Self::MIN_PAIRS && self.is_sure()
-    }
-
-    fn is_sure(&self) -> bool {
-        let meters = [&self.before, &self.after];
-        let is_sure = |m: &&AlignmentMeter| {
-            m.pairs >= Self::MIN_PAIRS && m.matches.len() >= Self::MIN_MATCHES
-        };
-        meters.iter().all(is_sure)
+        self.before.pairs >= Self::MAX_PAIRS || self.before.is_sure() && self.after.is_sure()
     }
 
     /// The misalignment before rectification; `None` with too few matches.
@@ -61,9 +46,8 @@ impl RectificationMeter {
     /// or the calibration is not theirs.
     pub fn doubt(&self) -> Option<String> {
         let (before, after) = (self.before.alignment()?, self.after.alignment()?);
-        let is_worse = before.median_abs_px < Self::MAX_FRACTION * after.median_abs_px
-            && before.median_abs_px < Self::MAX_RECTIFIED_PX;
-        (self.is_sure() && is_worse).then(|| {
+        let is_worse = self.after.is_sure() && self.before.is_better_than(&self.after);
+        is_worse.then(|| {
             format!(
                 "vertical misalignment of {:.2} px without rectification and {:.2} px with it \
                  (medians of {} and {} points in {} pairs): if the images are rectified already, \
@@ -148,6 +132,28 @@ impl AlignmentMeter {
         self.pairs += 1;
         // Pair by pair, as pairs of several scenes need not share one epipolar geometry.
         self.matches.extend(inliers(&matches(pair), TOLERANCE_PX));
+    }
+
+    /// Pairs and matches that decide.
+    const SURE: (usize, usize) = (3, 50);
+    /// Greatest misalignment of aligned images: pixels, and as a fraction of that of others.
+    const MAX_ALIGNED_PX: f64 = 1.0;
+    const MAX_FRACTION: f64 = 0.5;
+
+    fn is_sure(&self) -> bool {
+        self.pairs >= Self::SURE.0 && self.matches.len() >= Self::SURE.1
+    }
+
+    /// True if these pairs are aligned and the others, of the same cameras, are not, or hardly any
+    /// of their points match.
+    pub fn is_better_than(&self, others: &Self) -> bool {
+        let is_aligned =
+            |own: &Alignment| self.is_sure() && own.median_abs_px < Self::MAX_ALIGNED_PX;
+        let is_worse = |own: Alignment| {
+            let others = others.alignment();
+            others.is_none_or(|o| own.median_abs_px < Self::MAX_FRACTION * o.median_abs_px)
+        };
+        self.alignment().filter(is_aligned).is_some_and(is_worse)
     }
 
     /// The matches collected so far.
