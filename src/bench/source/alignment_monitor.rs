@@ -1,4 +1,4 @@
-//! Monitors a source's pairs for vertical misalignment, and for left and right being exchanged.
+//! Monitors a source's pairs for vertical misalignment, and for images that are no pair.
 
 use super::{Source, wraps};
 use svl_core::Result;
@@ -7,7 +7,7 @@ use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::Frame;
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
-/// if left and right are exchanged.
+/// if their images are turned, exchanged or of one camera.
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
@@ -18,8 +18,6 @@ pub struct AlignmentMonitor<'a> {
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 const EVERY: u64 = 8;
 const MAX_MEASURED: u64 = 5;
-/// Fraction of points with a negative disparity above which left and right count as exchanged.
-const MAX_NEGATIVE: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>) -> Self {
@@ -43,7 +41,7 @@ impl<'a> AlignmentMonitor<'a> {
             Some(_) => false,
             None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
-        if last && let Some(doubt) = exchange_doubt(&self.meter) {
+        if last && let Some(doubt) = self.meter.doubt() {
             tracing::warn!("{}: {doubt}", self.source.name());
         }
         // That their rectification misaligns them is said.
@@ -66,19 +64,6 @@ impl<'a> AlignmentMonitor<'a> {
             );
         }
     }
-}
-
-/// Left and right images that look exchanged, in words.
-pub(super) fn exchange_doubt(meter: &AlignmentMeter) -> Option<String> {
-    let share = meter
-        .beyond_infinity()
-        .filter(|share| *share > MAX_NEGATIVE)?;
-    Some(format!(
-        "left and right look exchanged: {:.0} % of {} points are farther right in the right image; \
-         --left and --right name them the other way round",
-        100.0 * share,
-        meter.matches().len()
-    ))
 }
 
 /// The cure for vertical misalignment of the pairs that a source gives.
