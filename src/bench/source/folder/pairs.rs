@@ -2,6 +2,7 @@
 
 use super::FolderRequest;
 use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natural, stem};
+use crate::source::dataset::is_of_one_camera;
 use std::path::{Path, PathBuf};
 use svl_core::counted;
 use svl_core::{Error, Result};
@@ -58,6 +59,10 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
                 ..found
             });
         }
+    }
+    if is_of_one_camera(folder) {
+        let cure = "has the images of one camera: name the folder above, which has both";
+        return Err(Error::format(folder, cure));
     }
     let cure = "--left and --right name other patterns, --side-by-side reads images of both";
     Err(Error::format(
@@ -166,6 +171,7 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
 
 /// Largest number of names that a message lists of each kind.
 const MAX_LISTED: usize = 4;
+const MAX_CHARACTERS: usize = 40;
 
 /// Content of a folder, in words.
 fn contents(folder: &Path) -> Result<String> {
@@ -190,10 +196,18 @@ fn contents(folder: &Path) -> Result<String> {
     })
 }
 
+/// The beginning of a name, so that several fit a screen.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(MAX_CHARACTERS) {
+        Some((end, _)) => format!("{}…", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
 fn listed(paths: &[PathBuf], noun: &str) -> String {
     let names = paths.iter().take(MAX_LISTED);
     let names: Vec<_> = names
-        .map(|path| path.file_name().unwrap_or_default().to_string_lossy())
+        .map(|path| shortened(&path.file_name().unwrap_or_default().to_string_lossy()))
         .collect();
     let more = if paths.len() > MAX_LISTED {
         ", …"
