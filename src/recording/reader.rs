@@ -170,6 +170,7 @@ impl Reader {
         SensorTopic::open(
             &self.recording,
             &self.topics,
+            self.source.left_calibration(),
             self.source.stamps(),
             selection,
         )

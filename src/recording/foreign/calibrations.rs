@@ -1,9 +1,10 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
-use super::{PairReader, topics};
+use super::{PairReader, Selection, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
+use svl_core::joined;
 use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
@@ -65,6 +66,11 @@ impl PairReader {
                     .try_for_each(|camera| camera.check_size(self.size))?;
                 Ok([left, right])
             }
+            _ if self.info_topics.len() > 1 => Err(format!(
+                "the names of {} do not say which are those of the two cameras: --left-info TOPIC \
+                 and --right-info TOPIC do",
+                joined(&self.info_topics)
+            )),
             _ => Err("it has no calibration of both cameras".to_owned()),
         }
     }
@@ -163,10 +169,15 @@ impl PairReader {
 
     /// Leaves calibrations out that were found by the names of their topics alone, if a frame in
     /// them is not that of its camera's images.
-    pub(super) fn check_info_frames(&mut self, info_frames: &[Option<String>; 2]) {
+    pub(super) fn check_info_frames(
+        &mut self,
+        info_frames: &[Option<String>; 2],
+        selection: &Selection,
+    ) {
         let [left, right] = &self.images;
         for (side, [image, other]) in [[left, right], [right, left]].into_iter().enumerate() {
             let frames = info_frames[side].as_ref().zip(self.frames[side].as_ref());
+            let frames = frames.filter(|_| selection.infos[side].is_none());
             if let Some((info, (info_frame, frame))) = self.calibrations[side].as_ref().zip(frames)
                 && (!topics::is_near(info, image) || topics::is_near(info, other))
                 && !is_same_frame(info_frame, frame)
@@ -181,7 +192,8 @@ impl PairReader {
                 }
                 tracing::warn!(
                     "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations \
-                     are not used; --calib FILE gives the cameras theirs",
+                     are not used; --calib FILE gives the cameras theirs, or --left-info TOPIC and \
+                     --right-info TOPIC",
                     self.name
                 );
                 (self.calibrations, self.cameras, self.tracks) = Default::default();
