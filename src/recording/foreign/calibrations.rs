@@ -4,7 +4,7 @@ use super::camera::{self, Calibration, CalibrationChange};
 use super::{PairReader, Selection, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
-use svl_core::joined;
+use svl_core::listed;
 use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
@@ -69,7 +69,7 @@ impl PairReader {
             _ if self.info_topics.len() > 1 => Err(format!(
                 "the names of {} do not say which are those of the two cameras: --left-info TOPIC \
                  and --right-info TOPIC do",
-                joined(&self.info_topics)
+                listed(&self.info_topics)
             )),
             _ => Err("it has no calibration of both cameras".to_owned()),
         }
@@ -190,10 +190,14 @@ impl PairReader {
                     );
                     continue;
                 }
+                let others = if self.info_topics.len() > 1 {
+                    ", or --left-info TOPIC and --right-info TOPIC"
+                } else {
+                    ""
+                };
                 tracing::warn!(
                     "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations \
-                     are not used; --calib FILE gives the cameras theirs, or --left-info TOPIC and \
-                     --right-info TOPIC",
+                     are not used; --calib FILE gives the cameras theirs{others}",
                     self.name
                 );
                 (self.calibrations, self.cameras, self.tracks) = Default::default();

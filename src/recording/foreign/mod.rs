@@ -59,7 +59,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
 use svl_core::{Error, Result};
-use svl_core::{counted, joined};
+use svl_core::{counted, listed};
 use svl_files::BitDepth;
 use transforms::Transforms;
 use video::VideoTopic;
@@ -202,7 +202,7 @@ impl PairReader {
         if !others.is_empty() {
             warn_once(format!(
                 "{name}: {}: not used, as {} is in another namespace: its robot is another",
-                joined(others),
+                listed(others),
                 images[0]
             ));
         }

@@ -4,7 +4,7 @@ use super::{camera, image, video};
 use crate::messages::Channel;
 use crate::stamp_rule::StampUnit;
 use std::collections::BTreeSet;
-use svl_core::joined;
+use svl_core::{joined, listed};
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ pub(crate) fn is_image(channel: &Channel) -> bool {
 /// The reason why they are missing or ambiguous, with the remedy.
 pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[String; 2], String> {
     let topics = image_topics(channels, selection);
-    let listed = topics.join(", ");
+    let listed = listed(&topics);
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
             let fault = topic_fault(named, channels, &listed);
@@ -338,13 +338,20 @@ pub(super) fn calibrations(
                 ));
             }
             Some(named) => {
-                let listed = joined(known);
                 return Err(format!(
-                    "{option} {named}: no such topic of calibrations; it has {listed}"
+                    "{option} {named}: no such topic of calibrations; it has {}",
+                    listed(known)
                 ));
             }
             None => {}
         }
+    }
+    if let [Some(left), Some(right)] = &selection.infos
+        && left == right
+    {
+        return Err(format!(
+            "--left-info and --right-info name one topic, {left}: each camera has its own"
+        ));
     }
     Ok(infos)
 }

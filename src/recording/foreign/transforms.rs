@@ -6,6 +6,7 @@ use crate::{decode_protobuf, ros};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::{BTreeMap, BTreeSet};
+use svl_core::listed;
 
 /// Longest chain of transforms: a robot arm has ten; a corrupt tree may contain a cycle.
 const MAX_CHAIN: usize = 100;
@@ -226,12 +227,10 @@ impl Transforms {
             .0
             .iter()
             .map(|(child, (parent, _))| format!("{parent} → {child}"));
-        let shown: Vec<_> = links.clone().take(8).collect();
-        match (shown.len(), self.0.len() - shown.len()) {
-            (0, _) => "no transform".to_owned(),
-            (_, 0) => shown.join(", "),
-            (_, more) => format!("{} and {more} more", shown.join(", ")),
+        if self.0.is_empty() {
+            return "no transform".to_owned();
         }
+        listed(links)
     }
 }
 
