@@ -150,7 +150,7 @@ const BEYOND_PX: f64 = 1.0;
 /// Greatest distance of points of one image, changed by noise or light.
 const SAME_PX: f64 = 0.2;
 /// Fraction of points above which they decide.
-const MOST: f64 = 0.8;
+const MIN_SHARE: f64 = 0.8;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -203,7 +203,7 @@ impl AlignmentMeter {
         }
         let per_cent = |is: fn(&&PointMatch) -> bool| {
             let share = self.matches.iter().filter(is).count() as f64 / points as f64;
-            (points >= MIN_MATCHES && share > MOST).then_some(100.0 * share)
+            (points >= MIN_MATCHES && share > MIN_SHARE).then_some(100.0 * share)
         };
         if let Some(share) = per_cent(|m| m.left.x - m.right.x < -BEYOND_PX) {
             return Some(format!(

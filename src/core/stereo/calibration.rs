@@ -51,8 +51,8 @@ impl StereoCalibration {
         }
         if place.x <= 0.0 {
             return Err(Error::Rig(format!(
-                "the right camera is at x = {:.4} of the left one; swap left and right, or turn the \
-                 images of both if they are upside down",
+                "the right camera is at x = {:.4} of the left one; swap left and right, or turn \
+                 the images of both if they are upside down",
                 place.x
             )));
         }

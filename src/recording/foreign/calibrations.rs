@@ -1,6 +1,7 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
+use super::transforms::plain;
 use super::{PairReader, Selection, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
@@ -65,6 +66,9 @@ impl PairReader {
                     .into_iter()
                     .try_for_each(|camera| camera.check_size(self.size))?;
                 Ok([left, right])
+            }
+            [Some(_), Some(_)] => {
+                Err("it has no calibration of both cameras but one topic for both".to_owned())
             }
             _ if self.info_topics.len() > 1 => Err(format!(
                 "the names of {} do not say which are those of the two cameras: --left-info TOPIC \
@@ -180,7 +184,7 @@ impl PairReader {
             let frames = frames.filter(|_| selection.infos[side].is_none());
             if let Some((info, (info_frame, frame))) = self.calibrations[side].as_ref().zip(frames)
                 && (!topics::is_near(info, image) || topics::is_near(info, other))
-                && !is_same_frame(info_frame, frame)
+                && plain(info_frame) != plain(frame)
             {
                 if info_frame.is_empty() || frame.is_empty() {
                     tracing::warn!(
@@ -255,9 +259,4 @@ impl PairReader {
             stamp_ns as f64 / 1e9
         );
     }
-}
-
-/// True for frames of one name; ROS 1 writes them with or without a leading slash.
-fn is_same_frame(one: &str, other: &str) -> bool {
-    one.trim_start_matches('/') == other.trim_start_matches('/')
 }

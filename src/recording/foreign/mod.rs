@@ -198,7 +198,7 @@ impl PairReader {
         };
         let names = images.each_ref().map(String::as_str);
         let calibrations = topics::calibrations(channels, names, selection)?;
-        let others = Transforms::of_others(channels, names);
+        let others = Transforms::other_robots(channels, names);
         if !others.is_empty() {
             warn_once(format!(
                 "{name}: {}: not used, as {} is in another namespace: its robot is another",

@@ -327,31 +327,23 @@ pub(super) fn calibrations(
     selection: &Selection,
 ) -> Result<[Option<String>; 2], String> {
     let mut infos = found_calibrations(channels, images);
+    let known = calibration_topics(channels);
     let named = infos.iter_mut().zip(&selection.infos);
     for ((info, named), option) in named.zip(["--left-info", "--right-info"]) {
-        let known = calibration_topics(channels);
-        match named {
-            Some(named) if known.contains(named) => *info = Some(named.clone()),
-            Some(named) if known.is_empty() => {
-                return Err(format!(
-                    "{option} {named}: it has no topics of calibrations"
-                ));
-            }
-            Some(named) => {
-                return Err(format!(
-                    "{option} {named}: no such topic of calibrations; it has {}",
-                    listed(known)
-                ));
-            }
-            None => {}
+        let Some(named) = named else {
+            continue;
+        };
+        if !known.contains(named) {
+            let listed = if known.is_empty() {
+                "none".to_owned()
+            } else {
+                listed(known)
+            };
+            return Err(format!(
+                "{option} {named}: no such topic of calibrations; it has {listed}"
+            ));
         }
-    }
-    if let [Some(left), Some(right)] = &selection.infos
-        && left == right
-    {
-        return Err(format!(
-            "--left-info and --right-info name one topic, {left}: each camera has its own"
-        ));
+        *info = Some(named.clone());
     }
     Ok(infos)
 }

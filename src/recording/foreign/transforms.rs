@@ -84,7 +84,7 @@ impl Transforms {
 
     /// The topics of transforms in namespaces that hold none of the images: those of other robots,
     /// whose frames may have the same names. The only topic of its kind is of the cameras' robot.
-    pub(super) fn of_others(channels: &[&Channel], images: [&str; 2]) -> BTreeSet<String> {
+    pub(super) fn other_robots(channels: &[&Channel], images: [&str; 2]) -> BTreeSet<String> {
         let mut others = BTreeSet::new();
         for reads in [Self::reads, Self::are_moving] {
             let of_kind = channels.iter().filter(|c| c.schema == ROS && reads(c));

@@ -214,7 +214,7 @@ fn other_containers_have_a_cure() {
     assert!(text.contains("zstd and cannot be unpacked"), "{text}");
 }
 
-/// As a user without rights to the folder; root, who has all, becomes one.
+/// Root, who has all rights to the folder, becomes a user who has none.
 #[cfg(unix)]
 #[test]
 fn a_bag_in_a_folder_that_cannot_be_written_is_read() {

@@ -71,7 +71,7 @@ fn calibrations_of_any_name_are_named() {
 }
 
 #[test]
-fn of_two_robots_each_camera_has_the_transforms_of_its_namespace() {
+fn each_of_two_robots_has_the_transforms_of_its_namespace() {
     let fixture = Fixture::new();
     let robot = |topic, metres| tf(topic, &[("l", "r", [metres, 0.0, 0.0])]);
     let infos = |left, right| [left, right].map(|topic| camera_info(topic, START_NS, &[], 0.0));

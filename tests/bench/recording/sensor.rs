@@ -274,8 +274,8 @@ fn millimetres_and_compressed_depth_are_the_same_depths() {
 }
 
 /// A stereo_msgs/msg/DisparityImage of the first pair.
-fn disparity_image(pixels: &[f32], of: [f32; 3]) -> Message {
-    disparity_image_of((24, 16), pixels, of)
+fn disparity_image(pixels: &[f32], numbers: [f32; 3]) -> Message {
+    disparity_image_of((24, 16), pixels, numbers)
 }
 
 /// The same of another size.
@@ -335,7 +335,7 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     assert_eq!(topics.unwrap(), ["/disparity"]);
 }
 
-/// Of a matcher that halves its images first: whose pixels these are is known by a camera_info.
+/// A matcher may halve its images first: a camera_info says whose pixels these are.
 #[test]
 fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
     let half = vec![4.0; 12 * 8];

@@ -4,8 +4,7 @@ use super::FolderRequest;
 use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natural, stem};
 use crate::source::dataset::is_of_one_camera;
 use std::path::{Path, PathBuf};
-use svl_core::counted;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted, listed};
 use svl_files::IMAGE_ENDINGS;
 
 /// The pairs of a folder in natural order.
@@ -169,8 +168,7 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
     pairs
 }
 
-/// Largest number of names that a message lists of each kind.
-const MAX_LISTED: usize = 4;
+/// Characters of a name in a message.
 const MAX_CHARACTERS: usize = 40;
 
 /// Content of a folder, in words.
@@ -188,7 +186,7 @@ fn contents(folder: &Path) -> Result<String> {
         (others, "other file"),
     ];
     let said = kinds.into_iter().filter(|(paths, _)| !paths.is_empty());
-    let said: Vec<_> = said.map(|(paths, noun)| listed(&paths, noun)).collect();
+    let said: Vec<_> = said.map(|(paths, noun)| kind_words(&paths, noun)).collect();
     Ok(if said.is_empty() {
         "nothing".to_owned()
     } else {
@@ -204,16 +202,8 @@ fn shortened(name: &str) -> String {
     }
 }
 
-fn listed(paths: &[PathBuf], noun: &str) -> String {
-    let names = paths.iter().take(MAX_LISTED);
-    let names: Vec<_> = names
-        .map(|path| shortened(&path.file_name().unwrap_or_default().to_string_lossy()))
-        .collect();
-    let more = if paths.len() > MAX_LISTED {
-        ", …"
-    } else {
-        ""
-    };
+fn kind_words(paths: &[PathBuf], noun: &str) -> String {
+    let name = |path: &PathBuf| shortened(&path.file_name().unwrap_or_default().to_string_lossy());
     let count = counted(paths.len() as u64, noun);
-    format!("{count} ({}{more})", names.join(", "))
+    format!("{count} ({})", listed(paths.iter().map(name)))
 }

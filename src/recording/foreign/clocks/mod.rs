@@ -81,7 +81,7 @@ impl ClockTable {
         if selection.stamps.is_some() {
             faults.extend(wrong_option(scan, &clocks, &rules));
         }
-        for topic in Transforms::of_others(channels, images) {
+        for topic in Transforms::other_robots(channels, images) {
             rules.entry(topic).or_default().reading = StampReading::Unread;
         }
         Self {
