@@ -442,18 +442,18 @@ impl SummaryScan {
         let channels: Vec<_> = channels.iter().collect();
         self.found.stereo = choose(&channels, selection).ok().filter(|_| !is_own);
         let [left, right] = self.take_sides();
-        if let Some([_, topic]) = &self.found.stereo {
+        if let Some(topics) = &self.found.stereo {
             let sides = Side::BOTH.into_iter().zip([&left.images, &right.images]);
             let images = sides.flat_map(|(side, images)| images.iter().map(move |i| (side, i)));
             let mut images: Vec<_> = images.collect();
             images.sort_by_key(|(_, image)| image.place);
             if let Some(clocks) = &mut self.found.clocks
                 && let Some(mut watch) = clocks.watch()
-                && let Some(step) = images
+                && let Some((side, step)) = images
                     .iter()
                     .find_map(|(side, i)| watch.take_in(*side, i.log_ns, i.stamp_ns))
             {
-                clocks.add_step(topic, step);
+                clocks.add_step(&topics[side as usize], step);
             }
             let clocks = self.found.clocks.as_ref();
             if clocks.is_none_or(ClockTable::permits_pairs) {

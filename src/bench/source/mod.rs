@@ -20,6 +20,7 @@ mod recording;
 mod rectified;
 mod reference;
 mod registered;
+mod repeat_watch;
 mod request;
 mod resized;
 #[cfg(feature = "ros2")]

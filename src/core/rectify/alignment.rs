@@ -39,14 +39,8 @@ pub struct RectificationMeter {
 }
 
 impl RectificationMeter {
-    /// Pairs and matches that decide, and the pairs after which no further one is measured.
-    const MIN_PAIRS: usize = 3;
-    const MIN_MATCHES: usize = 50;
+    /// Pairs after which no further one is measured.
     const MAX_PAIRS: usize = 5;
-    /// Greatest misalignment of images that are rectified already: pixels, and as a fraction of
-    /// that after rectification.
-    const MAX_RECTIFIED_PX: f64 = 1.0;
-    const MAX_FRACTION: f64 = 0.5;
 
     /// Adds a pair before and after its rectification. True if that was the last that is needed.
     pub fn add(&mut self, before: &StereoPair, after: &StereoPair) -> bool {
@@ -57,16 +51,7 @@ impl RectificationMeter {
 
     /// True if no further pair is needed.
     pub fn is_done(&self) -> bool {
-        self.before.pairs >= Self::MAX_PAIRS
-            || self.before.pairs >= Self::MIN_PAIRS && self.is_sure()
-    }
-
-    fn is_sure(&self) -> bool {
-        let meters = [&self.before, &self.after];
-        let is_sure = |m: &&AlignmentMeter| {
-            m.pairs >= Self::MIN_PAIRS && m.matches.len() >= Self::MIN_MATCHES
-        };
-        meters.iter().all(is_sure)
+        self.before.pairs >= Self::MAX_PAIRS || self.before.is_sure() && self.after.is_sure()
     }
 
     /// The misalignment before rectification; `None` with too few matches.
@@ -78,9 +63,8 @@ impl RectificationMeter {
     /// or the calibration is not theirs.
     pub fn doubt(&self) -> Option<String> {
         let (before, after) = (self.before.alignment()?, self.after.alignment()?);
-        let is_worse = before.median_abs_px < Self::MAX_FRACTION * after.median_abs_px
-            && before.median_abs_px < Self::MAX_RECTIFIED_PX;
-        (self.is_sure() && is_worse).then(|| {
+        let is_worse = self.after.is_sure() && self.before.is_better_than(&self.after);
+        is_worse.then(|| {
             format!(
                 "vertical misalignment of {:.2} px without rectification and {:.2} px with it \
                  (medians of {} and {} points in {} pairs): if the images are rectified already, \
@@ -184,14 +168,37 @@ impl AlignmentMeter {
         self.matches.extend(found);
     }
 
+    /// Pairs and matches that decide.
+    const SURE: (usize, usize) = (3, 50);
+    /// Greatest misalignment of aligned images: pixels, and as a fraction of that of others.
+    const MAX_ALIGNED_PX: f64 = 1.0;
+    const MAX_FRACTION: f64 = 0.5;
+
+    fn is_sure(&self) -> bool {
+        self.pairs >= Self::SURE.0 && self.matches.len() >= Self::SURE.1
+    }
+
+    /// True if these pairs are aligned and the others, of the same cameras, are not, or hardly any
+    /// of their points match.
+    pub fn is_better_than(&self, others: &Self) -> bool {
+        let is_aligned =
+            |own: &Alignment| self.is_sure() && own.median_abs_px < Self::MAX_ALIGNED_PX;
+        let is_worse = |own: Alignment| {
+            let others = others.alignment();
+            others.is_none_or(|o| own.median_abs_px < Self::MAX_FRACTION * o.median_abs_px)
+        };
+        self.alignment().filter(is_aligned).is_some_and(is_worse)
+    }
+
     /// The matches collected so far.
     pub fn matches(&self) -> &[PointMatch] {
         &self.matches
     }
 
     /// Images that are no pair of a left and a right one, in words with the cure: one camera's are
-    /// turned, both are exchanged, or both are of one camera.
-    pub fn doubt(&self) -> Option<String> {
+    /// turned, both are exchanged, or both are of one camera. `is_calibrated`: the calibrations,
+    /// which follow the names of their topics, are not exchanged.
+    pub fn doubt(&self, is_calibrated: bool) -> Option<String> {
         let points = self.matches.len();
         let turned = self.turned.iter().zip(TURNS);
         let (&count, (way, filter, _)) = turned.max_by_key(|(count, _)| **count)?;
@@ -206,10 +213,15 @@ impl AlignmentMeter {
             (points >= MIN_MATCHES && share > MIN_SHARE).then_some(100.0 * share)
         };
         if let Some(share) = per_cent(|m| m.left.x - m.right.x < -BEYOND_PX) {
+            let calibrations = if is_calibrated {
+                ", and as the calibrations are not exchanged, --calib FILE gives theirs"
+            } else {
+                ""
+            };
             return Some(format!(
                 "left and right look exchanged: {share:.0} % of {points} points are farther right \
-                 in the right image; --left and --right name them the other way round, unless \
-                 both cameras are upside down"
+                 in the right image; unless both cameras are upside down, --left and --right name \
+                 them the other way round{calibrations}"
             ));
         }
         let share = per_cent(|m| (m.left - m.right).norm() < SAME_PX)?;
@@ -384,7 +396,7 @@ mod tests {
         let doubt = |left: &Gray, right: &Gray| {
             let mut meter = AlignmentMeter::new();
             meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
-            meter.doubt()
+            meter.doubt(false)
         };
         let turned = TURNS.map(|(.., place)| {
             Gray::from_fn(320, 240, |x, y| {

@@ -423,8 +423,9 @@ pub(super) fn rig(
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
             format!(
-                "{e}: --left and --right name their topics, or a /tf_static with the cameras' \
-                 frames shows that only the sign of P is wrong (DepthAI: \
+                "{e}: if the images are exchanged, too, --left and --right name their topics; if \
+                 the calibrations alone are, --calib FILE replaces them, or a /tf_static with the \
+                 cameras' frames shows that only the sign of P is wrong (DepthAI: \
                  i_reverse_stereo_socket_order)"
             )
         } else {

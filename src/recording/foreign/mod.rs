@@ -126,7 +126,7 @@ pub(super) struct PairReader {
     last_ns: [Option<u64>; 2],
     /// Jumps of a live clock; `None` for files, which may have any order.
     jumps: Option<u64>,
-    /// Watches for steps of the right clock, until one.
+    /// Watches for steps of the cameras' clocks, until one.
     pub(super) watch: Option<StepWatch>,
 }
 
@@ -341,11 +341,21 @@ impl PairReader {
         }
     }
 
-    /// Warns once of a step of the right clock.
+    /// The same without warnings of stamps.
+    fn without_warnings(self) -> Self {
+        Self {
+            warned_of_stamps: true,
+            warned_of_order: true,
+            ..self
+        }
+    }
+
+    /// Warns once of a step of a camera's clock.
     fn watch_step(&mut self, side: Side, log_time: u64, stamp_ns: u64) {
         let watch = self.watch.as_mut();
-        if let Some(step) = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns)) {
-            tracing::warn!("{}: {}: {step}", self.name, self.images[1]);
+        let step = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns));
+        if let Some((side, step)) = step {
+            tracing::warn!("{}: {}: {step}", self.name, self.images[side as usize]);
             self.watch = None;
         }
     }

@@ -81,7 +81,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                  textured"
             )
         };
-        bail!("{name}: {}", meter.doubt().unwrap_or_else(too_few));
+        bail!("{name}: {}", meter.doubt(false).unwrap_or_else(too_few));
     };
     if args.json {
         print_json(&alignment)?

@@ -5,6 +5,7 @@
 
 mod faults;
 mod measure;
+mod pixels;
 mod scan;
 mod steps;
 
@@ -48,11 +49,24 @@ impl ClockTable {
             return Ok(None);
         };
         let scan = ClockScan::read(recording, &images, selection.to_ns)?;
-        Ok(Some(Self::new(&scan, &channels, selection)))
+        let are_late = |rules: &_, shift_ns, from_ns| {
+            pixels::are_late(recording, selection, rules, (shift_ns, from_ns))
+        };
+        Ok(Some(Self::checked(&scan, &channels, selection, &are_late)))
     }
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
+        Self::checked(scan, channels, selection, &|_, _, _| None)
+    }
+
+    /// The same. `are_late`: see [`pixels::are_late`].
+    fn checked(
+        scan: &ClockScan,
+        channels: &[&Channel],
+        selection: &Selection,
+        are_late: &dyn Fn(&BTreeMap<String, StampRule>, i64, u64) -> Option<bool>,
+    ) -> Self {
         let images = scan.images.each_ref().map(String::as_str);
         // A wrong name of one is told as the pairs are opened.
         let infos = topics::calibrations(channels, images, selection);
@@ -74,7 +88,8 @@ impl ClockTable {
             }
         }
         let clocks = scan.measured(&rules, info.as_deref());
-        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
+        let are_late = |shift_ns, from_ns| are_late(&rules, shift_ns, from_ns);
+        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection, &are_late);
         let mut faults = check.faults();
         let watch = check.watch();
         faults.extend(copies(scan));
@@ -102,7 +117,7 @@ impl ClockTable {
         self.watch.clone()
     }
 
-    /// Adds a step of the right clock, in words, unless a fault of it is known.
+    /// Adds a step of a camera's clock, in words, unless a fault of it is known.
     pub(crate) fn add_step(&mut self, topic: &str, step: String) {
         if self.faults.iter().all(|fault| fault.topic != topic) {
             self.faults.push(ClockFault::new(topic, step, false));

@@ -351,9 +351,13 @@ impl Found {
         }
         if wanted.kind.is_own() {
             self.frame = self.left_frame.clone().map(Ok);
-        } else if channel.topic == wanted.topic && self.frame.is_none() {
+        } else if channel.topic == wanted.topic && !matches!(self.frame, Some(Ok(_))) {
             let read = wanted.kind.read(channel, log_time, data);
-            self.frame = Some(read.and_then(|_| Ok(kind::head(channel, data)?.1)));
+            let frame = read.and_then(|_| Ok(kind::head(channel, data)?.1));
+            // The first that can be read; the reason is that of the first of all.
+            if frame.is_ok() || self.frame.is_none() {
+                self.frame = Some(frame);
+            }
         }
         let [left_info, own_info] = &wanted.infos;
         if is_on(left_info) {
