@@ -68,16 +68,16 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12277),
+    ("bench", 12294),
     ("c", 470),
-    ("calibrate", 4890),
-    ("cli", 11381),
-    ("core", 18433),
+    ("calibrate", 4894),
+    ("cli", 11401),
+    ("core", 18505),
     ("files", 2093),
     ("grab", 5079),
     ("live", 419),
     ("python", 318),
-    ("recording", 13440),
+    ("recording", 13524),
     ("report", 11622),
     ("score", 7632),
     ("sim", 3533),

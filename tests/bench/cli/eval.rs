@@ -357,7 +357,7 @@ fn files_of_other_programs_have_the_same_values() {
     let Some(names) = python(
         "maps.py",
         "cv2, numpy, PIL",
-        &[&fixture.path("").display().to_string()],
+        [&fixture.path("").display().to_string()],
     ) else {
         return;
     };
