@@ -23,6 +23,8 @@ pub mod interrupt;
 #[doc(hidden)]
 pub mod kernel;
 #[doc(hidden)]
+pub mod nanoseconds;
+#[doc(hidden)]
 pub mod statistics;
 #[doc(hidden)]
 pub use error::{alternatives, did_you_mean, nearest};

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use svl_calibrate::yaml::{self, YamlNode};
+use svl_core::bounded::stand_in;
 use svl_core::{Error, Result, counted, inputs};
 use svl_files::read_text;
 
@@ -82,6 +83,9 @@ pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
 
 /// Description of a file that begins with `start` and is not MCAP, with the remedy.
 pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
+    if let Some(why) = stand_in(start) {
+        return why.to_owned();
+    }
     // `#ROSBAG V2.0` is read.
     if start.starts_with(b"#ROSBAG ") {
         let bag = path.display();

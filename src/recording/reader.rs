@@ -149,6 +149,11 @@ impl Reader {
         self.pairs
     }
 
+    /// Number of left images according to the file's summary: no more pairs can be made.
+    pub fn images(&self) -> Option<u64> {
+        self.recording.count(&self.topics[0]).ok()?
+    }
+
     /// The facts of the pairs so far; the counts are final at the end of the recording.
     pub fn facts(&self) -> StreamFacts {
         StreamFacts {

@@ -17,6 +17,7 @@ use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, Stam
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
+use svl_core::nanoseconds;
 use svl_core::statistics::upper_rank;
 use svl_core::stereo::Side;
 
@@ -59,7 +60,9 @@ pub struct RecordingSummary {
     /// Sorted by name.
     pub topics: Vec<Topic>,
     /// First and last stamp of any message.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub start_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub end_ns: u64,
     /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
     pub pairs: u64,
@@ -68,6 +71,7 @@ pub struct RecordingSummary {
     pub pair_stamps_ns: Vec<u64>,
     /// Median period of the left images by their own stamps; `None` if their topic or their rate is
     /// unknown.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub period_ns: Option<u64>,
     /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
@@ -102,7 +106,9 @@ pub struct Topic {
     pub messages: u64,
     /// Bytes before compression.
     pub bytes: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub start_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub end_ns: u64,
     /// Messages per second; `None` for fewer than two.
     pub rate_hz: Option<f64>,
@@ -125,7 +131,9 @@ pub struct Misalignment {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Gap {
     /// Stamp of the last pair before it.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub after_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub length_ns: u64,
 }
 
@@ -133,8 +141,10 @@ pub struct Gap {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ClockJump {
     /// Stamp of the last image before it.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub after_ns: u64,
     /// Positive for a jump ahead.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub by_ns: i64,
 }
 

@@ -103,6 +103,12 @@ pub trait Source: Send {
         self.wrapped()?.pairs()
     }
 
+    /// Limit on the number of frames without a range, if one is known.
+    fn most_pairs(&self) -> Option<u64> {
+        let wrapped = self.wrapped().map(Source::most_pairs);
+        wrapped.unwrap_or_else(|| self.pairs())
+    }
+
     /// Makes the source give the frame at `index`, counted from 0, next. False where it can only
     /// read on: it gives then what it would have given.
     ///

@@ -50,7 +50,7 @@ pub use {
         TruthKind, TruthOrigin, Visibility,
     },
     grid::{CellEvidence, LevelCell, LevelVerdict},
-    identity::{FittedTo, PairId},
+    identity::{FittedTo, PairId, hash_words, parse_hash},
     image::{MAX_SIDE, buffer, reserve},
     limits::{check_doffs, check_size},
     occlusion::cross_check,

@@ -4,6 +4,7 @@ use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TimedMessage, TopicScan};
 use super::steps::OffsetBins;
 use crate::stamp_rule::{StampReading, StampRule, StampUnit};
 use std::collections::BTreeMap;
+use svl_core::nanoseconds;
 use svl_core::statistics::nearest_rank;
 
 /// A stamp and a log time that differ by no more are equal: one of them went through a
@@ -82,8 +83,10 @@ pub(super) struct WrongUnit {
 /// An offset of clocks, nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ClockOffset {
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub median_ns: i64,
     /// From the fifth to the 95th percentile.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub spread_ns: i64,
     /// At least as far from 0, and in the same direction, are three fifths of the messages.
     #[serde(skip)]
