@@ -148,7 +148,7 @@ fn a_left_clock_and_a_truth_s_that_step_are_named_as_theirs() {
 }
 
 #[test]
-fn what_is_stuck_is_named_with_the_range_before_it() {
+fn a_stuck_part_is_named_with_the_range_before_it() {
     let (fixture, frames) = drive();
     for (topic, words) in [
         ("/cam0/image_raw", "the left images are the same"),
