@@ -82,7 +82,7 @@ const LINES: [(&str, usize); 16] = [
     ("score", 7632),
     ("sim", 3533),
     ("thesis", 3693),
-    ("train", 3527),
+    ("train", 3510),
     ("viewer", 1749),
 ];
 

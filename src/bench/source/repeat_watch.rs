@@ -119,19 +119,19 @@ mod tests {
     use super::*;
     use svl_core::stereo::{Geometry, Gray, StereoPair, Truth};
 
-    /// What is said of 20 pairs, whose parts are those of the pair with the number that `of` gives.
-    fn said(of: impl Fn(usize, u64) -> u64, limit: f32) -> String {
+    /// Words about 20 pairs, whose parts are those of the pair with the number that `chosen` gives.
+    fn said(chosen: impl Fn(usize, u64) -> u64, limit: f32) -> String {
         let mut watch = RepeatWatch::default();
         let mut said = Vec::new();
         for i in 0..20 {
             let image = |part, scale| {
-                let number = of(part, i) as usize;
+                let number = chosen(part, i) as usize;
                 Gray::from_fn(40, 30, |x, y| {
                     (scale * (x * 7 + y * 13 + 31 * number)) as u8
                 })
             };
             let pair = StereoPair::new(image(0, 1).unwrap(), image(1, 3).unwrap()).unwrap();
-            let number = of(2, i) as usize;
+            let number = chosen(2, i) as usize;
             let px = |x: usize, y: usize| ((x + y + number) as f32).max(limit);
             let truth = Plane::from_fn(40, 30, px).unwrap();
             let frame = Frame {

@@ -367,7 +367,10 @@ fn infinity_is_an_answer_of_depths_alone() {
             "{algo}"
         );
     }
-    fixture.run("score bag/bag.mcap --truth /far --algo sgm --rerun none -o truth -q");
+    let none = "nothing was compared: no cell has enough of the truth /far";
+    fixture
+        .svl("score bag/bag.mcap --truth /far --algo sgm --rerun none -o truth -q")
+        .failed(4, &[none]);
     let rows: Vec<CellRow> = read_rows(&fixture.path("truth/cells.csv")).unwrap();
     assert!(rows.iter().all(|row| row.verdict == Verdict::NoTruth));
 }

@@ -13,7 +13,7 @@ const EVERY: usize = 8;
 const MAX_MEASURED: usize = 25;
 
 /// True if the pairs logged from `from_ns` on are aligned by their stamps, and not with the right
-/// ones shifted by `shift_ns`; false for the reverse; `None` if the pixels tell neither, as those of
+/// ones shifted by `shift_ns`; false for the reverse; `None` if the pixels tell neither, as of
 /// cameras that stand.
 pub(super) fn are_late(
     recording: &Recording,
