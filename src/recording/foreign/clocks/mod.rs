@@ -49,23 +49,25 @@ impl ClockTable {
             return Ok(None);
         };
         let scan = ClockScan::read(recording, &images, selection.to_ns)?;
-        let are_late = |rules: &_, shift_ns, from_ns| {
-            pixels::are_late(recording, selection, rules, (shift_ns, from_ns))
-        };
-        Ok(Some(Self::checked(&scan, &channels, selection, &are_late)))
+        Ok(Some(Self::proved(
+            &scan,
+            &channels,
+            selection,
+            Some(recording),
+        )))
     }
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
-        Self::checked(scan, channels, selection, &|_, _, _| None)
+        Self::proved(scan, channels, selection, None)
     }
 
-    /// The same. `are_late`: see [`pixels::are_late`].
-    fn checked(
+    /// The same, with the pixels of a recording where stamps and log times leave a doubt.
+    fn proved(
         scan: &ClockScan,
         channels: &[&Channel],
         selection: &Selection,
-        are_late: &dyn Fn(&BTreeMap<String, StampRule>, i64, u64) -> Option<bool>,
+        recording: Option<&Recording>,
     ) -> Self {
         let images = scan.images.each_ref().map(String::as_str);
         // A wrong name of one is told as the pairs are opened.
@@ -88,7 +90,9 @@ impl ClockTable {
             }
         }
         let clocks = scan.measured(&rules, info.as_deref());
-        let are_late = |shift_ns, from_ns| are_late(&rules, shift_ns, from_ns);
+        let are_late = |shift_ns, from_ns| {
+            pixels::are_late(recording?, selection, &rules, (shift_ns, from_ns))
+        };
         let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection, &are_late);
         let mut faults = check.faults();
         let watch = check.watch();
