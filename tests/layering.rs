@@ -69,8 +69,8 @@ const PACKAGES: [Package; 15] = [
             ],
             &["picture"],
             &["image"],
-            &["disparity"],
-            &["depth"],
+            &["map"],
+            &["depth", "disparity"],
         ],
     },
     Package {

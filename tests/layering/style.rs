@@ -77,7 +77,7 @@ const LINES: [(&str, usize); 16] = [
     ("grab", 5079),
     ("live", 419),
     ("python", 323),
-    ("recording", 13762),
+    ("recording", 13766),
     ("report", 11637),
     ("score", 7738),
     ("sim", 3533),

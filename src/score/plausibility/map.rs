@@ -98,7 +98,8 @@ mod tests {
         assert!(doubt_of_right.contains("right view"), "{doubt_of_right}");
         assert_eq!(doubt(&|d| d + 0.4), None);
         assert_eq!(doubt(&|_| 20.0), None, "a constant is only wrong");
-        let noise = |x: usize, y: usize| at(x, y) * if (x + y) % 3 == 0 { 2.0 } else { 1.0 };
+        let noise =
+            |x: usize, y: usize| at(x, y) * if (x + y).is_multiple_of(3) { 2.0 } else { 1.0 };
         let noisy = Plane::from_fn(size.0, size.1, noise).unwrap();
         assert_eq!(map_doubt(&noisy, &truth), None);
     }
