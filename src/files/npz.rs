@@ -98,7 +98,7 @@ enum NpyNumber {
 
 impl NpyNumber {
     /// The number with NumPy's code behind that of the byte order.
-    fn of(code: &str) -> Option<Self> {
+    fn from_code(code: &str) -> Option<Self> {
         Some(match code {
             "u2" => Self::Uint16,
             "i2" => Self::Int16,
@@ -179,7 +179,7 @@ impl NpyHeader {
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
         let (order, code) = kind.split_at_checked(1).unwrap_or_default();
-        let number = NpyNumber::of(code).filter(|_| matches!(order, "<" | ">"));
+        let number = NpyNumber::from_code(code).filter(|_| matches!(order, "<" | ">"));
         let number = number.ok_or_else(|| {
             format!("its values are '{kind}', expected floats or 16-bit integers")
         })?;
