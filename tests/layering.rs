@@ -26,6 +26,7 @@ const PACKAGES: [Package; 15] = [
                 "error",
                 "inputs",
                 "interrupt",
+                "nanoseconds",
                 "timing",
                 "words",
                 "statistics",

@@ -29,4 +29,4 @@ pub mod statistics;
 #[doc(hidden)]
 pub use error::{alternatives, did_you_mean, nearest};
 #[doc(hidden)]
-pub use words::{counted, joined, printable, printable_line};
+pub use words::{counted, joined, listed, printable, printable_line};

@@ -14,9 +14,9 @@ const KITTI_SCALE: f32 = 256.0;
 /// Multiples of the disparity that integers are.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MapScale {
-    /// Of images of 16 bits [default: KITTI's 256], and of NumPy's integers.
+    /// Multiple in images of 16 bits [default: KITTI's 256], and in NumPy's integers.
     pub of_16_bits: Option<f32>,
-    /// Of images of 8 bits.
+    /// Multiple in images of 8 bits.
     pub of_8_bits: Option<f32>,
 }
 
@@ -65,12 +65,6 @@ fn steps(stored: &StoredMap, scale: f32, has_zeros: bool) -> Plane<f32> {
             value / scale
         }
     })
-}
-
-/// True if a file has this extension, in lower or upper case.
-pub fn has_ending(path: &Path, ending: &str) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 const NO_SCALE: &str = "has integers, a multiple of the disparity that is not known: give it with \

@@ -19,7 +19,7 @@ pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&archived(path)?.0))
 }
 
-/// The values of the only array of an archive, rows x columns of [`Number`]s in either byte and
+/// The values of the only array of an archive, rows x columns of [`NpyNumber`]s in either byte and
 /// memory order, and true if they are integers.
 pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
     parse(read_bounded(path, MAX_BYTES)?)
@@ -87,7 +87,7 @@ fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String>
 
 /// A number of an array.
 #[derive(Clone, Copy)]
-enum Number {
+enum NpyNumber {
     Uint16,
     /// OpenCV's matchers write these.
     Int16,
@@ -96,7 +96,7 @@ enum Number {
     Float64,
 }
 
-impl Number {
+impl NpyNumber {
     /// The number with NumPy's code behind that of the byte order.
     fn of(code: &str) -> Option<Self> {
         Some(match code {
@@ -139,7 +139,7 @@ impl Number {
 /// The header of an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy
 /// Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
 struct NpyHeader {
-    number: Number,
+    number: NpyNumber,
     big_endian: bool,
     fortran: bool,
     width: usize,
@@ -179,7 +179,7 @@ impl NpyHeader {
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
         let (order, code) = kind.split_at_checked(1).unwrap_or_default();
-        let number = Number::of(code).filter(|_| matches!(order, "<" | ">"));
+        let number = NpyNumber::of(code).filter(|_| matches!(order, "<" | ">"));
         let number = number.ok_or_else(|| {
             format!("its values are '{kind}', expected floats or 16-bit integers")
         })?;

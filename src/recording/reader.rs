@@ -175,6 +175,7 @@ impl Reader {
         SensorTopic::open(
             &self.recording,
             &self.topics,
+            self.source.left_calibration(),
             self.source.stamps(),
             selection,
         )

@@ -16,6 +16,7 @@ use super::sync::StereoSync;
 use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, StampOrigin, topic};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 use svl_core::Result;
 use svl_core::nanoseconds;
 use svl_core::statistics::upper_rank;
@@ -466,7 +467,8 @@ impl SummaryScan {
             let stamps = left.images.iter().map(|image| image.stamp_ns);
             let frame = left.frame.as_deref().unwrap_or_default();
             // Damage is reported with the pairs.
-            let poses = pose_summary(recording, &channels, frame, stamps);
+            let recording = recording.restamped(Arc::clone(&self.rules));
+            let poses = pose_summary(&recording, &channels, frame, stamps);
             self.found.poses = poses.ok().flatten();
         } else {
             let stamps = self.synced.iter().map(|image| image.stamp_ns);

@@ -1,4 +1,4 @@
-//! Monitors a source's pairs for vertical misalignment, and for left and right being exchanged.
+//! Monitors a source's pairs for vertical misalignment, and for images that are no pair.
 
 use super::{Source, wraps};
 use svl_core::Result;
@@ -7,7 +7,7 @@ use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{Frame, StereoPair};
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
-/// if left and right are exchanged.
+/// if their images are turned, exchanged or of one camera.
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
@@ -25,8 +25,6 @@ pub struct AlignmentMonitor<'a> {
 /// Odd, as faults of every second pair are measured, too.
 const EVERY: u64 = 7;
 const MAX_MEASURED: u64 = 5;
-/// Fraction of points with a negative disparity above which left and right count as exchanged.
-const MAX_NEGATIVE: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>) -> Self {
@@ -60,7 +58,7 @@ impl<'a> AlignmentMonitor<'a> {
             None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
         self.is_calibrated |= frame.is_some_and(|frame| frame.rig().is_some());
-        if last && let Some(doubt) = exchange_doubt(&self.meter, self.is_calibrated) {
+        if last && let Some(doubt) = self.meter.doubt(self.is_calibrated) {
             tracing::warn!("{}: {doubt}", self.source.name());
         }
         // That their rectification misaligns them is said.
@@ -113,25 +111,6 @@ impl<'a> AlignmentMonitor<'a> {
             self.period_ns as f64 / 1e6
         ))
     }
-}
-
-/// Left and right images that look exchanged, in words. `is_calibrated`: their calibrations, which
-/// follow the names of their topics, are not.
-pub(super) fn exchange_doubt(meter: &AlignmentMeter, is_calibrated: bool) -> Option<String> {
-    let share = meter
-        .beyond_infinity()
-        .filter(|share| *share > MAX_NEGATIVE)?;
-    let calibrations = if is_calibrated {
-        ", and as the calibrations are not exchanged, --calib FILE gives theirs"
-    } else {
-        ""
-    };
-    Some(format!(
-        "left and right look exchanged: {:.0} % of {} points are farther right in the right image; \
-         --left and --right name them the other way round{calibrations}",
-        100.0 * share,
-        meter.matches().len()
-    ))
 }
 
 /// The cure for vertical misalignment of the pairs that a source gives.

@@ -27,6 +27,7 @@ mod reason;
 mod rig;
 mod row;
 
+pub(crate) use calibration::check_upright;
 pub use calibration::{Rectification, StereoCalibration};
 pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};

@@ -270,7 +270,8 @@ impl Calibration {
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.
         let is_zero = |calibration: &&Self| match calibration.p[..] {
-            [focal, _, _, offset, ..] => offset.abs() <= ROUNDING * focal.max(1.0),
+            // A P of zeros is that of a camera without a calibration.
+            [focal, _, _, offset, ..] => focal > 0.0 && offset.abs() <= ROUNDING * focal.max(1.0),
             _ => false,
         };
         [self, right].iter().all(is_zero)

@@ -13,15 +13,15 @@ use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
 pub const SCALE_FRAMES: u64 = 20;
 const PIXELS: f64 = 2000.0;
 /// Disparities below this say little about a factor, pixels.
-const MIN_PX: f64 = 4.0;
+pub(super) const MIN_PX: f64 = 4.0;
 /// An algorithm with fewer pixels is not asked.
-const MIN_PIXELS: usize = 200;
+pub(super) const MIN_PIXELS: usize = 200;
 /// A factor is constant if it is that of half of the pixels, within this fraction.
 const CONSTANT: f64 = 0.1;
 /// Median error of a truth as depths from which on it may have distances along the rays.
 const MIN_RAY_ERROR: f64 = 0.02;
 /// Factors up to this are errors of algorithms.
-const MIN_FACTOR: f64 = 1.5;
+pub(super) const MIN_FACTOR: f64 = 1.5;
 
 /// Compares the truth of a run's first frames with the estimates of its algorithms.
 #[derive(Default)]
@@ -230,7 +230,7 @@ impl Ratios {
         let maps = frame.maps.iter().map(|map| &map.disparity);
         let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
-        let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
+        let step = sampling_step((width, height));
         for y in (step / 2..height).step_by(step) {
             for x in (step / 2..width).step_by(step) {
                 let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
@@ -269,8 +269,13 @@ impl Ratios {
     }
 }
 
+/// The step between the pixels of an image that are compared.
+pub(super) fn sampling_step((width, height): (usize, usize)) -> usize {
+    ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize
+}
+
 /// The median, if half of the values are near it.
-fn constant(values: &[f64]) -> Option<f64> {
+pub(super) fn constant(values: &[f64]) -> Option<f64> {
     let median = upper_median(values.iter().copied())?;
     let near = values
         .iter()

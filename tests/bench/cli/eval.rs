@@ -262,6 +262,17 @@ fn maps_say_what_they_are() {
         eval pointer.png truth.pfm --protocol eth3d => 1: `git lfs pull`
     ";
     fixture.fails(wrong);
+    let scaled = |factor: f32| {
+        let row: Vec<_> = (0..1000).map(|x| factor * (8 + x / 100) as f32).collect();
+        write_map(&fixture, &format!("{factor}.pfm"), &[&row]);
+    };
+    scaled(1.0);
+    scaled(16.0);
+    let ran = fixture.svl("eval 16.pfm 1.pfm --protocol eth3d");
+    assert_says(
+        &ran.stderr,
+        &["16.pfm: its disparities are 16 times those of the truth"],
+    );
     // 16-bit images of 100 times the disparity, against themselves.
     let steps = [4000u16, 0, 8250].map(u16::to_be_bytes).concat();
     fixture.write("d.pgm", [b"P5\n3 1\n65535\n".to_vec(), steps].concat());
@@ -347,7 +358,7 @@ fn files_of_other_programs_have_the_same_values() {
     let Some(names) = python(
         "maps.py",
         "cv2, numpy, PIL",
-        &[&fixture.path("").display().to_string()],
+        [&fixture.path("").display().to_string()],
     ) else {
         return;
     };

@@ -21,6 +21,7 @@ mod hints;
 mod kill;
 mod live_topics;
 mod moving;
+mod names;
 mod poses;
 mod printed;
 mod realsense;

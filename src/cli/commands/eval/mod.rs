@@ -8,6 +8,7 @@ use files::ImageFiles;
 use std::path::PathBuf;
 use svl::files::{self as on_disk, MapScale};
 use svl::outputs::Outputs;
+use svl::plausibility::map_doubt;
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
@@ -125,6 +126,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut scores: Vec<Vec<(f64, Score)>> = vec![Vec::new(); columns];
     for files in &images {
         let loaded = Loaded::read(files, args)?;
+        if let Some(doubt) = map_doubt(&loaded.estimate, &loaded.truth) {
+            tracing::warn!("{}: {doubt}", files.disparity.display());
+        }
         for (column, scores) in scores.iter_mut().enumerate() {
             let score = args.protocol.score(&loaded.image(column));
             scores.push((files.weight, score.map_err(|e| files.explain(&e))?));

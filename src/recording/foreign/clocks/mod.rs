@@ -9,11 +9,12 @@ mod pixels;
 mod scan;
 mod steps;
 
+use super::transforms::Transforms;
 use super::{Selection, choose, topics};
 use crate::Recording;
 use crate::messages::{Channel, warn_once};
 use crate::restamped::StampRules;
-use crate::stamp_rule::StampRule;
+use crate::stamp_rule::{StampReading, StampRule};
 pub use faults::ClockFault;
 use faults::{ClockCheck, copies, wrong_option};
 pub use measure::{ClockOffset, TopicClock};
@@ -69,7 +70,9 @@ impl ClockTable {
         recording: Option<&Recording>,
     ) -> Self {
         let images = scan.images.each_ref().map(String::as_str);
-        let [_, info] = topics::calibrations(channels, images);
+        // A wrong name of one is told as the pairs are opened.
+        let infos = topics::calibrations(channels, images, selection);
+        let [_, info] = infos.unwrap_or_default();
         let right = [Some(images[Side::Right as usize].to_owned()), info.clone()];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
@@ -96,6 +99,9 @@ impl ClockTable {
         faults.extend(copies(scan));
         if selection.stamps.is_some() {
             faults.extend(wrong_option(scan, &clocks, &rules));
+        }
+        for topic in Transforms::other_robots(channels, images) {
+            rules.entry(topic).or_default().reading = StampReading::Unread;
         }
         Self {
             topics: clocks,

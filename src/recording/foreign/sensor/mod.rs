@@ -148,7 +148,8 @@ fn is_named_depth(topic: &str) -> bool {
 
 impl SensorTopic {
     /// Finds the topic, the left camera, the transform between the two, and the measurement of each
-    /// pair. `topics`: those of the left and the right images.
+    /// pair. `topics`: those of the left and the right images; `info`: that of the left camera's
+    /// calibrations.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
@@ -157,6 +158,7 @@ impl SensorTopic {
     pub(crate) fn open(
         recording: &Recording,
         topics: &[String; 2],
+        info: Option<String>,
         pairs: PairStamps,
         selection: &SensorSelection,
     ) -> Result<Self> {
@@ -178,8 +180,8 @@ impl SensorTopic {
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
-        let images = topics.each_ref().map(String::as_str);
-        let setup = SensorSetup::find(recording, &channels, images, topic, kind)?;
+        let left = (topics[0].as_str(), info);
+        let setup = SensorSetup::find(recording, &channels, left, topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();

@@ -104,18 +104,18 @@ fn rays(
 }
 
 impl SensorSetup {
-    /// Reads until all is found; transforms are at the start of most recordings.
+    /// Reads until all is found; transforms are at the start of most recordings. `left`: the topics
+    /// of the left images and of their calibrations.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`]. Inner: the missing part.
     pub(super) fn find(
         recording: &Recording,
         channels: &[&Channel],
-        images: [&str; 2],
+        (left, left_info): (&str, Option<String>),
         topic: &str,
         kind: &MeasuredKind,
     ) -> Result<std::result::Result<Self, String>> {
-        let [left_info, _] = topics::calibrations(channels, images);
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
@@ -123,7 +123,7 @@ impl SensorSetup {
         let mut units = names.filter(|unit| realsense::is_unit_topic(unit, topic));
         let unit = units.next().cloned();
         let wanted = SoughtTopics {
-            left: images[0],
+            left,
             topic,
             kind,
             infos: [left_info, own_info],

@@ -38,8 +38,8 @@ pub(super) fn v2(image: &ProtocolImage) -> Result<Numbers> {
     ))
 }
 
-/// The training scenes of version 3. Five of them count half in the averages of its tables (web page
-/// "New features", 2015).
+/// The training scenes of version 3. Five of them count half in the averages of its tables (web
+/// page "New features", 2015).
 pub(super) const TRAINING: &[(&str, f64)] = &[
     ("Adirondack", 1.0),
     ("ArtL", 1.0),

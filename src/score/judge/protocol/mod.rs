@@ -79,8 +79,8 @@ impl Protocol {
         }
     }
 
-    /// The scenes of the benchmark with known truth, and their weights in its averages; empty if all
-    /// images have the same.
+    /// The scenes of the benchmark with known truth, and their weights in its averages; empty if
+    /// all images have the same.
     pub fn scenes(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Middeval3 => middlebury::TRAINING,
