@@ -341,15 +341,6 @@ impl PairReader {
         }
     }
 
-    /// The same without warnings of stamps.
-    fn without_warnings(self) -> Self {
-        Self {
-            warned_of_stamps: true,
-            warned_of_order: true,
-            ..self
-        }
-    }
-
     /// Warns once of a step of a camera's clock.
     fn watch_step(&mut self, side: Side, log_time: u64, stamp_ns: u64) {
         let watch = self.watch.as_mut();

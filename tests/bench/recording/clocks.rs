@@ -309,9 +309,10 @@ fn a_truth_of_another_clock_is_named_with_its_offset() {
         let mut clocks = clocks.as_array().unwrap().iter();
         clocks.find(|clock| clock["topic"] == topic).unwrap()
     };
-    assert_eq!(clock("/depth")["behind"]["median_ns"], 1_000_000_000);
-    assert_eq!(clock("/cam1/image_rect")["behind"]["median_ns"], 0);
-    assert_eq!(clock("/cam0/image_rect")["offset"]["median_ns"], LATENCY_NS);
+    assert_eq!(clock("/depth")["behind"]["median_ns"], "1000000000");
+    assert_eq!(clock("/cam1/image_rect")["behind"]["median_ns"], "0");
+    let latency = LATENCY_NS.to_string();
+    assert_eq!(clock("/cam0/image_rect")["offset"]["median_ns"], latency);
 }
 
 #[test]

@@ -203,12 +203,15 @@ fn copies_of_one_camera_or_by_turns_have_a_cure_of_their_own() {
         );
         fixture.svl(REPLAY).stderr
     };
-    let by_turns = write(|i| i / 2 * 2, |i| i.div_ceil(2).max(1) * 2 - 1);
+    let by_turns = write(|i| i / 2 * 2, |i| (i.div_ceil(2) * 2).saturating_sub(1));
     assert_says(&by_turns, &["those of the two cameras alternate"]);
     type Order = fn(usize) -> usize;
     let cases: [(Order, &str); 2] = [
         (|i| i / 2 * 2, "`--every 2`"),
-        (|i| i.div_ceil(2).max(1) * 2 - 1, "`--from 0.099 --every 2`"),
+        (
+            |i| (i.div_ceil(2) * 2).saturating_sub(1),
+            "`--from 0.099 --every 2`",
+        ),
     ];
     for (order, cure) in cases {
         assert_says(&write(|i| i, order), &["comes twice", cure]);

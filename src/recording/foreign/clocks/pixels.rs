@@ -46,7 +46,8 @@ fn measure(
         .filter(|channel| images.contains(&channel.topic));
     let cameras: Vec<_> = cameras.collect();
     let pairs = PairReader::new(String::new(), &cameras, selection, false);
-    let mut pairs = pairs.map_err(Error::other)?.without_warnings();
+    let mut pairs = pairs.map_err(Error::other)?;
+    (pairs.warned_of_stamps, pairs.warned_of_order) = (true, true);
     let (mut meter, mut taken) = (AlignmentMeter::new(), 0);
     for file in recording.files() {
         let mut messages = file.messages()?;
