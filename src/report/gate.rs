@@ -4,7 +4,7 @@ use super::junit::{TestCase, TestResult};
 use super::prior::PRIOR;
 use super::results::{AlgorithmSummary, Results};
 use serde::Serialize;
-use svl_score::judge::{Metric, MetricUnit};
+use svl_score::judge::{Cases, Measured, Metric, MetricUnit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
 use svl_score::scenario::Limit;
 
@@ -45,8 +45,8 @@ pub struct GateResult {
     /// Value of the metric; absent if the run does not measure it.
     pub value: Option<f64>,
     pub state: GateState,
-    /// Pairs and cells that the value rests on, of metrics against a ground truth.
-    pub scored: Option<(u64, u64)>,
+    /// The cases that the value rests on.
+    pub cases: Option<Cases>,
     /// Caveat of the value, where its truth is not exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
@@ -62,17 +62,19 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
     let result = |algorithm: &AlgorithmRecord| {
         let label = &algorithm.label;
         let is_of_prior = limit.relative_to.as_deref() == Some(PRIOR);
-        let value_of = |label: &str| summary.value_in(label, limit.metric, limit.checkpoint, area);
-        let value = match unit {
-            _ if is_of_prior => {
-                let both = value_of(label).zip(value_of(PRIOR));
-                both.map(|(own, prior)| own - prior)
-            }
-            None => value_of(label),
-            Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
-        };
-        let keeps =
-            |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
+        let own = |label: &str| summary.measurement(label, limit.metric, limit.checkpoint, area);
+        let measured = own(label);
+        let cases = measured.map_or_else(Cases::none, |own| own.cases);
+        let is_measured = |own: &Measured| limit.metric.is_measured(&own.cases, limit.minimum());
+        let value = measured
+            .filter(is_measured)
+            .and_then(|measured| match unit {
+                _ if is_of_prior => Some(measured.value - limit.metric.value_of(own(PRIOR)?)?),
+                None => Some(measured.value),
+                Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
+            });
+        let [min, max] = limit.bounds();
+        let keeps = |v: f64| min.is_none_or(|min| v >= min) && max.is_none_or(|max| v <= max);
         let state = match value {
             // The reference of the ratio is named but not in this run.
             _ if matches!(unit, Some(None)) && !is_of_prior => GateState::Skipped,
@@ -80,12 +82,11 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
             Some(value) if keeps(value) => GateState::Pass,
             Some(_) => GateState::Fail,
         };
-        let own = summary_row(summary, algorithm).filter(|_| limit.metric.against_truth);
         GateResult {
             algorithm: Some(label.clone()),
             value,
             state,
-            scored: own.and_then(|row| row.scored_for(limit.metric, area)),
+            cases: Some(cases),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
             ..GateResult::skipped(limit)
         }
@@ -142,7 +143,7 @@ impl GateResult {
             algorithm: None,
             value: None,
             state: GateState::Skipped,
-            scored: None,
+            cases: None,
             caution: None,
         }
     }
@@ -167,7 +168,7 @@ impl GateResult {
 
     /// The same with the kind of its bounds, without their values.
     fn limited(&self) -> String {
-        let (min, max) = (self.limit.min, self.limit.max);
+        let [min, max] = self.limit.bounds();
         let bounds = [min.map(|_| "at least"), max.map(|_| "at most")];
         let bounds: Vec<_> = bounds.into_iter().flatten().collect();
         format!("{}, {} the limit", self.subject(), bounds.join(" and "))
@@ -190,36 +191,33 @@ impl GateResult {
 impl std::fmt::Display for GateResult {
     /// One line: algorithm, metric, value and limits.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Limit {
-            metric,
-            min,
-            max,
-            line,
-            ..
-        } = &self.limit;
+        let Limit { metric, line, .. } = &self.limit;
+        let [min, max] = self.limit.bounds();
         f.write_str(&self.subject())?;
+        let of = self.cases.map(|cases| metric.cases_words(&cases));
         match (self.state, self.value) {
             (GateState::Skipped, _) => {
                 f.write_str(" has no result, as an algorithm is not in the run")?;
             }
             (_, None) => {
                 f.write_str(" is not measured in this run")?;
-                if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
-                    write!(f, ": {cells} cells")?;
-                    if metric.by_area {
-                        write!(f, " of area {}", self.limit.area.unwrap_or_default())?;
-                    }
-                    f.write_str(" have a truth")?;
+                let minimum = metric.minimum_words(self.limit.minimum());
+                if let Some(of) = of {
+                    write!(f, ": it rests on {of}, and needs {minimum}")?;
                 }
             }
             (_, Some(value)) => {
                 // A value that rounds to the bound would look like a pass.
-                let hidden = [min, max].into_iter().flatten().any(|b| {
-                    *b != value && metric.show_relative(*b) == metric.show_relative(value)
-                });
+                let hidden = [min, max]
+                    .into_iter()
+                    .flatten()
+                    .any(|b| b != value && metric.show_relative(b) == metric.show_relative(value));
                 match (hidden, metric.unit == MetricUnit::Share) {
                     (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
                     _ => write!(f, " {}", metric.show_relative(value))?,
+                }
+                if let Some(of) = of {
+                    write!(f, " over {of}")?;
                 }
             }
         }

@@ -5,7 +5,7 @@ use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
-use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
+use svl_score::judge::{Better, Cases, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
 
 /// Limit of the courses in a line and in a table.
@@ -87,6 +87,7 @@ impl Change {
             other,
             difference: other - base,
             interval: None,
+            cases: Some([Cases::items(courses.len() as u64); 2]),
             judgement: if are_alike {
                 Judgement::Equal
             } else {

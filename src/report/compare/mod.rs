@@ -9,7 +9,7 @@ mod scored_run;
 mod text;
 
 use super::accuracy::{PairErrors, RangeErrors};
-use super::rows::Row;
+use super::rows::{MetricTotals, Row};
 use super::samples::{resamples, sample_in};
 use courses::CourseChanges;
 pub use frames::FindLeft;
@@ -24,7 +24,7 @@ use svl_core::Result;
 use svl_core::counted;
 use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
 use svl_score::judge::{
-    AreaChoice, Better, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
 };
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
@@ -104,6 +104,9 @@ pub struct AlgorithmChange {
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
     pub metrics: Vec<Change>,
+    /// Metrics that one of the reports does not measure, or neither.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_measured: Vec<NotMeasured>,
     /// The metrics of the other areas, by the names of the areas.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub areas: BTreeMap<&'static str, Vec<Change>>,
@@ -129,7 +132,17 @@ pub struct Change {
     pub difference: f64,
     /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
     pub interval: Option<Interval>,
+    /// The cases that the two numbers rest on.
+    pub cases: Option<[Cases; 2]>,
     pub judgement: Judgement,
+}
+
+/// A metric with too few cases in a report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotMeasured {
+    pub metric: &'static Metric,
+    /// The cases in the two reports; `None` without a value.
+    pub cases: [Option<Cases>; 2],
 }
 
 /// The checkpoint of a change.
@@ -285,31 +298,60 @@ fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<St
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
     let area = base.first().map(|row| row.metrics.area());
     let resamples = resamples(base);
-    changes_over([base, other], None, area.unwrap_or_default(), &resamples)
+    Changes::over([base, other], None, area.unwrap_or_default(), &resamples).measured
 }
 
-/// The changes of the metrics in an area; none of metrics that no pair has. `errors`: those of
-/// distances in the pairs of both, if both have cells.
-fn changes_over(
-    rows: [&[&Row]; 2],
-    errors: Option<&[Vec<PairErrors>; 2]>,
-    area: AreaChoice,
-    resamples: &Resamples,
-) -> Vec<Change> {
-    let change = |metric: &'static Metric| {
-        let samples = match metric.origin {
-            MetricOrigin::Cells { number, .. } => {
-                let sample = |pairs: &Vec<PairErrors>| RangeErrors::sample(number, pairs, area);
-                errors?.each_ref().map(|pairs| Some(sample(pairs)))
+/// The changes of the metrics in an area, and the metrics that one of the two does not measure.
+#[derive(Default)]
+struct Changes {
+    measured: Vec<Change>,
+    not_measured: Vec<NotMeasured>,
+}
+
+impl Changes {
+    /// `errors`: those of distances in the pairs of both, if both have cells.
+    fn over(
+        rows: [&[&Row]; 2],
+        errors: Option<&[Vec<PairErrors>; 2]>,
+        area: AreaChoice,
+        resamples: &Resamples,
+    ) -> Self {
+        let totals = rows.map(MetricTotals::new);
+        let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
+        let mut changes = Self::default();
+        for metric in METRICS {
+            let number = match metric.origin {
+                MetricOrigin::Cells { number, .. } => Some(number),
+                _ => None,
+            };
+            let measured = [0, 1].map(|side| match number {
+                Some(number) => accuracy.as_ref()?[side].measured(number),
+                None => totals[side].measured(metric, area),
+            });
+            let values = measured.map(|own| metric.value_of(own?));
+            let cases = measured.map(|own| own.map(|own| own.cases));
+            let ([Some(base), Some(other)], [Some(a), Some(b)]) = (values, cases) else {
+                if cases != [None; 2] {
+                    changes.not_measured.push(NotMeasured { metric, cases });
+                }
+                continue;
+            };
+            let samples = match number {
+                Some(number) => {
+                    let sample = |own: &Vec<_>| Some(RangeErrors::sample(number, own, area));
+                    errors.map_or([None, None], |both| both.each_ref().map(sample))
+                }
+                None => rows.map(|rows| sample_in(metric, rows, area)),
+            };
+            if let [Some(before), Some(after)] = &samples {
+                let change =
+                    Change::from_samples(metric, [base, other], [before, after], resamples);
+                let cases = Some([a, b]);
+                changes.measured.push(Change { cases, ..change });
             }
-            _ => rows.map(|rows| sample_in(metric, rows, area)),
-        };
-        let [Some(base), Some(other)] = samples else {
-            return None;
-        };
-        Change::from_samples(metric, [&base, &other], resamples)
-    };
-    METRICS.iter().filter_map(change).collect()
+        }
+        changes
+    }
 }
 
 impl AlgorithmChange {
@@ -343,14 +385,17 @@ impl AlgorithmChange {
         } else {
             None
         };
-        let changes = |area| changes_over([&a, &b], errors.as_ref(), area, &resamples);
-        let mut metrics = changes(base.area);
+        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples);
+        let Changes {
+            measured: mut metrics,
+            not_measured,
+        } = changes(base.area);
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
         let areas = AreaChoice::ALL.into_iter();
         let areas = areas.filter(|area| *area != base.area).map(|area| {
-            let mut own = changes(area);
+            let mut own = changes(area).measured;
             own.retain(|change| change.metric.by_area);
             (area.name(), own)
         });
@@ -362,6 +407,7 @@ impl AlgorithmChange {
             other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
             metrics,
+            not_measured,
             areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
             has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
@@ -404,6 +450,7 @@ fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<C
         let passed = Metric::find("passed")?;
         Some(Change {
             checkpoint: Some(CheckpointName { checkpoint, name }),
+            cases: Some([a, b].map(|(_, frames)| Cases::items(frames))),
             ..Change::new(passed, values, values[1] - values[0], interval)
         })
     };
@@ -434,19 +481,19 @@ impl Change {
 
     fn from_samples(
         metric: &'static Metric,
+        values: [f64; 2],
         [base, other]: [&Sample; 2],
         resamples: &Resamples,
-    ) -> Option<Self> {
+    ) -> Self {
         let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
             // Times scale with the machine, so their change is a factor.
             (MetricUnit::Ms, _) => |a, b| b / a,
             (_, Better::Zero) => |a, b| b.abs() - a.abs(),
             _ => |a, b| b - a,
         };
-        let values = [base.total()?, other.total()?];
         let interval = Sample::interval_between(base, other, difference, resamples);
         let change = difference(values[0], values[1]);
-        Some(Self::new(metric, values, change, interval))
+        Self::new(metric, values, change, interval)
     }
 
     fn new(
@@ -470,6 +517,7 @@ impl Change {
             other,
             difference,
             interval,
+            cases: None,
             judgement,
         }
     }

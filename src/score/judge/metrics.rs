@@ -4,6 +4,7 @@
 //! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
+use super::measured::{CaseKind, Minimum};
 use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
 use Better::{Less, More, Neither, Zero};
 use MetricUnit::{Count, M, Ms, Per100M, Px, Share};
@@ -111,6 +112,9 @@ pub struct Metric {
     /// True if it has a value for each area: it is of scored cells. Others are of all cells.
     pub by_area: bool,
     pub origin: MetricOrigin,
+    /// The cases that its value rests on, and the fewest of them.
+    pub cases: CaseKind,
+    pub minimum: Minimum,
     /// Path of its plot per frame in Rerun, below the algorithm.
     pub plot: Option<&'static str>,
     /// Term and meaning, on demand.
@@ -150,7 +154,7 @@ impl TruthLevel {
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
         // Only distances tell what is near, or nearer than the range.
-        if has("missed") || has("blind") {
+        if has("false") || has("blind") || has("close") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities
@@ -241,11 +245,9 @@ pub enum DriveNumber {
 pub enum MetricTotal {
     Mean,
     Sum,
-    /// The sum, divided by the sum of these metrics.
-    ShareOf(&'static [&'static str]),
+    /// The sum, divided by the number of its cases.
+    Share,
 }
-
-const SCORED_CELLS: &[&str] = &["right", "wrong", "unknown"];
 
 /// The value of a frame.
 type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
@@ -275,13 +277,9 @@ const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin 
     MetricOrigin::Cells { column, number }
 }
 
-/// A metric of frames whose sum is a part of the sums of others.
-const fn part(
-    whole: &'static [&'static str],
-    column: &'static str,
-    value: FrameValue,
-) -> MetricOrigin {
-    let total = MetricTotal::ShareOf(whole);
+/// A metric of frames whose sum is a part of its cases.
+const fn part(column: &'static str, value: FrameValue) -> MetricOrigin {
+    let total = MetricTotal::Share;
     MetricOrigin::Frame {
         column,
         value,
@@ -307,6 +305,8 @@ const fn metric(
         against_truth: true,
         by_area: false,
         origin: MetricOrigin::Time,
+        cases: CaseKind::Items("pair*"),
+        minimum: Minimum::ONE,
         plot: None,
         note: None,
         level: MetricLevel::Detail,
@@ -324,6 +324,15 @@ impl Metric {
 
     const fn origin(self, origin: MetricOrigin) -> Self {
         Self { origin, ..self }
+    }
+
+    const fn of(self, cases: CaseKind) -> Self {
+        Self { cases, ..self }
+    }
+
+    const fn at_least(self, cases: u64, share: Option<f64>) -> Self {
+        let minimum = Minimum { cases, share };
+        Self { minimum, ..self }
     }
 
     const fn by_area(self) -> Self {
@@ -369,6 +378,16 @@ impl Metric {
     }
 }
 
+const SCORED_CELLS: CaseKind = CaseKind::Sum(&["right", "wrong", "unknown"], "cell*");
+const NEAR: CaseKind = CaseKind::Sum(&["near"], "near obstacle*");
+const BEHIND_FILTERS: CaseKind =
+    CaseKind::Sum(&["kept", "lost"], "obstacle* right without filters");
+const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
+const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
+const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
+/// Fewest of the cells that errors and noise are of: those without a finite report are left out.
+const MOST: Option<f64> = Some(0.95);
+
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 
@@ -376,9 +395,10 @@ const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 pub const METRICS: &[Metric] = &[
     metric("right", "right cells", "cells, %", "right")
         .unit(Share, More)
-        .origin(part(SCORED_CELLS, "cells_right", |facts| {
+        .origin(part("cells_right", |facts| {
             facts.cells(|cells| cells.right)
         }))
+        .of(SCORED_CELLS)
         .by_area()
         .note_by_rule(|rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
@@ -391,17 +411,19 @@ pub const METRICS: &[Metric] = &[
         .headline(&[Distances]),
     metric("wrong", "wrong cells", "cells, %", "wrong")
         .unit(Share, Less)
-        .origin(part(SCORED_CELLS, "cells_wrong", |facts| {
+        .origin(part("cells_wrong", |facts| {
             facts.cells(|cells| cells.wrong)
         }))
+        .of(SCORED_CELLS)
         .by_area()
         .plotted_at("wrong_cells")
         .headline(&[Distances]),
     metric("unknown", "unknown cells", "cells, %", "unknown")
         .unit(Share, Neither)
-        .origin(part(SCORED_CELLS, "cells_unknown", |facts| {
+        .origin(part("cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
         }))
+        .of(SCORED_CELLS)
         .by_area()
         .headline(&[Distances]),
     metric("known", "known cells", "cells, %", "known")
@@ -424,9 +446,10 @@ pub const METRICS: &[Metric] = &[
         "right",
     )
     .unit(Share, More)
-    .origin(part(SCORED_CELLS, "cells_right_surface", |facts| {
+    .origin(part("cells_right_surface", |facts| {
         facts.cells(|cells| cells.right_surface)
     }))
+    .of(SCORED_CELLS)
     .by_area()
     .note(
         "by surface",
@@ -440,9 +463,10 @@ pub const METRICS: &[Metric] = &[
         "wrong",
     )
     .unit(Share, Less)
-    .origin(part(SCORED_CELLS, "cells_wrong_surface", |facts| {
+    .origin(part("cells_wrong_surface", |facts| {
         facts.cells(|cells| cells.wrong_surface)
     }))
+    .of(SCORED_CELLS)
     .by_area(),
     metric(
         "missed",
@@ -454,6 +478,7 @@ pub const METRICS: &[Metric] = &[
     .origin(sum("missed", |facts| {
         facts.near_obstacles(|cells| cells.missed)
     }))
+    .of(NEAR)
     .note_by_rule(|rule| {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let words = format!(
@@ -469,12 +494,14 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("false", |facts| {
             facts.near_obstacles(|cells| cells.falsely)
         }))
+        .of(SCORED_CELLS)
         .headline(&[Distances]),
     metric("found", "found near obstacles", "near obstacles", "found %")
         .unit(Share, More)
-        .origin(part(&["near"], "found", |facts| {
+        .origin(part("found_obstacles", |facts| {
             facts.near_obstacles(|cells| cells.found)
         }))
+        .of(NEAR)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -491,6 +518,7 @@ pub const METRICS: &[Metric] = &[
             let floor = facts.near_obstacles(|cells| cells.floor);
             floor.filter(|_| facts.knows_floor())
         }))
+        .of(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -506,6 +534,7 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("near", |facts| {
             facts.near_obstacles(|cells| cells.near)
         }))
+        .of(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -521,9 +550,10 @@ pub const METRICS: &[Metric] = &[
         "unknown, %",
     )
     .unit(Share, Less)
-    .origin(part(&["near"], "near_unknown", |facts| {
+    .origin(part("unknown_obstacles", |facts| {
         facts.near_obstacles(|cells| cells.near_unknown)
-    })),
+    }))
+    .of(NEAR),
     metric("coverage", "coverage", "pixels, %", "cover")
         .unit(Share, Neither)
         .origin(mean("coverage", |facts| {
@@ -618,12 +648,14 @@ pub const METRICS: &[Metric] = &[
         .unit(Count, More)
         .origin(sum("kept_obstacles", |facts| {
             facts.filtered(|cells| cells.kept)
-        })),
+        }))
+        .of(BEHIND_FILTERS),
     metric("lost", "obstacles lost to filters", "filters", "lost %")
         .unit(Share, Less)
-        .origin(part(&["kept", "lost"], "lost_obstacles", |facts| {
+        .origin(part("lost_obstacles", |facts| {
             facts.filtered(|cells| cells.lost)
         }))
+        .of(BEHIND_FILTERS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -639,9 +671,10 @@ pub const METRICS: &[Metric] = &[
         "close %",
     )
     .unit(Share, More)
-    .origin(part(&["close", "blind"], "close_cells", |facts| {
+    .origin(part("close_cells", |facts| {
         facts.filtered(|cells| cells.close)
     }))
+    .of(OUT_OF_RANGE)
     .note(
         "close, blind",
         "cells truly nearer than the range of disparities: reported as too close, \
@@ -656,7 +689,8 @@ pub const METRICS: &[Metric] = &[
     .unit(Count, Less)
     .origin(sum("blind_cells", |facts| {
         facts.filtered(|cells| cells.blind)
-    })),
+    }))
+    .of(OUT_OF_RANGE),
     metric(
         "alarms",
         "frames with a false alarm of too close",
@@ -678,6 +712,8 @@ pub const METRICS: &[Metric] = &[
     metric("bias", "bias of distances", "distance error", "bias m")
         .unit(M, Zero)
         .origin(error_number("bias_m", CellNumber::Bias))
+        .of(ERRORS)
+        .at_least(1, MOST)
         .by_area()
         .note(
             "distance error",
@@ -689,6 +725,8 @@ pub const METRICS: &[Metric] = &[
     metric("rmse", "RMSE of distances", "distance error", "RMSE m")
         .unit(M, Less)
         .origin(error_number("rmse_m", CellNumber::Rmse))
+        .of(ERRORS)
+        .at_least(1, MOST)
         .by_area(),
     metric(
         "median_error",
@@ -698,6 +736,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("median_error_m", CellNumber::MedianError))
+    .of(ERRORS)
+    .at_least(1, MOST)
     .by_area(),
     metric(
         "abs_rel",
@@ -707,6 +747,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Share, Less)
     .origin(error_number("abs_rel", CellNumber::AbsRel))
+    .of(ERRORS)
+    .at_least(1, MOST)
     .by_area(),
     metric(
         "error_cells",
@@ -716,6 +758,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Count, Neither)
     .origin(error_number("error_cells", CellNumber::ErrorCells))
+    .at_least(0, None)
     .by_area(),
     metric(
         "noise",
@@ -725,6 +768,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("noise_m", CellNumber::Noise))
+    .of(CHANGES)
+    .at_least(2, MOST)
     .by_area()
     .note(
         "over time",
@@ -735,10 +780,13 @@ pub const METRICS: &[Metric] = &[
     metric("flicker", "flickering cells", "over time", "flicker %")
         .unit(Share, Less)
         .origin(error_number("flicker", CellNumber::Flicker))
+        .of(CHANGES)
+        .at_least(2, None)
         .by_area(),
     metric("resting_cells", "cells at rest", "over time", "resting")
         .unit(Count, Neither)
         .origin(error_number("resting_cells", CellNumber::RestingCells))
+        .at_least(0, None)
         .by_area(),
     metric("scored_pairs", "scored pairs", "scored", "scored pairs")
         .unit(Count, Neither)
@@ -747,6 +795,7 @@ pub const METRICS: &[Metric] = &[
                 facts.scored()? > 0 || facts.has_scored_pixels(),
             )))
         }))
+        .at_least(0, None)
         .note(
             "scored",
             "pairs and cells with enough of a truth: all other numbers against truth \
@@ -756,10 +805,12 @@ pub const METRICS: &[Metric] = &[
         .unit(Count, Neither)
         .origin(sum("scored_cells", |facts| {
             facts.scored().map(|cells| cells as f64)
-        })),
+        }))
+        .at_least(0, None),
     metric("passed", "frames passed", "", "passed")
         .unit(Share, More)
         .origin(MetricOrigin::Checkpoints)
+        .of(CaseKind::Items("frame*"))
         .without_truth()
         .headline(SCORED),
     metric("time", "median time", "ms per pair", "p50")
@@ -770,6 +821,7 @@ pub const METRICS: &[Metric] = &[
     metric("finished", "courses finished", "", "finished")
         .unit(Share, More)
         .origin(MetricOrigin::Drives(DriveNumber::Finished))
+        .of(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "finished",
@@ -779,6 +831,7 @@ pub const METRICS: &[Metric] = &[
     metric("collisions", "collisions", "", "hits/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::Collisions))
+        .of(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "hits/100 m",
@@ -788,6 +841,7 @@ pub const METRICS: &[Metric] = &[
     metric("near_misses", "near misses", "", "near/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
+        .of(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "near/100 m",
@@ -797,6 +851,7 @@ pub const METRICS: &[Metric] = &[
     metric("driven", "metres driven", "", "driven m")
         .unit(M, Neither)
         .origin(MetricOrigin::Drives(DriveNumber::Driven))
+        .of(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "driven m",
@@ -889,7 +944,7 @@ impl Metric {
 
     /// True if its column contains whole numbers.
     pub fn counts(&self) -> bool {
-        let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
+        let share = |(_, total)| total == MetricTotal::Share;
         self.unit == Count || self.column().is_some_and(share)
     }
 
@@ -1050,10 +1105,16 @@ impl MetricValues {
         }
     }
 
-    /// The denominator of a metric that is a fraction of others, in an area.
+    /// The number of the cases of a metric that counts them, in an area; those of a metric of no
+    /// area are of all.
     pub fn whole_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
-        match metric.column()?.1 {
-            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get_in(part, area)).sum(),
+        let area = if metric.by_area {
+            area
+        } else {
+            AreaChoice::All
+        };
+        match metric.cases {
+            CaseKind::Sum(parts, _) => parts.iter().map(|part| self.get_in(part, area)).sum(),
             _ => None,
         }
     }
@@ -1067,7 +1128,7 @@ impl MetricValues {
     pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let value = self.get_in(metric.name, area)?;
         match metric.column() {
-            Some((_, MetricTotal::ShareOf(_))) => {
+            Some((_, MetricTotal::Share)) => {
                 let whole = self.whole_in(metric, area);
                 // A frame with only unknown truths has cells, but none that could be right.
                 Some(value / whole.filter(|whole| *whole > 0.0)?)
@@ -1117,10 +1178,14 @@ mod tests {
         assert_eq!(distinct.len(), columns.len());
         let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
         assert_eq!(names.len(), METRICS.len());
-        for (_, total) in columns {
-            if let MetricTotal::ShareOf(parts) = total {
+        for metric in METRICS {
+            if let CaseKind::Sum(parts, _) = metric.cases {
                 assert!(parts.iter().all(|part| Metric::find(part).is_some()));
             }
+            let is_share = |(_, total)| total == MetricTotal::Share;
+            assert!(
+                !metric.column().is_some_and(is_share) || matches!(metric.cases, CaseKind::Sum(..))
+            );
         }
     }
 
