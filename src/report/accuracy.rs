@@ -391,3 +391,30 @@ impl RangeErrors {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photographs_have_no_noise() {
+        let cell = CellRow {
+            algorithm: "v3".into(),
+            verdict: Verdict::Right,
+            distance_m: Some(1.0),
+            true_distance_m: Some(1.0),
+            state: Some(CellState::Known),
+            ..CellRow::default()
+        };
+        let resting = |stamps: [Option<u64>; 2]| {
+            let mut tally = AccuracyTally::new(CellRule::default());
+            for stamp_ns in stamps {
+                tally.add(stamp_ns, std::slice::from_ref(&cell));
+            }
+            let row = tally.into_rows(&["v3"]).remove(0);
+            (row.frames, row.resting_cells, row.noise_m, row.flicker)
+        };
+        assert_eq!(resting([Some(0), Some(9)]), (2, 1, Some(0.0), Some(0.0)));
+        assert_eq!(resting([None, None]), (0, 0, None, None));
+    }
+}

@@ -31,7 +31,7 @@ pub enum Certainty {
     /// The interval excludes 0.
     Clear,
     /// The interval contains 0.
-    NoDifference,
+    NotToldApart,
     /// Too few blocks of pairs, or too few courses, for an interval.
     TooFew,
     /// It failed on pairs, or its time is not believable.
@@ -46,7 +46,7 @@ impl Certainty {
     fn mark(self) -> &'static str {
         match self {
             Self::Clear => "",
-            Self::NoDifference => "=",
+            Self::NotToldApart => "=",
             Self::TooFew => "?",
             Self::NotComparable => "!",
         }

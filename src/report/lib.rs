@@ -42,6 +42,7 @@ mod sources;
 mod speed;
 mod stress;
 mod summary_tables;
+mod sweep_choice;
 mod sweeps;
 pub mod table;
 mod table_writer;

@@ -9,6 +9,7 @@ use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
+use super::sweep_choice::SweepChoice;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
@@ -45,6 +46,9 @@ pub struct Results {
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub best: Vec<Best>,
+    /// The settings of swept algorithms to use.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<SweepChoice>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the report, in their order.
@@ -418,6 +422,10 @@ impl Results {
         }
         results.test_prior(&tables.rows, &tables.prior);
         results.find_best(&tables.rows, &tables.drives);
+        let records = parts
+            .manifest
+            .map_or(&[][..], |manifest| &manifest.algorithms);
+        results.choose_settings(records, &tables.rows);
         Ok(results)
     }
 

@@ -267,6 +267,7 @@ impl Row {
 }
 
 record! {
+    #[derive(Default)]
     /// One cell of the obstacle grid in one pair through one algorithm.
     CellRow {
         /// Name of the scenario.

@@ -113,7 +113,7 @@ fn a_pull_request_is_gated_and_compared_with_its_base() {
     let scenario = |min: &str| format!("{SCENARIO}{GATE}{min}\n");
     // The base breaks its own limit, which does not matter.
     job.fixture.write(".svl-base/two.toml", scenario("1.0"));
-    job.fixture.write("two.toml", scenario("0.0"));
+    job.fixture.write("two.toml", scenario("0.01"));
     job.ends("score the base branch", 0);
     job.ends("score", 0);
     job.ends("summary", 0);

@@ -179,6 +179,20 @@ pub enum MetricUnit {
     Per100M,
 }
 
+impl MetricUnit {
+    /// The unit as columns show it; counts have none.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Share => Some("%"),
+            Count => None,
+            Px => Some("px"),
+            M => Some("m"),
+            Ms => Some("ms"),
+            Per100M => Some("1/100 m"),
+        }
+    }
+}
+
 /// Direction in which a metric improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
@@ -866,12 +880,11 @@ impl Metric {
         METRICS.iter().find(|metric| metric.name == name)
     }
 
-    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is
-    /// true.
+    /// The metric of that name, or of that heading in a table, `%` or not.
     ///
     /// # Errors
     /// One line with the nearest name, or those of the metrics that share the heading.
-    pub fn named(name: &str, fits: impl Fn(&Self) -> bool) -> Result<&'static Self, String> {
+    pub fn named(name: &str) -> Result<&'static Self, String> {
         let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
         let is_headed = |metric: &&Self| {
             let has = |head: &str| plain(head) == plain(name);
@@ -882,21 +895,17 @@ impl Metric {
             let names: Vec<_> = metrics.iter().map(|metric| metric.name).collect();
             names.join(", ")
         };
-        let all: Vec<_> = METRICS.iter().filter(|metric| fits(metric)).collect();
-        if let Some(found) = all.iter().find(|metric| metric.name == name) {
+        if let Some(found) = Self::find(name) {
             return Ok(found);
         }
         // `unknown, %` is a heading of its own, and `unknown` the name of another metric.
-        let mut exact = all.iter().filter(|metric| metric.head == name);
+        let mut exact = METRICS.iter().filter(|metric| metric.head == name);
         if let (Some(found), None) = (exact.next(), exact.next()) {
             return Ok(found);
         }
-        let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
+        let headed: Vec<_> = METRICS.iter().filter(is_headed).collect();
         match headed[..] {
             [found] => Ok(found),
-            [] if Self::find(name).is_some() => Err(format!(
-                "'{name}' is not measured per pair; name a metric that is"
-            )),
             [] => Err(Self::unknown(name)),
             _ => Err(format!(
                 "'{name}' heads several columns; which of {}?",
@@ -1191,7 +1200,7 @@ mod tests {
 
     #[test]
     fn every_heading_names_its_metric() {
-        let named = |text: &str| Metric::named(text, |_| true);
+        let named = Metric::named;
         for metric in METRICS {
             assert_eq!(named(metric.name), Ok(metric));
             let alike = METRICS.iter().filter(|other| other.head == metric.head);
@@ -1222,11 +1231,6 @@ mod tests {
         let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` \
                        lists them";
         assert_eq!(named("rigth"), Err(unknown.to_owned()));
-        let unfit = Metric::named("collisions", Metric::is_of_frames);
-        assert!(unfit.unwrap_err().contains("is not measured per pair"));
-        // Without the one of that name, the heading is that of two.
-        let others = Metric::named("right", |metric| metric.name != "right");
-        assert_eq!(others.map(|metric| metric.name), Ok("right_surface"));
     }
 
     #[test]
