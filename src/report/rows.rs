@@ -754,11 +754,13 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
     };
     let note = metric.note.map(|note| note.text(CellRule::default()));
     let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
-    let parts = [
-        Some(format!("{}.", capitalized(metric.words))),
-        meaning,
-        Some(total.to_owned()),
-    ];
+    // The column of a share is its numerator.
+    let words = if metric.counts() {
+        format!("Number of {}.", metric.words)
+    } else {
+        format!("{}.", capitalized(metric.words))
+    };
+    let parts = [Some(words), meaning, Some(total.to_owned())];
     let unit = match metric.unit {
         MetricUnit::Px => Some("px"),
         MetricUnit::M => Some("m"),

@@ -144,6 +144,31 @@ fn a_pull_request_is_gated_and_compared_with_its_base() {
 }
 
 #[test]
+fn a_parameter_that_a_pull_request_changes_is_compared() {
+    let job = Job::new(&[
+        ("scenario", "two.toml"),
+        ("prepare", "svl -q record --frames 60 -o run.mcap --force"),
+        ("arguments", "--rerun none"),
+    ]);
+    let scenario = |v3: &str| {
+        let gate = format!("{GATE}0.01\n");
+        SCENARIO.replace("[\"v3\"]", &format!("[\"{v3}\", \"bm\"]")) + &gate
+    };
+    job.fixture.write(".svl-base/two.toml", scenario("v3"));
+    job.fixture
+        .write("two.toml", scenario("v3:max_disparity=8"));
+    for step in ["score the base branch", "score", "summary"] {
+        job.ends(step, 0);
+    }
+    let comment = job.fixture.text("svl-reports/compare.md");
+    let first = comment.lines().next().unwrap();
+    assert!(
+        first.starts_with("**worse**: v3 → v3:max\\_disparity=8 right cells "),
+        "{comment}"
+    );
+}
+
+#[test]
 fn a_base_without_the_scenario_is_no_error() {
     let job = Job::new(&[("scenario", "new.toml"), ("reports", "made/reports")]);
     job.fixture.write(".svl-base/README.md", "");

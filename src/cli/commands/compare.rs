@@ -31,10 +31,9 @@ Examples:
   svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
-      for a CI: exit 3 when a metric of the verdict became worse, when an
-      algorithm failed on pairs that it had results of, or when too few pairs
-      or an absent algorithm leave that open; any other metric by its name,
-      as worse:passed
+      for a CI: exit 3 when a metric of the verdict became worse, when one
+      failed on pairs that it had results of, or when too few pairs or an
+      absent algorithm leave that open; others by name, as worse:passed
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
@@ -50,10 +49,10 @@ pub(crate) struct Args {
     /// names are compared, too
     #[arg(long, value_name = "BASE=OTHER", help_heading = "Input")]
     map: Vec<String>,
-    /// Write a page: of two reports the changes, and the frames or courses that changed most; of
-    /// more, and as .json, the headline metrics over the reports, the newest last
+    /// Write a page: the changes, and the frames or courses that changed most; of three reports or
+    /// more, and as .json, the headline metrics, the newest last
     #[arg(
-        short, long, value_name = "FILE.html|FILE.json",
+        short, long, value_name = "FILE.html",
         value_parser = usage::ending(&["html", "json"]), help_heading = "Output"
     )]
     output: Option<PathBuf>,

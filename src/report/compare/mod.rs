@@ -242,6 +242,12 @@ impl Comparison {
         comparison.cautions = comparison.doubts(join);
         comparison.conclusion = comparison.conclude();
         comparison.verdict = comparison.sentence();
+        if !comparison.few_in_common.is_empty() && comparison.is_judged() {
+            comparison.conclusion = Conclusion::FewInCommon;
+            let few = comparison.few_in_common.join("; ");
+            let (word, verdict) = (comparison.conclusion.word(), &comparison.verdict);
+            comparison.verdict = format!("{word}: {few} (--min-common); of these {verdict}");
+        }
         Ok(comparison)
     }
 
@@ -276,7 +282,6 @@ impl Comparison {
         let is_tested = |own| ![Judgement::Equal, Judgement::TooFew].contains(&own);
         match (is_worse, is(Judgement::Better)) {
             _ if !self.is_judged() => Conclusion::NotComparable,
-            _ if !self.few_in_common.is_empty() => Conclusion::FewInCommon,
             (true, true) => Conclusion::Mixed,
             (true, false) => Conclusion::Worse,
             (false, true) => Conclusion::Better,

@@ -42,7 +42,9 @@ impl Comparison {
             Conclusion::NotComparable if !self.is_judged() => {
                 format!("scored differently ({differences}): nothing is called better or worse")
             }
-            Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
+            Conclusion::NotComparable | Conclusion::FewInCommon => {
+                "they have no headline metric in common".to_owned()
+            }
             Conclusion::TooFewPairs => format!(
                 "{pairs} are in fewer than {fewest} independent blocks, so there is no interval; \
                  score more pairs"
@@ -54,10 +56,6 @@ impl Comparison {
             Conclusion::NotToldApart => {
                 let metrics = counted(ranked.len(), "headline metric");
                 format!("none of {metrics} is told from chance at {level} over {pairs}")
-            }
-            Conclusion::FewInCommon => {
-                let few = self.few_in_common.join("; ");
-                format!("{few} (--min-common), so this says nothing of the others")
             }
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
                 let (limit, words) = match self.conclusion {
@@ -456,6 +454,10 @@ impl Judgement {
 fn change_table(changes: &[(String, &Change)]) -> Table {
     let table = Table::new("", "metric").with_columns(["before", "after", "change"]);
     let mut table = table.with_texts(["95 % interval", "real?"]);
+    table.columns.push(TableColumn {
+        is_optional: true,
+        ..TableColumn::text("", "over")
+    });
     for (name, change) in changes {
         let metric = change.metric;
         let is_magnitude = metric.is_signed();
@@ -474,6 +476,7 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
             signed(metric, change.difference),
             bounds.unwrap_or_else(|| no_bounds.to_owned()),
             word.to_owned(),
+            change.cases_words(),
         ];
         table.push(
             name.clone() + if is_magnitude { ", magnitude" } else { "" },
@@ -496,6 +499,18 @@ impl Change {
             (Judgement::Worse, word) => TableCell::Alert(format!("{difference} {word}")),
             (own, word) if own.is_told() => TableCell::Text(format!("{difference} {word}")),
             _ => TableCell::Text(difference),
+        }
+    }
+
+    /// The cases that the two numbers rest on.
+    fn cases_words(&self) -> String {
+        let words = self
+            .cases
+            .map(|both| both.map(|own| self.metric.cases_words(&own)));
+        match words {
+            None => NONE.to_owned(),
+            Some([base, other]) if base == other => base,
+            Some([base, other]) => format!("{base} → {other}"),
         }
     }
 

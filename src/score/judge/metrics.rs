@@ -417,8 +417,7 @@ pub const METRICS: &[Metric] = &[
         .note_by_rule(|rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
             let words = format!(
-                "fractions of the cells with truth; right: {right}, far up to {far_px} px; unknown \
-                 is not wrong"
+                "those with truth; right: {right}, far up to {far_px} px; unknown is not wrong"
             );
             ("cells", words)
         })
@@ -553,7 +552,7 @@ pub const METRICS: &[Metric] = &[
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
                 "near obstacles: cells of which a quarter is nearer than {obstacle_m} m and not \
-                 floor (all), and the fraction of them in which nothing is reported (unknown)"
+                 floor (all), and those of them in which nothing is reported (unknown)"
             );
             ("all, unknown", words)
         }),

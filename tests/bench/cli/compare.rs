@@ -351,9 +351,9 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     assert_says(&shown, &["page   page.html\n"]);
     let page = fixture.text("page.html");
     let words = [
-        "<strong class=\"mixed\">mixed</strong>: worse: v3 → v3:max_disparity=4 right cells ",
+        "<strong class=\"worse\">worse</strong>: v3 → v3:max_disparity=4 right cells ",
         "v3 → v3:max_disparity=4",
-        "real at 95\u{a0}% over 80 pairs",
+        "real at 95\u{a0}% (6 tests, Holm) over 80 pairs",
         "<td class=\"bad\">WORSE</td>",
         "Frames that changed most",
         "<p class=\"label\">truth</p>",
@@ -419,7 +419,10 @@ fn few_pairs_in_common_are_the_first_line_and_fail() {
     fixture.run("score short.toml -q --algo v3 -o one --rerun none --seeds 1 --every 40");
     fixture.run("score short.toml -q --algo v3 -o half --rerun none --seeds 1");
     for (other, pairs) in [("one", "1"), ("half", "40")] {
-        let words = format!("few in common: {pairs} of the base's 80 pairs of v3, fewer than 90 %");
+        let words = format!(
+            "few in common: {pairs} of the base's 80 pairs of v3, fewer than 90 % (--min-common); \
+             of these no change: the results of {pairs} pair"
+        );
         let text = fixture.run(&format!("compare 0 {other}"));
         let text: Vec<_> = text.split_whitespace().collect();
         assert!(text.join(" ").starts_with(&words), "{text:?}");
@@ -442,10 +445,8 @@ fn checkpoints_are_tested_by_name_alone() {
         let _ = fixture.svl(&line);
         let xml = fixture.text("j.xml");
         let names = xml.split("name=\"").skip(2);
-        let names = names.map(|rest| rest.split('"').next().unwrap().to_owned());
-        names
-            .map(|name| name.split(": ").nth(1).unwrap().to_owned())
-            .collect::<Vec<_>>()
+        let names = names.filter_map(|rest| rest.split('"').next()?.split_once(": "));
+        names.map(|(_, name)| name.to_owned()).collect::<Vec<_>>()
     };
     let deciding = [
         "pairs",
