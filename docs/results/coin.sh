@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Two programs that are exchangeable by construction, compared 60 times, for docs/results/decisions.md:
+# Two programs that are exchangeable by construction, compared 60 times, for docs/results/comparisons.md:
 #   bash docs/results/coin.sh
 # A drive of 280 pairs, in 20 blocks, is scored by two algorithms. A coin per pair says whose result goes to the one
 # program and whose to the other. Then the second program loses right cells, and the least loss that 57 of 60 comparisons

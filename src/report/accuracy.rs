@@ -75,7 +75,7 @@ impl AccuracyRow {
             CellNumber::ErrorCells => Some(self.cells as f64),
             CellNumber::RestingCells => Some(self.resting as f64),
         };
-        let (cells, of) = match number {
+        let (cells, possible) = match number {
             CellNumber::Noise => (self.resting_cells, Some(self.resting_known)),
             CellNumber::Flicker | CellNumber::RestingCells => (self.resting, None),
             _ => (self.cells, Some(self.known)),
@@ -83,7 +83,7 @@ impl AccuracyRow {
         let cases = Cases {
             items: self.frames,
             cells: Some(cells),
-            of,
+            possible,
         };
         value.map(|value| Measured { value, cases })
     }

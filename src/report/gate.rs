@@ -194,7 +194,7 @@ impl std::fmt::Display for GateResult {
         let Limit { metric, line, .. } = &self.limit;
         let [min, max] = self.limit.bounds();
         f.write_str(&self.subject())?;
-        let of = self.cases.map(|cases| metric.cases_words(&cases));
+        let rests_on = self.cases.map(|cases| metric.cases_words(&cases));
         match (self.state, self.value) {
             (GateState::Skipped, _) => {
                 f.write_str(" has no result, as an algorithm is not in the run")?;
@@ -202,8 +202,8 @@ impl std::fmt::Display for GateResult {
             (_, None) => {
                 f.write_str(" is not measured in this run")?;
                 let minimum = metric.minimum_words(self.limit.minimum());
-                if let Some(of) = of {
-                    write!(f, ": it rests on {of}, and needs {minimum}")?;
+                if let Some(cases) = rests_on {
+                    write!(f, ": it rests on {cases}, and needs {minimum}")?;
                 }
             }
             (_, Some(value)) => {
@@ -216,8 +216,8 @@ impl std::fmt::Display for GateResult {
                     (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
                     _ => write!(f, " {}", metric.show_relative(value))?,
                 }
-                if let Some(of) = of {
-                    write!(f, " over {of}")?;
+                if let Some(cases) = rests_on {
+                    write!(f, " over {cases}")?;
                 }
             }
         }

@@ -90,7 +90,7 @@ mod tests {
                         ("right", right),
                         ("wrong", 1.0 - right),
                         ("unknown", 0.0),
-                        ("missed", 0.0),
+                        ("false", 0.0),
                     ]),
                     ..row(1000, (64, 48), None)
                 }

@@ -1,7 +1,7 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
-use super::best::{Best, PriorTest};
+use super::best::{Best, PriorTest, SweepChoice};
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, record};
@@ -9,7 +9,6 @@ use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
-use super::sweep_choice::SweepChoice;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;

@@ -4,13 +4,13 @@
 //! metric that needs ground truth is absent without it.
 
 use super::columns::ColumnDescription;
-use super::samples::total;
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use serde::Serializer;
 use serde::ser::SerializeMap as _;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::LazyLock;
+use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellDepth, CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
@@ -604,15 +604,15 @@ impl MetricTotals {
                 let cases = Cases {
                     items: rows.iter().filter(has_value).count() as u64,
                     cells: values.whole_in(metric, area).map(|cells| cells as u64),
-                    of: None,
+                    possible: None,
                 };
                 totals.set(metric, area, Measured { value, cases });
             }
         }
-        let times = rows.iter().filter(|row| row.total_us.is_some()).count();
-        let time = Metric::find("time");
-        if let Some((time, value)) = time.and_then(|time| Some((time, total(time, rows)?))) {
-            let cases = Cases::items(times as u64);
+        let mut times: Vec<_> = rows.iter().filter_map(|row| row.total_us).collect();
+        times.sort_unstable();
+        if let Some((time, us)) = Metric::find("time").zip(nearest_rank(&times, 0.5)) {
+            let (value, cases) = (us as f64 / 1000.0, Cases::items(times.len() as u64));
             totals.set(time, AreaChoice::default(), Measured { value, cases });
         }
         totals

@@ -1,37 +1,20 @@
 //! The setting of a swept algorithm to use, with a score from pairs that did not choose it.
 //!
-//! The best of many settings is the luckiest, too: its score on the pairs that chose it is too good.
-//! So each half of the blocks of neighbouring pairs chooses, and the other half scores the choice.
+//! The best of many settings is the luckiest, too: its score on the pairs that chose it is too
+//! good. So each half of the blocks of neighbouring pairs chooses, and the other half scores the
+//! choice.
 
+use super::best::SweepChoice;
 use super::choice::better_first;
 use super::prior_test::merit_sample;
 use super::results::Results;
 use super::rows::Row;
 use super::samples::{is_scene, run_key, sample};
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::counted;
 use svl_score::bootstrap::{METHOD, block_length};
 use svl_score::judge::{Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
-
-/// The setting of a swept algorithm to use.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SweepChoice {
-    /// The kind of the algorithm, and the number of its settings.
-    pub algorithm: String,
-    pub settings: usize,
-    /// The metric that chose; absent for right minus wrong cells.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metric: Option<&'static Metric>,
-    /// Label of the best setting over all pairs, and its score on them, which chose it.
-    pub setting: String,
-    pub own_score: f64,
-    /// The best settings over every other block, and over the others.
-    pub halves: [String; 2],
-    /// The mean of the scores of these, each on the blocks that did not choose it.
-    pub score: f64,
-}
 
 /// The scores that rank settings.
 #[derive(Clone, Copy)]
@@ -115,14 +98,14 @@ impl SweepChoice {
             return None;
         }
         let half = |side: usize| -> BTreeMap<_, Vec<&Row>> {
-            let of = |(label, rows): (&&'a str, &Vec<&'a Row>)| {
+            let own_half = |(label, rows): (&&'a str, &Vec<&'a Row>)| {
                 let own = rows
                     .iter()
                     .zip(&blocks)
                     .filter(|(_, block)| *block % 2 == side);
                 (*label, own.map(|(row, _)| *row).collect())
             };
-            all.iter().map(of).collect()
+            all.iter().map(own_half).collect()
         };
         let halves = [half(0), half(1)];
         let [even, odd] = [ranking.best(&halves[0])?, ranking.best(&halves[1])?];

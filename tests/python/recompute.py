@@ -140,7 +140,7 @@ for bag in range(10):
             if found[0] is not None:
                 cases = own["cases"][name]
                 assert found[1] in (None, cases["items"]) and found[2] == cases["cells"], (bag, name, cases, found)
-                assert found[3] == cases.get("of"), (bag, name, cases, found)
+                assert found[3] == cases.get("possible"), (bag, name, cases, found)
             shares += 1
     assert any(result["state"] == "fail" for result in results["gate"]) <= (ran.returncode == 3)
     for result in results["gate"]:

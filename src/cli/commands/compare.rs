@@ -20,8 +20,9 @@ use svl::sink::find_left;
 /// verdict, by the headline metrics but checkpoints: right, wrong, missed, false, found and floor.
 /// They are tested at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are
 /// correlated; never for fewer than eight blocks or scenes. Any other change is called better or
-/// worse where its 95 % bootstrap interval excludes 0. Times are shown as ratios and never called better or worse, as the machine may have been
-/// slower that day. Drives are compared course by course, by an exact sign test.
+/// worse where its 95 % bootstrap interval excludes 0. Times are shown as ratios and never called
+/// better or worse, as the machine may have been slower that day. Drives are compared course by
+/// course, by an exact sign test.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -77,15 +77,15 @@ impl NotMeasured {
     }
 
     fn words(&self) -> String {
-        let of = |side: usize| {
-            let cases = self.cases[side].unwrap_or_else(Cases::none);
-            self.metric.cases_words(&cases)
+        let cases = |side: usize| {
+            let own = self.cases[side].unwrap_or_else(Cases::none);
+            self.metric.cases_words(&own)
         };
         let minimum = self.metric.minimum_words(self.metric.minimum);
         format!(
             "is not measured: it rests on {} and {}, and needs {minimum}",
-            of(0),
-            of(1)
+            cases(0),
+            cases(1)
         )
     }
 }

@@ -1,4 +1,4 @@
-//! The headline metrics over several reports, the newest last: `svl compare R1 R2 R3 -o trend.html`.
+//! The headline metrics over several reports, the newest last: `svl compare R1 R2 -o trend.json`.
 
 use super::scored_run::ScoredRun;
 use super::text::is_ranked;
@@ -59,7 +59,7 @@ impl Trend {
     /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
     pub fn new(runs: &[ScoredRun]) -> Result<Self> {
         let [first, others @ ..] = runs else {
-            return Ok(Self::of(runs, Vec::new()));
+            return Ok(Self::over_common(runs, Vec::new()));
         };
         let mut cautions = Vec::new();
         for other in others {
@@ -79,10 +79,10 @@ impl Trend {
             Some(format!("{} is incomplete: {why}", run.name.display()))
         });
         cautions.extend(incomplete);
-        Ok(Self::of(runs, cautions))
+        Ok(Self::over_common(runs, cautions))
     }
 
-    fn of(runs: &[ScoredRun], mut cautions: Vec<String>) -> Self {
+    fn over_common(runs: &[ScoredRun], mut cautions: Vec<String>) -> Self {
         let pairs = |run: &'_ ScoredRun| -> BTreeSet<String> {
             let rows = run.rows.iter().map(|row| format!("{:?}", pair(row)));
             let courses = run.drives.iter().map(|row| row.seed.to_string());

@@ -4,7 +4,7 @@
 //! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
-use super::measured::{CaseKind, Minimum};
+use super::measured::{CaseKind, Cases, Measured, Minimum, counted};
 use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
 use Better::{Less, More, Neither, Zero};
 use MetricUnit::{Count, M, Ms, Per100M, Px, Share};
@@ -340,7 +340,7 @@ impl Metric {
         Self { origin, ..self }
     }
 
-    const fn of(self, cases: CaseKind) -> Self {
+    const fn over(self, cases: CaseKind) -> Self {
         Self { cases, ..self }
     }
 
@@ -412,7 +412,7 @@ pub const METRICS: &[Metric] = &[
         .origin(part("cells_right", |facts| {
             facts.cells(|cells| cells.right)
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .by_area()
         .note_by_rule(|rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
@@ -427,7 +427,7 @@ pub const METRICS: &[Metric] = &[
         .origin(part("cells_wrong", |facts| {
             facts.cells(|cells| cells.wrong)
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .by_area()
         .plotted_at("wrong_cells")
         .headline(&[Distances]),
@@ -436,7 +436,7 @@ pub const METRICS: &[Metric] = &[
         .origin(part("cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .by_area()
         .headline(&[Distances]),
     metric("known", "known cells", "cells, %", "known")
@@ -462,7 +462,7 @@ pub const METRICS: &[Metric] = &[
     .origin(part("cells_right_surface", |facts| {
         facts.cells(|cells| cells.right_surface)
     }))
-    .of(SCORED_CELLS)
+    .over(SCORED_CELLS)
     .by_area()
     .note(
         "by surface",
@@ -479,7 +479,7 @@ pub const METRICS: &[Metric] = &[
     .origin(part("cells_wrong_surface", |facts| {
         facts.cells(|cells| cells.wrong_surface)
     }))
-    .of(SCORED_CELLS)
+    .over(SCORED_CELLS)
     .by_area(),
     metric(
         "missed",
@@ -491,7 +491,7 @@ pub const METRICS: &[Metric] = &[
     .origin(sum("missed", |facts| {
         facts.near_obstacles(|cells| cells.missed)
     }))
-    .of(NEAR)
+    .over(NEAR)
     .note_by_rule(|rule| {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let words = format!(
@@ -507,14 +507,14 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("false", |facts| {
             facts.near_obstacles(|cells| cells.falsely)
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .headline(&[Distances]),
     metric("found", "found near obstacles", "near obstacles", "found %")
         .unit(Share, More)
         .origin(part("found_obstacles", |facts| {
             facts.near_obstacles(|cells| cells.found)
         }))
-        .of(NEAR)
+        .over(NEAR)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -531,7 +531,7 @@ pub const METRICS: &[Metric] = &[
             let floor = facts.near_obstacles(|cells| cells.floor);
             floor.filter(|_| facts.knows_floor())
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -547,7 +547,7 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("near", |facts| {
             facts.near_obstacles(|cells| cells.near)
         }))
-        .of(SCORED_CELLS)
+        .over(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -566,7 +566,7 @@ pub const METRICS: &[Metric] = &[
     .origin(part("unknown_obstacles", |facts| {
         facts.near_obstacles(|cells| cells.near_unknown)
     }))
-    .of(NEAR),
+    .over(NEAR),
     metric("coverage", "coverage", "pixels, %", "cover")
         .unit(Share, Neither)
         .origin(mean("coverage", |facts| {
@@ -662,13 +662,13 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("kept_obstacles", |facts| {
             facts.filtered(|cells| cells.kept)
         }))
-        .of(BEHIND_FILTERS),
+        .over(BEHIND_FILTERS),
     metric("lost", "obstacles lost to filters", "filters", "lost %")
         .unit(Share, Less)
         .origin(part("lost_obstacles", |facts| {
             facts.filtered(|cells| cells.lost)
         }))
-        .of(BEHIND_FILTERS)
+        .over(BEHIND_FILTERS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -687,7 +687,7 @@ pub const METRICS: &[Metric] = &[
     .origin(part("close_cells", |facts| {
         facts.filtered(|cells| cells.close)
     }))
-    .of(OUT_OF_RANGE)
+    .over(OUT_OF_RANGE)
     .note(
         "close, blind",
         "cells truly nearer than the range of disparities: reported as too close, \
@@ -703,7 +703,7 @@ pub const METRICS: &[Metric] = &[
     .origin(sum("blind_cells", |facts| {
         facts.filtered(|cells| cells.blind)
     }))
-    .of(OUT_OF_RANGE),
+    .over(OUT_OF_RANGE),
     metric(
         "alarms",
         "frames with a false alarm of too close",
@@ -725,7 +725,7 @@ pub const METRICS: &[Metric] = &[
     metric("bias", "bias of distances", "distance error", "bias m")
         .unit(M, Zero)
         .origin(error_number("bias_m", CellNumber::Bias))
-        .of(ERRORS)
+        .over(ERRORS)
         .at_least(1, MOST)
         .by_area()
         .note(
@@ -738,7 +738,7 @@ pub const METRICS: &[Metric] = &[
     metric("rmse", "RMSE of distances", "distance error", "RMSE m")
         .unit(M, Less)
         .origin(error_number("rmse_m", CellNumber::Rmse))
-        .of(ERRORS)
+        .over(ERRORS)
         .at_least(1, MOST)
         .by_area(),
     metric(
@@ -749,7 +749,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("median_error_m", CellNumber::MedianError))
-    .of(ERRORS)
+    .over(ERRORS)
     .at_least(1, MOST)
     .by_area(),
     metric(
@@ -760,7 +760,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Share, Less)
     .origin(error_number("abs_rel", CellNumber::AbsRel))
-    .of(ERRORS)
+    .over(ERRORS)
     .at_least(1, MOST)
     .by_area(),
     metric(
@@ -781,7 +781,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("noise_m", CellNumber::Noise))
-    .of(CHANGES)
+    .over(CHANGES)
     .at_least(2, MOST)
     .by_area()
     .note(
@@ -793,7 +793,7 @@ pub const METRICS: &[Metric] = &[
     metric("flicker", "flickering cells", "over time", "flicker %")
         .unit(Share, Less)
         .origin(error_number("flicker", CellNumber::Flicker))
-        .of(CHANGES)
+        .over(CHANGES)
         .at_least(2, None)
         .by_area(),
     metric("resting_cells", "cells at rest", "over time", "resting")
@@ -823,7 +823,7 @@ pub const METRICS: &[Metric] = &[
     metric("passed", "frames passed", "", "passed")
         .unit(Share, More)
         .origin(MetricOrigin::Checkpoints)
-        .of(CaseKind::Items("frame*"))
+        .over(CaseKind::Items("frame*"))
         .without_truth()
         .headline(SCORED),
     metric("time", "median time", "ms per pair", "p50")
@@ -834,7 +834,7 @@ pub const METRICS: &[Metric] = &[
     metric("finished", "courses finished", "", "finished")
         .unit(Share, More)
         .origin(MetricOrigin::Drives(DriveNumber::Finished))
-        .of(CaseKind::Items("course*"))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "finished",
@@ -844,7 +844,7 @@ pub const METRICS: &[Metric] = &[
     metric("collisions", "collisions", "", "hits/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::Collisions))
-        .of(CaseKind::Items("course*"))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "hits/100 m",
@@ -854,7 +854,7 @@ pub const METRICS: &[Metric] = &[
     metric("near_misses", "near misses", "", "near/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
-        .of(CaseKind::Items("course*"))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "near/100 m",
@@ -864,7 +864,7 @@ pub const METRICS: &[Metric] = &[
     metric("driven", "metres driven", "", "driven m")
         .unit(M, Neither)
         .origin(MetricOrigin::Drives(DriveNumber::Driven))
-        .of(CaseKind::Items("course*"))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "driven m",
@@ -982,6 +982,53 @@ impl Metric {
             Ms => format!("{value:.2}x"),
             _ => self.show(value),
         }
+    }
+}
+
+impl Metric {
+    /// True if a value that rests on these cases counts as measured.
+    pub fn is_measured(&self, cases: &Cases, minimum: Minimum) -> bool {
+        let has_share = |share: f64| {
+            let cells = cases.cells.unwrap_or_default() as f64;
+            let possible = cases.possible.unwrap_or_default() as f64;
+            cells >= share * possible
+        };
+        cases.count(self.cases) >= minimum.cases && minimum.share.is_none_or(has_share)
+    }
+
+    /// The value, if it counts as measured.
+    pub fn value_of(&self, own: Measured) -> Option<f64> {
+        self.is_measured(&own.cases, self.minimum)
+            .then_some(own.value)
+    }
+
+    /// The cases in words.
+    pub fn cases_words(&self, cases: &Cases) -> String {
+        let cells = cases.cells.unwrap_or_default();
+        let possible = cases.possible.filter(|possible| *possible != cells);
+        let cells = |words| match possible {
+            Some(possible) => format!("{cells} of {}", counted(possible, words)),
+            None => counted(cells, words),
+        };
+        match self.cases {
+            CaseKind::Items(words) => counted(cases.items, words),
+            CaseKind::Sum(_, words) | CaseKind::Errors(words) => cells(words),
+            CaseKind::Changes(words) => {
+                format!("{}, {}", counted(cases.items, "frame*"), cells(words))
+            }
+        }
+    }
+
+    /// A minimum in words.
+    pub fn minimum_words(&self, minimum: Minimum) -> String {
+        let words = match self.cases {
+            CaseKind::Changes(_) => "frame*",
+            CaseKind::Items(words) | CaseKind::Sum(_, words) | CaseKind::Errors(words) => words,
+        };
+        let share = minimum.share.map(|share| format!("{:.0} %", 100.0 * share));
+        let count = (minimum.cases > 1 || share.is_none()).then(|| counted(minimum.cases, words));
+        let parts: Vec<_> = count.into_iter().chain(share).collect();
+        parts.join(" and ")
     }
 }
 
@@ -1258,5 +1305,61 @@ mod tests {
         );
         let none = MetricValues::from([("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)]);
         assert_eq!(none.value(metric("right")), None);
+    }
+
+    fn metric(name: &str) -> &'static Metric {
+        Metric::find(name).unwrap()
+    }
+
+    #[test]
+    fn fewer_cases_than_the_minimum_are_no_measurement() {
+        let is_measured = |name: &str, items, cells, possible| {
+            let cases = Cases {
+                items,
+                cells,
+                possible,
+            };
+            metric(name).is_measured(&cases, metric(name).minimum)
+        };
+        for name in ["missed", "blind", "found", "right", "kept"] {
+            assert!(!is_measured(name, 9, Some(0), None), "{name}");
+            assert!(is_measured(name, 9, Some(1), None), "{name}");
+        }
+        for name in ["bias", "rmse", "median_error", "abs_rel"] {
+            assert!(!is_measured(name, 9, Some(94), Some(100)), "{name}");
+            assert!(is_measured(name, 9, Some(95), Some(100)), "{name}");
+            assert!(!is_measured(name, 9, Some(0), Some(0)), "{name}");
+        }
+        for name in ["noise", "flicker"] {
+            assert!(!is_measured(name, 1, Some(50), None), "{name}");
+            assert!(is_measured(name, 2, Some(50), None), "{name}");
+        }
+        assert!(!is_measured("noise", 2, Some(9), Some(10)));
+        assert!(!is_measured("coverage", 0, None, None) && is_measured("time", 1, None, None));
+    }
+
+    #[test]
+    fn cases_have_words() {
+        let words = |name: &str, items, cells, possible| {
+            metric(name).cases_words(&Cases {
+                items,
+                cells,
+                possible,
+            })
+        };
+        assert_eq!(words("missed", 9, Some(1), None), "1 near obstacle");
+        assert_eq!(words("right", 9, Some(20), None), "20 cells");
+        assert_eq!(words("time", 9, None, None), "9 pairs");
+        let known = "19 of 20 known cells with a finite truth";
+        assert_eq!(words("rmse", 9, Some(19), Some(20)), known);
+        assert_eq!(
+            words("noise", 9, Some(20), Some(20)),
+            "9 frames, 20 cells at rest"
+        );
+        let minimum = |name| metric(name).minimum_words(metric(name).minimum);
+        assert_eq!(
+            ["missed", "rmse", "flicker", "noise"].map(minimum),
+            ["1 near obstacle", "95 %", "2 frames", "2 frames and 95 %"]
+        );
     }
 }

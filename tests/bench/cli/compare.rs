@@ -516,7 +516,7 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     ];
     assert_says(&page, &words);
     assert!(
-        page.matches("<svg viewBox").count() >= 6 && !page.contains("http"),
+        page.matches("<svg class=\"plot\"").count() >= 6 && !page.contains("<script"),
         "{page}"
     );
     fixture.run("compare 0 1 2 -o trend.json");
