@@ -27,9 +27,10 @@ struct Ranking {
 
 impl Ranking {
     fn score(self, rows: &[&Row]) -> Option<f64> {
-        match self.is_merit {
-            true => merit_sample(rows).total(),
-            false => sample(self.metric, rows)?.total(),
+        if self.is_merit {
+            merit_sample(rows).total()
+        } else {
+            sample(self.metric, rows)?.total()
         }
     }
 

@@ -1,20 +1,17 @@
 //! The headline metrics over several reports, the newest last: `svl compare R1 R2 -o trend.json`.
 
 use super::scored_run::ScoredRun;
-use super::text::is_ranked;
 use crate::drives;
 use crate::page::{PlotView, fill};
 use crate::plot::{AlgorithmColors, Axis, Chart, Series, SeriesStyle};
 use crate::rows::{MetricTotals, Row};
-use crate::samples::{RunKey, resamples, run_key, sample_in};
+use crate::samples::{resamples, run_key, sample_in};
 use minijinja::context;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use svl_core::{Result, counted, joined};
 use svl_score::bootstrap::{Interval, Resamples};
-use svl_score::judge::{
-    Cases, ColumnChoice, Measured, Metric, MetricOrigin, MetricUnit, TruthLevel,
-};
+use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
 use svl_score::manifest::Purpose;
 
 /// The headline metrics of reports over the pairs of all of them.
@@ -48,102 +45,72 @@ pub struct TrendPoint {
     pub cases: Cases,
 }
 
-type PairKey<'a> = (RunKey<'a>, u64, &'a str, &'a str);
-
-fn pair(row: &Row) -> PairKey<'_> {
-    (run_key(row), row.sequence, &row.name, &row.pair_hash)
+/// A pair by its place and pixels.
+fn pair(row: &Row) -> String {
+    let key = (run_key(row), row.sequence, &row.name, &row.pair_hash);
+    format!("{key:?}")
 }
 
 impl Trend {
     /// # Errors
     /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
     pub fn new(runs: &[ScoredRun]) -> Result<Self> {
-        let [first, others @ ..] = runs else {
-            return Ok(Self::over_common(runs, Vec::new()));
-        };
+        let is_driven = runs.iter().any(|run| !run.drives.is_empty());
+        let kinds = [
+            (Purpose::Compare, "pair"),
+            (Purpose::CompareDrives, "course"),
+        ];
+        let (purpose, noun) = kinds[usize::from(is_driven)];
         let mut cautions = Vec::new();
-        for other in others {
-            let purpose = match first.drives[..] {
-                [] => Purpose::Compare,
-                _ => Purpose::CompareDrives,
-            };
-            let differences = first.manifest.differences(&other.manifest, purpose)?;
+        for run in runs {
+            let name = run.name.display();
+            let differences = runs[0].manifest.differences(&run.manifest, purpose)?;
             if !differences.is_empty() {
                 let differences = differences.join("; ");
-                let name = other.name.display();
                 cautions.push(format!("{name} was scored differently ({differences})"));
             }
+            let why = run.incomplete.iter();
+            cautions.extend(why.map(|why| format!("{name} is incomplete: {why}")));
         }
-        let incomplete = runs.iter().filter_map(|run| {
-            let why = run.incomplete.as_ref()?;
-            Some(format!("{} is incomplete: {why}", run.name.display()))
-        });
-        cautions.extend(incomplete);
-        Ok(Self::over_common(runs, cautions))
-    }
-
-    fn over_common(runs: &[ScoredRun], mut cautions: Vec<String>) -> Self {
-        let pairs = |run: &'_ ScoredRun| -> BTreeSet<String> {
-            let rows = run.rows.iter().map(|row| format!("{:?}", pair(row)));
+        let keys = |run: &ScoredRun| -> BTreeSet<_> {
             let courses = run.drives.iter().map(|row| row.seed.to_string());
-            if run.drives.is_empty() {
-                rows.collect()
-            } else {
-                courses.collect()
-            }
+            let pairs = run.rows.iter().filter(|_| !is_driven).map(pair);
+            pairs.chain(courses).collect()
         };
-        let sets: Vec<_> = runs.iter().map(pairs).collect();
-        let is_common = |key: &String| sets.iter().all(|own| own.contains(key));
-        let common: BTreeSet<_> = sets.iter().flatten().filter(|key| is_common(key)).collect();
+        let sets: Vec<_> = runs.iter().map(keys).collect();
+        let both = sets.iter().cloned().reduce(|a, b| &a & &b);
+        let common = both.unwrap_or_default();
         let most = sets.iter().map(BTreeSet::len).max().unwrap_or_default();
         if common.len() < most {
-            let left = counted(most - common.len(), "pair");
-            cautions.push(format!(
-                "{left} or courses that some reports lack are left out"
-            ));
+            let left = counted(most - common.len(), noun);
+            cautions.push(format!("{left} that some reports lack are left out"));
         }
-        let mut labels: Vec<&str> = Vec::new();
-        for label in runs.iter().rev().flat_map(|run| run.labels()) {
-            if !labels.contains(&label) {
-                labels.push(label);
-            }
-        }
-        let has = |name: &str| {
-            let mut rows = runs.iter().flat_map(|run| &run.rows);
-            rows.any(|row| row.metrics.get(name).is_some())
-        };
-        let kind = match runs.iter().all(|run| run.drives.is_empty()) {
-            true => TruthLevel::from_measured(has),
-            false => TruthLevel::Courses,
-        };
-        let mut metrics = ColumnChoice::Headline.metrics(kind);
-        metrics.retain(|metric| {
-            let is_known = !matches!(metric.origin, MetricOrigin::Checkpoints);
-            is_ranked(metric) || is_known && metric.unit != MetricUnit::Ms
-        });
+        let labels: BTreeSet<_> = runs.iter().flat_map(ScoredRun::labels).collect();
+        let rows = || runs.iter().flat_map(|run| &run.rows);
+        let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
+        let driven = Some(TruthLevel::Courses).filter(|_| is_driven);
+        let kind = driven.unwrap_or_else(|| TruthLevel::from_measured(has));
+        let metrics = ColumnChoice::Headline.metrics(kind);
         let lines = metrics.iter().flat_map(|metric| {
-            labels.iter().map(|label| TrendLine {
-                metric,
-                algorithm: (*label).to_owned(),
-                points: runs
-                    .iter()
-                    .map(|run| point(run, label, metric, &common))
-                    .collect(),
+            labels.iter().map(|label| {
+                let points = runs.iter();
+                let points = points.map(|run| point(run, label, metric, &common));
+                TrendLine {
+                    metric,
+                    algorithm: (*label).to_owned(),
+                    points: points.collect(),
+                }
             })
         });
-        let is_measured = |line: &TrendLine| line.points.iter().any(Option::is_some);
-        Self {
-            scenario: runs
-                .last()
-                .map_or_else(String::new, |run| run.manifest.scenario.clone()),
-            reports: runs
-                .iter()
-                .map(|run| run.name.display().to_string())
-                .collect(),
+        let lines = lines.filter(|line| line.points.iter().any(Option::is_some));
+        let reports = runs.iter().map(|run| run.name.display().to_string());
+        Ok(Self {
+            scenario: runs[0].manifest.scenario.clone(),
+            reports: reports.collect(),
             pairs: common.len(),
             cautions,
-            lines: lines.filter(is_measured).collect(),
-        }
+            lines: lines.collect(),
+        })
     }
 
     /// The page: a plot per metric, a line per algorithm.
@@ -198,32 +165,35 @@ impl Trend {
     }
 }
 
-/// A metric of an algorithm in a report, over pairs or courses that are common.
+/// A metric of an algorithm in a report, over the pairs or courses of all reports.
 fn point(
     run: &ScoredRun,
     label: &str,
     metric: &'static Metric,
-    common: &BTreeSet<&String>,
+    common: &BTreeSet<String>,
 ) -> Option<TrendPoint> {
-    let (own, sample, resamples) = if run.drives.is_empty() {
-        let is_own =
-            |row: &&Row| row.algorithm == label && common.contains(&format!("{:?}", pair(row)));
-        let rows: Vec<_> = run.rows.iter().filter(is_own).collect();
-        let own = MetricTotals::new(&rows).measured(metric, run.area)?;
-        (own, sample_in(metric, &rows, run.area)?, resamples(&rows))
+    let rows = run.rows.iter().filter(|row| row.algorithm == label);
+    let rows: Vec<_> = rows.filter(|row| common.contains(&pair(row))).collect();
+    let drives = run
+        .drives
+        .iter()
+        .filter(|row| common.contains(&row.seed.to_string()));
+    let drives: Vec<_> = drives.cloned().collect();
+    let driven = drives::sample(metric, label, &drives);
+    // Times vary with the machine, and checkpoints are of whole runs.
+    let sample = driven.or_else(|| {
+        let sample = sample_in(metric, &rows, run.area)?;
+        (metric.unit != MetricUnit::Ms).then_some(sample)
+    })?;
+    let (own, resamples) = if drives.is_empty() {
+        let totals = MetricTotals::new(&rows);
+        (totals.measured(metric, run.area)?, resamples(&rows))
     } else {
-        let is_common = |row: &drives::DriveRow| common.contains(&row.seed.to_string());
-        let rows: Vec<_> = run
-            .drives
-            .iter()
-            .filter(|row| is_common(row))
-            .cloned()
-            .collect();
-        let sample = drives::sample(metric, label, &rows)?;
-        let cases = Cases::items(sample.items() as u64);
-        let value = sample.total()?;
-        let resamples = Resamples::draw(&[sample.items()], true);
-        (Measured { value, cases }, sample, resamples)
+        let (value, cases) = (sample.total()?, Cases::items(sample.items() as u64));
+        (
+            Measured { value, cases },
+            Resamples::draw(&[sample.items()], true),
+        )
     };
     Some(TrendPoint {
         value: metric.value_of(own)?,

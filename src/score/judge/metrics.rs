@@ -400,7 +400,7 @@ const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer 
 const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
 const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
 /// Fewest of the cells that errors and noise are of: those without a finite report are left out.
-const MOST: Option<f64> = Some(0.95);
+const MIN_SHARE: Option<f64> = Some(0.95);
 
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
@@ -726,7 +726,7 @@ pub const METRICS: &[Metric] = &[
         .unit(M, Zero)
         .origin(error_number("bias_m", CellNumber::Bias))
         .over(ERRORS)
-        .at_least(1, MOST)
+        .at_least(1, MIN_SHARE)
         .by_area()
         .note(
             "distance error",
@@ -739,7 +739,7 @@ pub const METRICS: &[Metric] = &[
         .unit(M, Less)
         .origin(error_number("rmse_m", CellNumber::Rmse))
         .over(ERRORS)
-        .at_least(1, MOST)
+        .at_least(1, MIN_SHARE)
         .by_area(),
     metric(
         "median_error",
@@ -750,7 +750,7 @@ pub const METRICS: &[Metric] = &[
     .unit(M, Less)
     .origin(error_number("median_error_m", CellNumber::MedianError))
     .over(ERRORS)
-    .at_least(1, MOST)
+    .at_least(1, MIN_SHARE)
     .by_area(),
     metric(
         "abs_rel",
@@ -761,7 +761,7 @@ pub const METRICS: &[Metric] = &[
     .unit(Share, Less)
     .origin(error_number("abs_rel", CellNumber::AbsRel))
     .over(ERRORS)
-    .at_least(1, MOST)
+    .at_least(1, MIN_SHARE)
     .by_area(),
     metric(
         "error_cells",
@@ -782,7 +782,7 @@ pub const METRICS: &[Metric] = &[
     .unit(M, Less)
     .origin(error_number("noise_m", CellNumber::Noise))
     .over(CHANGES)
-    .at_least(2, MOST)
+    .at_least(2, MIN_SHARE)
     .by_area()
     .note(
         "over time",

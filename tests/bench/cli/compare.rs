@@ -391,7 +391,7 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
 }
 
 #[test]
-fn of_several_namesakes_none_is_compared_and_the_first_line_says_so() {
+fn several_namesakes_are_not_compared_and_the_first_line_says_so() {
     let fixture = scored(&[
         "v3 --algo bm",
         "v3:max_disparity=4 --algo v3:max_disparity=8 --algo bm",
