@@ -35,7 +35,7 @@ impl Comparison {
         let fewest = self.method.fewest_blocks;
         let level = match self.tested {
             0 | 1 => self.method.level.to_owned(),
-            tests => format!("{} ({tests} tests, Holm)", self.method.level),
+            _ => format!("{} (Holm)", self.method.level),
         };
         let differences = self.differences.join("; ");
         let reason = match self.conclusion {

@@ -353,7 +353,7 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     let words = [
         "<strong class=\"worse\">worse</strong>: v3 → v3:max_disparity=4 right cells ",
         "v3 → v3:max_disparity=4",
-        "real at 95\u{a0}% (6 tests, Holm) over 80 pairs",
+        "real at 95\u{a0}% (Holm) over 80 pairs",
         "<td class=\"bad\">WORSE</td>",
         "Frames that changed most",
         "<p class=\"label\">truth</p>",
