@@ -22,7 +22,7 @@ pub use svl_bench::{console, drive, evaluation, pass, record, runs, sink, source
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
-    printable, printable_line, rectify, statistics, stereo, timing,
+    nanoseconds, printable, printable_line, rectify, statistics, stereo, timing,
 };
 pub use svl_files::{self as files, BuildInfo, outputs, overlay, slow_profile};
 pub use svl_grab as grab;

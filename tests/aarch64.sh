@@ -77,6 +77,11 @@ there() { emulator "$target/$triple/release/svl" "$@"; }
 algorithms="$(for name in dp v1 v2 v3 v4 v5 v5:target=near bm sgm; do printf -- '--algo %s ' $name; done)"
 cd "$work"
 "$here" -q record arena --frames 6 -o arena.mcap
+# A recording of 640 px: v5 decides at two sizes.
+"$here" score arena --print-scenario | sed 's/width_px = 320/width_px = 640/; s/height_px = 240/height_px = 480/' > wide.toml
+"$here" -q record wide.toml --frames 3 -o wide.mcap
+"$here" -q replay wide.mcap --algo v5 --rows wide.csv
+step there replay wide.mcap --algo v5 --verify=wide.csv
 # shellcheck disable=SC2086
 "$here" -q replay arena.mcap $algorithms --rows rows.csv
 step there info arena.mcap

@@ -26,6 +26,7 @@ const PACKAGES: [Package; 15] = [
                 "error",
                 "inputs",
                 "interrupt",
+                "nanoseconds",
                 "timing",
                 "words",
                 "statistics",
@@ -68,8 +69,8 @@ const PACKAGES: [Package; 15] = [
             ],
             &["picture"],
             &["image"],
-            &["disparity"],
-            &["depth"],
+            &["map"],
+            &["depth", "disparity"],
         ],
     },
     Package {

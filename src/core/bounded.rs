@@ -5,11 +5,25 @@ use crate::inputs;
 use std::io::Read;
 use std::path::Path;
 
+/// The reason why the first bytes of a file are not those of the file that its name promises: a
+/// pointer of Git LFS, a web page.
+pub fn stand_in(first: &[u8]) -> Option<&'static str> {
+    let text = String::from_utf8_lossy(&first[..first.len().min(64)]).to_ascii_lowercase();
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    if text.starts_with("version https://") {
+        return Some("is a pointer of Git LFS; `git lfs pull` fetches the file");
+    }
+    let is_page = ["<!doctype html", "<html"]
+        .iter()
+        .any(|tag| text.starts_with(tag));
+    is_page.then_some("is a web page (HTML), not the file; download it again")
+}
+
 /// Reads a whole file of at most `max_bytes`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for an empty file, a larger one, and anything but a regular
-/// file (a folder, a device, a pipe).
+/// [`Error::Io`]; [`Error::Format`] for an empty file, a larger one, one that stands in for another
+/// ([`stand_in`]), and anything but a regular file (a folder, a device, a pipe).
 pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
     // Before opening: opening a pipe would wait for its writer.
@@ -35,7 +49,10 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
             path,
             format!("is larger than the {max_bytes} bytes it may be"),
         )),
-        _ => Ok(bytes),
+        _ => match stand_in(&bytes) {
+            Some(why) => Err(Error::format(path, why)),
+            None => Ok(bytes),
+        },
     }
 }
 

@@ -231,7 +231,7 @@ fn names(paths: &[PathBuf]) -> FileState {
         hasher.update(name.as_encoded_bytes());
         hasher.update(b"/");
     }
-    FileState::Folder(format!("{:032x}", hasher.digest128()))
+    FileState::Folder(format!("h{:032x}", hasher.digest128()))
 }
 
 #[cfg(test)]

@@ -23,8 +23,10 @@ pub mod interrupt;
 #[doc(hidden)]
 pub mod kernel;
 #[doc(hidden)]
+pub mod nanoseconds;
+#[doc(hidden)]
 pub mod statistics;
 #[doc(hidden)]
 pub use error::{alternatives, did_you_mean, nearest};
 #[doc(hidden)]
-pub use words::{counted, joined, printable, printable_line};
+pub use words::{counted, joined, listed, printable, printable_line};

@@ -14,6 +14,19 @@ pub fn joined(words: impl IntoIterator<Item = impl Display>) -> String {
     words.join(", ")
 }
 
+/// Number of words of a list in a message.
+const LISTED: usize = 8;
+
+/// `a, b, c`, and of more than eight their number: `…, h and 5 more`.
+pub fn listed(words: impl IntoIterator<Item = impl Display>) -> String {
+    let mut words = words.into_iter();
+    let first = joined(words.by_ref().take(LISTED));
+    match words.count() {
+        0 => first,
+        more => format!("{first} and {more} more"),
+    }
+}
+
 /// A text from outside as a terminal may show it: characters that control the terminal or reverse
 /// the order of others are escaped, in a form that JSON and TOML read back. Lines and tabs remain.
 pub fn printable(text: &str) -> String {
@@ -53,6 +66,13 @@ mod tests {
         assert_eq!(printable_line(text), line);
         let json: String = serde_json::from_str(&format!("\"{line}\"")).unwrap();
         assert_eq!(json, text);
+    }
+
+    #[test]
+    fn a_list_of_many_is_cut() {
+        assert_eq!(listed(1..9), "1, 2, 3, 4, 5, 6, 7, 8");
+        assert_eq!(listed(1..12), "1, 2, 3, 4, 5, 6, 7, 8 and 3 more");
+        assert_eq!(listed([""; 0]), "");
     }
 
     #[test]

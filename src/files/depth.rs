@@ -1,6 +1,7 @@
 //! Measurements of another sensor in files: depth images, and points of KITTI's laser scanner.
 
-use super::{DecodedImage, MAX_BYTES, has_ending, npz, pfm, read_bounded, read_image};
+use super::map::{NumberForm, StoredMap};
+use super::{MAX_BYTES, read_bounded};
 use nalgebra::Point3;
 use std::path::Path;
 use svl_core::stereo::Plane;
@@ -18,8 +19,13 @@ const MILLIMETRE: f32 = 0.001;
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for other files.
 pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
-    let (values, is_integer) = values(path, false)?;
-    Ok(values.map(|value| {
+    let stored = StoredMap::read(path)?;
+    if stored.form == NumberForm::Image8 {
+        let why = "is not an image of one channel of 16 bits, as depths are";
+        return Err(Error::format(path, why));
+    }
+    let is_integer = stored.form != NumberForm::Floats;
+    Ok(stored.values.map(|value| {
         // Integers are millimetres by default, as in messages.
         let depth = if is_integer {
             value / 1000.0 * unit_m.map_or(1.0, |unit_m| unit_m / MILLIMETRE)
@@ -28,43 +34,6 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
         };
         if depth > 0.0 { depth } else { f32::NAN }
     }))
-}
-
-/// Disparities, `+∞` for none, from the same files and images of 8 bits, whose values are `scale`
-/// times the disparity. `has_zeros`: false where 0 is none.
-///
-/// # Errors
-/// The errors of [`read_depth`].
-pub fn read_disparity_steps(path: &Path, scale: f32, has_zeros: bool) -> Result<Plane<f32>> {
-    let (values, _) = values(path, true)?;
-    Ok(values.map(|value| {
-        if (value == 0.0 && !has_zeros) || !value.is_finite() {
-            f32::INFINITY
-        } else {
-            value / scale
-        }
-    }))
-}
-
-/// The values of a file, and true if they are integers.
-fn values(path: &Path, may_have_8_bits: bool) -> Result<(Plane<f32>, bool)> {
-    if has_ending(path, "npy") {
-        return npz::read_npy(path);
-    }
-    if has_ending(path, "npz") {
-        return Ok((npz::values(path)?, false));
-    }
-    if has_ending(path, "pfm") {
-        return Ok((pfm::values(path)?, false));
-    }
-    match read_image(path)? {
-        DecodedImage::Gray16(steps) => Ok((steps.map(f32::from), true)),
-        DecodedImage::Gray(steps) if may_have_8_bits => Ok((steps.map(f32::from), true)),
-        _ => {
-            let why = "is not an image of one channel of 16 bits, as depths are";
-            Err(Error::format(path, why))
-        }
-    }
 }
 
 /// The points of KITTI's velodyne `.bin`, metres in the scanner's frame; one at its origin is none.
@@ -130,7 +99,7 @@ mod tests {
         }
         let metres = array("<f4", &[1.5f32, -1.0].map(f32::to_le_bytes).concat());
         let scaled = array("<u2", &[0, 0, 0, 3]);
-        let disparities = read_disparity_steps(&scaled, 256.0, false).unwrap();
+        let disparities = crate::read_disparity_steps(&scaled, 256.0, false).unwrap();
         assert_eq!(disparities.row(0), [f32::INFINITY, 3.0]);
         std::fs::write(&metres, b"\x93NUMPY").unwrap();
         assert!(read_depth(&metres, None).is_err());

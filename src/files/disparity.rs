@@ -1,8 +1,9 @@
 //! Disparity maps as files: PFM, npz and KITTI's 16-bit PNG.
 
-use super::image::{decode, encode};
-use super::{known, npz, pfm, write_pfm, write_png};
-use image::{DynamicImage, ExtendedColorType};
+use super::image::encode;
+use super::map::{NumberForm, StoredMap};
+use super::{known, write_pfm, write_png};
+use image::ExtendedColorType;
 use std::path::Path;
 use svl_core::stereo::{DisparityMap, Plane};
 use svl_core::{Error, Result};
@@ -10,93 +11,65 @@ use svl_core::{Error, Result};
 /// KITTI's 16-bit images contain 256 times the disparity.
 const KITTI_SCALE: f32 = 256.0;
 
-/// Reads true disparities, `+∞` if unknown, by the file extension: `.pfm`, `.npz`, or a grey image
-/// whose values are `scale` times the disparity and 0 is unknown. For 16-bit images the default
-/// scale is KITTI's 256.
+/// Multiples of the disparity that integers are.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MapScale {
+    /// Multiple in images of 16 bits [default: KITTI's 256], and in NumPy's integers.
+    pub of_16_bits: Option<f32>,
+    /// Multiple in images of 8 bits.
+    pub of_8_bits: Option<f32>,
+}
+
+impl MapScale {
+    /// One scale for all integers.
+    pub fn same(scale: Option<f32>) -> Self {
+        Self {
+            of_16_bits: scale,
+            of_8_bits: scale,
+        }
+    }
+}
+
+/// Reads disparities, `+∞` where there is none: finite values of `.pfm`, `.npy` and `.npz`, or a
+/// grey image whose values are a multiple of the disparity and 0 is none.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a
+/// [`Error::Io`], [`Error::Format`]; the latter also for integers whose scale is unknown, and for a
 /// colour image.
-pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
-    Ok(known(&values(path, scale.unwrap_or(KITTI_SCALE), scale)?))
+pub fn read_disparities(path: &Path, scale: MapScale) -> Result<Plane<f32>> {
+    let stored = StoredMap::read(path)?;
+    let scale = match stored.form {
+        NumberForm::Floats => return Ok(known(&stored.values)),
+        NumberForm::Integers => scale.of_16_bits,
+        NumberForm::Image16 => scale.of_16_bits.or(Some(KITTI_SCALE)),
+        NumberForm::Image8 => scale.of_8_bits,
+    };
+    let scale = scale.ok_or_else(|| Error::format(path, NO_SCALE))?;
+    Ok(steps(&stored, scale, false))
 }
 
-/// Same as [`read_truth`], for estimates to be scored: a pixel without disparity is `+∞`. In a PFM
-/// any value that is not finite is no estimate, as in ETH3D's kit. 16-bit images always have
-/// KITTI's scale.
+/// Disparities, `+∞` for none, from the same files, whose values of any form are `scale` times the
+/// disparity. `has_zeros`: false where 0 is none.
 ///
 /// # Errors
-/// Also [`Error::Format`] for NaN and `-∞` in NumPy's files.
-pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
-    if has_ending(path, "pfm") {
-        return pfm::read_pfm(path);
-    }
-    let values = values(path, KITTI_SCALE, scale)?;
-    let wrong = values
-        .pixels()
-        .position(|d| d.is_nan() || d == f32::NEG_INFINITY);
-    if let Some(at) = wrong {
-        let (x, y) = (at % values.width(), at / values.width());
-        let what = values.get(x, y);
-        return Err(Error::format(
-            path,
-            format!("contains {what} at ({x}, {y}); a pixel without disparity is +inf"),
-        ));
-    }
-    Ok(values)
+/// [`Error::Io`]; [`Error::Format`] for other files.
+pub fn read_disparity_steps(path: &Path, scale: f32, has_zeros: bool) -> Result<Plane<f32>> {
+    Ok(steps(&StoredMap::read(path)?, scale, has_zeros))
 }
 
-/// The values in a file; those of images are divided by the scale, 0 is `+∞`.
-fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>> {
-    if has_ending(path, "pfm") {
-        return pfm::values(path);
-    }
-    if has_ending(path, "npz") {
-        return npz::values(path);
-    }
-    let image = decode(path)?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let disparity = |value: u16, scale: f32| {
-        if value == 0 {
+fn steps(stored: &StoredMap, scale: f32, has_zeros: bool) -> Plane<f32> {
+    stored.values.map(|value| {
+        if (value == 0.0 && !has_zeros) || !value.is_finite() {
             f32::INFINITY
         } else {
-            f32::from(value) / scale
+            value / scale
         }
-    };
-    let values = match image {
-        DynamicImage::ImageLuma16(grey) => grey
-            .into_raw()
-            .into_iter()
-            .map(|v| disparity(v, scale_16))
-            .collect(),
-        DynamicImage::ImageRgb16(_) | DynamicImage::ImageRgba16(_) => {
-            return Err(Error::format(path, COLOUR));
-        }
-        other => {
-            let rgb = other.into_rgb8();
-            // Palette and RGB files with equal channels are grey.
-            if rgb.pixels().any(|p| p[0] != p[1] || p[1] != p[2]) {
-                return Err(Error::format(path, COLOUR));
-            }
-            let scale = scale_8.ok_or_else(|| Error::format(path, NO_SCALE))?;
-            rgb.pixels()
-                .map(|p| disparity(p[0].into(), scale))
-                .collect()
-        }
-    };
-    Plane::from_vec(width, height, values)
+    })
 }
 
-/// True if a file has this extension, in lower or upper case.
-pub fn has_ending(path: &Path, ending: &str) -> bool {
-    path.extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
-}
-
-const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
-
-const NO_SCALE: &str = "has 8 bits, which store a multiple of the disparity: give it with \
-                        --disparity-scale (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
+const NO_SCALE: &str = "has integers, a multiple of the disparity that is not known: give it with \
+                        --disparity-scale or --estimate-scale (Middlebury 2001: 8, tsukuba: 16, \
+                        2003: 4, 2006: 3; OpenCV's matchers: 16)";
 
 /// Writes the disparities by the file extension: `.pfm` with `+∞` for invalid pixels, or `.png`,
 /// 16-bit in KITTI's form: 256·d, 0 = invalid, a true 0 written as 1.
@@ -157,7 +130,6 @@ pub fn write_why(path: &Path, map: &DisparityMap) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::read_disparity_steps;
 
     #[test]
     fn kitti_codes() {
@@ -169,38 +141,44 @@ mod tests {
     }
 
     #[test]
-    fn images_are_read_by_their_form() {
+    fn maps_are_read_by_their_form() {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).unwrap();
             path
         };
-        let row = |plane: Result<Plane<f32>>| plane.unwrap().row(0).to_vec();
+        let row = |path: &Path, scale| {
+            let plane = read_disparities(path, MapScale::same(scale));
+            plane.map(|plane| plane.row(0).to_vec())
+        };
+        let message = |path: &Path, scale| row(path, scale).unwrap_err().to_string();
         let wide = file("16.pgm", b"P5\n2 1\n65535\n\0\0\x03\0");
-        assert_eq!(row(read_truth(&wide, None)), [f32::INFINITY, 3.0]);
-        assert_eq!(row(read_truth(&wide, Some(128.0))), [f32::INFINITY, 6.0]);
-        assert_eq!(row(read_estimate(&wide, Some(128.0))), [f32::INFINITY, 3.0]);
+        assert_eq!(row(&wide, None).unwrap(), [f32::INFINITY, 3.0]);
+        assert_eq!(row(&wide, Some(128.0)).unwrap(), [f32::INFINITY, 6.0]);
         let narrow = file("8.pgm", b"P5\n2 1\n255\n\0\x06");
-        assert_eq!(row(read_truth(&narrow, Some(4.0))), [f32::INFINITY, 1.5]);
-        let message = |plane: Result<Plane<f32>>| plane.unwrap_err().to_string();
-        assert!(message(read_truth(&narrow, None)).contains("8.pgm: has 8 bits"));
+        assert_eq!(row(&narrow, Some(4.0)).unwrap(), [f32::INFINITY, 1.5]);
+        assert!(message(&narrow, None).contains("8.pgm: has integers"));
         let colour = file("colour.ppm", b"P6\n1 1\n255\n\x01\x01\x02");
-        assert!(message(read_truth(&colour, Some(4.0))).contains("colour picture"));
+        assert!(message(&colour, Some(4.0)).contains("colour picture"));
         let grey = file("grey.ppm", b"P6\n1 1\n255\n\x02\x02\x02");
-        assert_eq!(row(read_truth(&grey, Some(4.0))), [0.5]);
+        assert_eq!(row(&grey, Some(4.0)).unwrap(), [0.5]);
+        let stands_in = file("page.pfm", b"<!DOCTYPE html>\n<html>");
+        assert!(message(&stands_in, None).contains("page.pfm: is a web page"));
+        let stands_in = file("p.png", b"version https://git-lfs.github.com/spec/v1\noid");
+        assert!(message(&stands_in, None).contains("git lfs pull"));
+        assert!(message(&file("e.pfm", b""), None).contains("is empty"));
     }
 
     #[test]
-    fn values_of_a_pfm_that_are_not_finite_are_no_estimate() {
+    fn values_of_a_pfm_that_are_not_finite_are_none() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("d.pfm");
         for value in [f32::NAN, f32::NEG_INFINITY] {
             let plane = Plane::from_vec(2, 1, vec![4.0, value]).unwrap();
             write_pfm(&path, &plane).unwrap();
-            for read in [read_estimate, read_truth] {
-                assert_eq!(read(&path, None).unwrap().row(0), [4.0, f32::INFINITY]);
-            }
+            let read = read_disparities(&path, MapScale::default()).unwrap();
+            assert_eq!(read.row(0), [4.0, f32::INFINITY]);
         }
     }
 
@@ -209,7 +187,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("D.PFM");
         write_pfm(&path, &Plane::filled(2, 1, 3.5).unwrap()).unwrap();
-        assert_eq!(read_estimate(&path, None).unwrap().row(0), [3.5, 3.5]);
+        assert_eq!(
+            read_disparities(&path, MapScale::default()).unwrap().row(0),
+            [3.5, 3.5]
+        );
     }
 
     #[test]

@@ -91,7 +91,17 @@ fn gray(image: DynamicImage) -> Result<Gray> {
 /// # Errors
 /// The errors of [`read_gray`].
 pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
-    Ok(read_gray(path)?.map(Visibility::from_code))
+    let codes = read_gray(path)?;
+    let mut others = codes.pixels().filter(|code| !matches!(code, 0 | 128 | 255));
+    if let Some(first) = others.next() {
+        tracing::warn!(
+            "{}: {} pixels of the mask are not 0, 128 or 255, the first is {first}; they are not \
+             scored",
+            path.display(),
+            others.count() + 1
+        );
+    }
+    Ok(codes.map(Visibility::from_code))
 }
 
 /// Reads KITTI's object map: true for pixels of an object; 0 is the background.

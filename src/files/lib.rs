@@ -9,6 +9,7 @@ mod disparity;
 pub mod ffmpeg;
 mod image;
 mod jpeg;
+mod map;
 mod npz;
 pub mod outputs;
 pub mod overlay;
@@ -20,8 +21,9 @@ mod rvl;
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
-pub use depth::{read_depth, read_disparity_steps, read_points};
-pub use disparity::{has_ending, read_estimate, read_truth, write_disparity, write_why};
+pub use depth::{read_depth, read_points};
+pub use disparity::{MapScale, read_disparities, read_disparity_steps};
+pub use disparity::{write_disparity, write_why};
 pub use image::{IMAGE_ENDINGS, read_image};
 pub use image::{decode_bytes, gray_of};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};
@@ -52,6 +54,12 @@ use svl_core::stereo::Plane;
 
 /// Limit on the size of an image or map file, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
+
+/// True if a file has this extension, in lower or upper case.
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(ending))
+}
 
 /// `path` relative to `folder`; absolute if they have nothing in common. A link keeps its name.
 pub fn relative_path(path: &Path, folder: &Path) -> PathBuf {

@@ -1,6 +1,7 @@
 //! NumPy's npz, a zip archive with one array, and npy, an array: a plane of numbers.
 
 use super::{MAX_BYTES, known, read_bounded};
+use half::f16;
 use std::io::{Cursor, Read};
 use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
@@ -9,23 +10,23 @@ use svl_core::{Error, Result};
 /// Limit on the header's length in bytes; NumPy's own have 118.
 const MAX_HEADER: usize = 4096;
 
-/// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and
-/// memory order, like scikit-image's `motorcycle_disp.npz`. Non-finite values become `+∞`,
-/// "unknown".
+/// Reads the only array of an npz archive like scikit-image's `motorcycle_disp.npz`. Non-finite
+/// values become `+∞`, "unknown".
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Format`] with the missing part.
 pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
-    Ok(known(&values(path)?))
+    Ok(known(&archived(path)?.0))
 }
 
-/// The values in the file, unchanged.
-pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
+/// The values of the only array of an archive, rows x columns of [`NpyNumber`]s in either byte and
+/// memory order, and true if they are integers.
+pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
     parse(read_bounded(path, MAX_BYTES)?)
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
 }
 
-fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
+fn parse(bytes: Vec<u8>) -> std::result::Result<(Plane<f32>, bool), String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     // With several arrays it is unknown which of them is the map.
     if archive.len() != 1 {
@@ -34,28 +35,25 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
             archive.len()
         ));
     }
-    let (values, is_integer) = array(archive.by_index(0).map_err(|e| e.to_string())?)?;
-    if is_integer {
-        return Err("its values are integers, expected float32 or float64".to_owned());
-    }
-    Ok(values)
+    array(archive.by_index(0).map_err(|e| e.to_string())?)
 }
 
-/// Reads an array from a file of its own, and whether it has integers.
-pub(super) fn read_npy(path: &Path) -> Result<(Plane<f32>, bool)> {
+/// The values of an array in a file of its own, and true if they are integers.
+pub(super) fn alone(path: &Path) -> Result<(Plane<f32>, bool)> {
     array(Cursor::new(read_bounded(path, MAX_BYTES)?))
         .map_err(|reason| Error::format(path, format!("not an npy map: {reason}")))
 }
 
 fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String> {
     let NpyHeader {
-        item,
+        number,
         big_endian,
         fortran,
         width,
         height,
     } = NpyHeader::read(&mut file)?;
     // No overflow: sides are at most MAX_SIDE.
+    let item = number.bytes();
     let expected = width * height * item;
     if expected as u64 > MAX_BYTES {
         return Err(format!(
@@ -72,46 +70,76 @@ fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String>
             "{width}x{height} needs {expected} bytes, the array does not have that many"
         ));
     }
-    let float = |index: usize| {
-        let bytes = &data[index * item..][..item];
-        if let Ok(bytes) = <[u8; 2]>::try_from(bytes) {
-            let parse = if big_endian {
-                u16::from_be_bytes
-            } else {
-                u16::from_le_bytes
-            };
-            return f32::from(parse(bytes));
-        }
-        match <[u8; 4]>::try_from(bytes) {
-            Ok(bytes) if big_endian => f32::from_be_bytes(bytes),
-            Ok(bytes) => f32::from_le_bytes(bytes),
-            Err(_) => {
-                let bytes = <[u8; 8]>::try_from(bytes).expect("an item has four or eight bytes");
-                (if big_endian {
-                    f64::from_be_bytes(bytes)
-                } else {
-                    f64::from_le_bytes(bytes)
-                }) as f32
-            }
-        }
-    };
-    let index = |x, y| {
-        if fortran {
-            // Fortran order: columns are contiguous.
+    if big_endian {
+        data.chunks_exact_mut(item).for_each(<[u8]>::reverse);
+    }
+    let values = Plane::from_fn(width, height, |x, y| {
+        // Fortran order: columns are contiguous.
+        let index = if fortran {
             x * height + y
         } else {
             y * width + x
+        };
+        number.value(&data[index * item..])
+    });
+    Ok((values.map_err(|e| e.to_string())?, number.is_integer()))
+}
+
+/// A number of an array.
+#[derive(Clone, Copy)]
+enum NpyNumber {
+    Uint16,
+    /// OpenCV's matchers write these.
+    Int16,
+    Float16,
+    Float32,
+    Float64,
+}
+
+impl NpyNumber {
+    /// The number with NumPy's code behind that of the byte order.
+    fn of(code: &str) -> Option<Self> {
+        Some(match code {
+            "u2" => Self::Uint16,
+            "i2" => Self::Int16,
+            "f2" => Self::Float16,
+            "f4" => Self::Float32,
+            "f8" => Self::Float64,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::Uint16 | Self::Int16 | Self::Float16 => 2,
+            Self::Float32 => 4,
+            Self::Float64 => 8,
         }
-    };
-    let values = Plane::from_fn(width, height, |x, y| float(index(x, y)));
-    Ok((values.map_err(|e| e.to_string())?, item == size_of::<u16>()))
+    }
+
+    fn is_integer(self) -> bool {
+        matches!(self, Self::Uint16 | Self::Int16)
+    }
+
+    /// The value of the first bytes, little-endian.
+    fn value(self, bytes: &[u8]) -> f32 {
+        fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+            *bytes.first_chunk().expect("the array has whole numbers")
+        }
+        match self {
+            Self::Uint16 => u16::from_le_bytes(first(bytes)).into(),
+            Self::Int16 => i16::from_le_bytes(first(bytes)).into(),
+            Self::Float16 => f16::from_le_bytes(first(bytes)).to_f32(),
+            Self::Float32 => f32::from_le_bytes(first(bytes)),
+            Self::Float64 => f64::from_le_bytes(first(bytes)) as f32,
+        }
+    }
 }
 
 /// The header of an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy
 /// Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
 struct NpyHeader {
-    /// Bytes of a value.
-    item: usize,
+    number: NpyNumber,
     big_endian: bool,
     fortran: bool,
     width: usize,
@@ -150,19 +178,11 @@ impl NpyHeader {
             found.ok_or_else(|| format!("the header has no '{name}'"))
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
-        let (big_endian, item) = match kind {
-            "<u2" => (false, 2),
-            ">u2" => (true, 2),
-            "<f4" => (false, 4),
-            ">f4" => (true, 4),
-            "<f8" => (false, 8),
-            ">f8" => (true, 8),
-            _ => {
-                return Err(format!(
-                    "its values are '{kind}', expected float32, float64 or uint16"
-                ));
-            }
-        };
+        let (order, code) = kind.split_at_checked(1).unwrap_or_default();
+        let number = NpyNumber::of(code).filter(|_| matches!(order, "<" | ">"));
+        let number = number.ok_or_else(|| {
+            format!("its values are '{kind}', expected floats or 16-bit integers")
+        })?;
         let shape = field("shape")?;
         let wrong = || format!("its shape is not (rows, columns) in 1..={MAX_SIDE}");
         let sides = shape
@@ -181,8 +201,8 @@ impl NpyHeader {
                     .all(|side| (1..=MAX_SIDE).contains(side)) =>
             {
                 Ok(Self {
-                    item,
-                    big_endian,
+                    number,
+                    big_endian: order == ">",
                     fortran: field("fortran_order")?.starts_with("True"),
                     width,
                     height,
@@ -232,6 +252,7 @@ mod tests {
         let read = |header: &str, data: &[u8]| {
             parse(npz(&[npy(header, data)]))
                 .unwrap()
+                .0
                 .pixels()
                 .collect::<Vec<_>>()
         };
@@ -242,6 +263,17 @@ mod tests {
             .flat_map(|v| f64::from(*v).to_be_bytes())
             .collect();
         assert_eq!(read(&HEADER.replace("<f4", ">f8"), &big), values);
+        let halves: Vec<u8> = values
+            .iter()
+            .flat_map(|v| f16::from_f32(*v).to_le_bytes())
+            .collect();
+        assert_eq!(read(&HEADER.replace("<f4", "<f2"), &halves), values);
+        let steps: Vec<u8> = [-16i16, 0, 24, 1, 2, 3]
+            .iter()
+            .flat_map(|v| v.to_be_bytes())
+            .collect();
+        let steps = read(&HEADER.replace("<f4", ">i2"), &steps);
+        assert_eq!(steps[..3], [-16.0, 0.0, 24.0]);
         let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, f32::INFINITY]);
         assert_eq!(read(&HEADER.replace("False", "True"), &columns), values);
     }

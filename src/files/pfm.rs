@@ -1,16 +1,18 @@
 //! PFM, the float maps of Middlebury and ETH3D: a `Pf` header, then rows bottom-up.
 
 use super::{MAX_BYTES, known, read_bounded};
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
 use svl_core::{Error, Result};
 
 /// Reads a one-channel PFM of either byte order. The magnitude of the scale line is not a
-/// multiplier (Middlebury's convention); non-finite values become `+∞`, "unknown".
+/// multiplier (Middlebury's convention); non-finite values become `+∞`, "unknown". Line ends of
+/// Windows are read: in the header alone, or in all of a file that was written as text.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Format`] with the missing part.
+/// [`Error::Io`], or [`Error::Format`] with the missing or superfluous part.
 pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&values(path)?))
 }
@@ -57,10 +59,19 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
         ));
     }
     let expected = width * height * 4;
-    if rest.len() < expected {
+    let of_windows = bytes[bytes.len() - rest.len() - 1..].strip_prefix(b"\r\n");
+    let of_windows = of_windows.filter(|_| rest.len() != expected);
+    let untranslated = of_windows.map(|pixels| without_carriage_returns(pixels, expected));
+    let pixels = untranslated.as_deref().unwrap_or(rest);
+    if pixels.len() != expected {
+        let channels = if pixels.len() == 3 * expected {
+            ": three channels, whose header is PF"
+        } else {
+            ""
+        };
         return Err(format!(
-            "{width}x{height} needs {expected} bytes of pixels, got {}",
-            rest.len()
+            "{width}x{height} needs {expected} bytes of pixels, got {}{channels}",
+            pixels.len()
         ));
     }
     let read = if scale < 0.0 {
@@ -69,7 +80,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
         f32::from_be_bytes
     };
     let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
-    for (i, row) in rest[..expected].chunks_exact(width * 4).enumerate() {
+    for (i, row) in pixels.chunks_exact(width * 4).enumerate() {
         for (pixel, bytes) in plane
             // PFM stores rows bottom-up.
             .row_mut(height - 1 - i)
@@ -80,6 +91,24 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
         }
     }
     Ok(plane)
+}
+
+/// The pixels behind a header with line ends of Windows. Where they were written as text, too, each
+/// line feed among them has a carriage return before it, which is removed.
+fn without_carriage_returns(pixels: &[u8], expected: usize) -> Cow<'_, [u8]> {
+    if pixels.len() <= expected {
+        return pixels.into();
+    }
+    let is_return = |at: usize| pixels[at] == b'\r' && pixels.get(at + 1) == Some(&b'\n');
+    let kept: Vec<u8> = (0..pixels.len())
+        .filter(|at| !is_return(*at))
+        .map(|at| pixels[at])
+        .collect();
+    if kept.len() == expected {
+        kept.into()
+    } else {
+        pixels.into()
+    }
 }
 
 /// Writes a little-endian PFM; `+∞` means invalid.
@@ -119,6 +148,35 @@ mod tests {
     }
 
     #[test]
+    fn line_ends_of_windows() {
+        let little = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        // The bytes of the first value are a line end, those of the second a line feed.
+        let pixels: Vec<u8> = little(&[f32::from_le_bytes(*b"\r\n\r\n"), 9e-33, 7.5]);
+        let read = |pixels: &[u8]| {
+            let file = [b"Pf\r\n3 1\r\n-1\r\n", pixels].concat();
+            parse(&file).map(|plane| {
+                plane
+                    .pixels()
+                    .flat_map(f32::to_le_bytes)
+                    .collect::<Vec<_>>()
+            })
+        };
+        assert_eq!(read(&pixels).as_ref(), Ok(&pixels), "the header alone");
+        let text = pixels.iter().flat_map(|byte| match byte {
+            b'\n' => vec![b'\r', b'\n'],
+            other => vec![*other],
+        });
+        let text: Vec<u8> = text.collect();
+        assert!(text.len() > pixels.len());
+        assert_eq!(read(&text).as_ref(), Ok(&pixels), "all of it");
+        assert!(
+            read(&[&pixels[..], b"ab"].concat())
+                .unwrap_err()
+                .contains("got 14")
+        );
+    }
+
+    #[test]
     fn round_trip() {
         let path = tempfile::NamedTempFile::new().unwrap();
         let plane = Plane::from_fn(3, 2, |x, y| {
@@ -139,6 +197,8 @@ mod tests {
             (&b"P6\n1 1\n255\n..."[..], "P6"),
             (b"PF\n1 1\n-1\n", "three channels"),
             (b"Pf\n1 1\n-1\nabc", "got 3"),
+            (b"Pf\n1 1\n-1\nabcde", "needs 4 bytes of pixels, got 5"),
+            (b"Pf\n1 1\n-1\nabcdabcdabcd", "got 12: three channels"),
             (b"Pf\n99999999 1\n-1\nabc", "width"),
             (b"Pf\n1 1\n0\nabcd", "scale"),
             (b"Pf\n1", "truncated"),

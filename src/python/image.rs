@@ -18,7 +18,7 @@ pub(super) enum ImageArray<'py> {
 #[derive(Clone, Copy)]
 pub(super) struct PixelLayout {
     /// Bits in use, of arrays of uint16.
-    pub(super) bits: u8,
+    pub(super) bits: Option<u8>,
     /// True if the first channel is blue.
     pub(super) is_bgr: bool,
 }
@@ -77,7 +77,11 @@ fn image<'a, T: Element>(
         (1, 3, true) => ImageFormat::Bgr8,
         (1, _, false) => ImageFormat::Rgba8,
         (1, _, true) => ImageFormat::Bgra8,
-        _ => ImageFormat::Gray16 { bits: layout.bits },
+        _ => {
+            let missing = "uint16 needs bits=N, those in use of its 16: 10 of a mono10 camera";
+            let bits = layout.bits.ok_or_else(|| wrong(missing.to_owned()))?;
+            ImageFormat::Gray16 { bits }
+        }
     };
     let strides = array.strides();
     let row_bytes = width * format.bytes();

@@ -92,13 +92,14 @@ impl RangerHandle {
         left: &Bound<'py, PyAny>,
         right: &Bound<'py, PyAny>,
         stamp_ns: Option<i64>,
-        bits: i64,
+        bits: Option<i64>,
         is_bgr: bool,
     ) -> PyResult<MatchArrays<'py>> {
         self.check_process()?;
         let stamp_ns = stamp_ns.map(|stamp_ns| number("stamp_ns", stamp_ns, "0 or more"));
         let stamp_ns = stamp_ns.transpose()?;
-        let bits = number("bits", bits, "8 to 16")?;
+        let bits = bits.map(|bits| number("bits", bits, "8 to 16"));
+        let bits = bits.transpose()?;
         let arrays = [
             ImageArray::new(left, "left")?,
             ImageArray::new(right, "right")?,

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use svl_calibrate::yaml::{self, YamlNode};
-use svl_core::{Error, Result, counted, inputs};
+use svl_core::bounded::stand_in;
+use svl_core::{Error, Result, counted, inputs, listed};
 use svl_files::read_text;
 
 /// The file that rosbag2 writes next to the MCAP files at the end.
@@ -11,8 +12,6 @@ const METADATA: &str = "metadata.yaml";
 const BAG: &str = "rosbag2_bagfile_information";
 /// Limit on its size in bytes: thousands of files and topics.
 const MAX_BYTES: u64 = 1 << 22;
-/// Limit on files listed in a message.
-const LISTED: usize = 5;
 /// Command that converts a bag svl cannot read; only the ROS that wrote it has its plugins.
 const CONVERT: &str = "`ros2 bag convert` of the ROS 2 that recorded it makes an mcap bag, which \
                        svl reads";
@@ -82,6 +81,9 @@ pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
 
 /// Description of a file that begins with `start` and is not MCAP, with the remedy.
 pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
+    if let Some(why) = stand_in(start) {
+        return why.to_owned();
+    }
     // `#ROSBAG V2.0` is read.
     if start.starts_with(b"#ROSBAG ") {
         let bag = path.display();
@@ -152,15 +154,8 @@ fn bag_files(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn name_one(files: &[PathBuf]) -> String {
-    let names: Vec<_> = files
-        .iter()
-        .take(LISTED)
-        .map(|file| file.display().to_string())
-        .collect();
-    let more = if files.len() > LISTED {
-        format!(" and {} more", files.len() - LISTED)
-    } else {
-        String::new()
-    };
-    format!("name one of {}{more}", names.join(", "))
+    format!(
+        "name one of {}",
+        listed(files.iter().map(|file| file.display()))
+    )
 }

@@ -149,6 +149,11 @@ impl Reader {
         self.pairs
     }
 
+    /// Number of left images according to the file's summary: no more pairs can be made.
+    pub fn images(&self) -> Option<u64> {
+        self.recording.count(&self.topics[0]).ok()?
+    }
+
     /// The facts of the pairs so far; the counts are final at the end of the recording.
     pub fn facts(&self) -> StreamFacts {
         StreamFacts {
@@ -170,6 +175,7 @@ impl Reader {
         SensorTopic::open(
             &self.recording,
             &self.topics,
+            self.source.left_calibration(),
             self.source.stamps(),
             selection,
         )

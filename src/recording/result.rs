@@ -4,7 +4,7 @@ use super::foreign::floats;
 use super::messages::{EventReader, FileEvent};
 use super::{AlgorithmCells, Encoded, Recording, cells, truth};
 use serde::de::DeserializeOwned;
-use svl_core::stereo::{Estimate, Frame, Plane};
+use svl_core::stereo::{Estimate, Frame, Plane, hash_words};
 use svl_core::{Error, Result};
 
 const SCHEMA: &str = "svl.Result";
@@ -38,8 +38,8 @@ impl AlgorithmResult {
         Self {
             sequence: frame.sequence,
             algorithm: estimate.algorithm.clone(),
-            hash: format!("{:032x}", result),
-            pair_hash: format!("{:032x}", pair),
+            hash: hash_words(result),
+            pair_hash: hash_words(pair),
             coverage: estimate.disparity.coverage(),
             row_offset_px: estimate.disparity.median_row_offset(),
             range_px: estimate.range_px,

@@ -1,12 +1,16 @@
 //! Statistics of the skew: right stamp minus left stamp.
 
+use svl_core::nanoseconds;
 use svl_core::statistics::upper_rank;
 
 /// Skew over the pairs of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct SkewSummary {
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub min_ns: i64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub median_ns: i64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub max_ns: i64,
     /// At most twelve bins of equal width, in ascending order; empty bins are omitted.
     pub histogram: Vec<SkewBin>,
@@ -15,7 +19,9 @@ pub struct SkewSummary {
 /// Pairs whose skew is at least `from_ns` and less than `to_ns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct SkewBin {
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub from_ns: i64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub to_ns: i64,
     pub pairs: u64,
 }

@@ -25,6 +25,8 @@ pub(crate) enum StampReading {
     BelowSecond(u64),
     /// The message counts as one without a stamp.
     Log,
+    /// The messages are of another robot, and of no use.
+    Unread,
 }
 
 /// The reading of a topic's stamps.
@@ -48,6 +50,11 @@ impl StampRule {
         self.reading == StampReading::Log
     }
 
+    /// True unless the messages are of another robot.
+    pub(crate) fn is_read(self) -> bool {
+        self.reading != StampReading::Unread
+    }
+
     /// The stamp of seconds and nanoseconds; `None` if it was never set.
     pub(crate) fn stamp(self, (seconds, nanoseconds): (u32, u32)) -> Option<u64> {
         let (seconds_ns, below) = (u64::from(seconds) * SECOND_NS, u64::from(nanoseconds));
@@ -59,7 +66,7 @@ impl StampRule {
             StampReading::AsWritten => written_ns,
             StampReading::Whole(unit_ns) => written_ns.saturating_mul(unit_ns),
             StampReading::BelowSecond(unit_ns) => seconds_ns.saturating_add(below * unit_ns),
-            StampReading::Log => return None,
+            StampReading::Log | StampReading::Unread => return None,
         };
         Some(read_ns.saturating_add_signed(self.shift_ns))
     }

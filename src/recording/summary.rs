@@ -16,7 +16,9 @@ use super::sync::StereoSync;
 use super::{AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Recording, StampOrigin, topic};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 use svl_core::Result;
+use svl_core::nanoseconds;
 use svl_core::statistics::upper_rank;
 use svl_core::stereo::Side;
 
@@ -59,7 +61,9 @@ pub struct RecordingSummary {
     /// Sorted by name.
     pub topics: Vec<Topic>,
     /// First and last stamp of any message.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub start_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub end_ns: u64,
     /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
     pub pairs: u64,
@@ -68,6 +72,7 @@ pub struct RecordingSummary {
     pub pair_stamps_ns: Vec<u64>,
     /// Median period of the left images by their own stamps; `None` if their topic or their rate is
     /// unknown.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub period_ns: Option<u64>,
     /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
@@ -102,7 +107,9 @@ pub struct Topic {
     pub messages: u64,
     /// Bytes before compression.
     pub bytes: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub start_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub end_ns: u64,
     /// Messages per second; `None` for fewer than two.
     pub rate_hz: Option<f64>,
@@ -125,7 +132,9 @@ pub struct Misalignment {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Gap {
     /// Stamp of the last pair before it.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub after_ns: u64,
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub length_ns: u64,
 }
 
@@ -133,8 +142,10 @@ pub struct Gap {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ClockJump {
     /// Stamp of the last image before it.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub after_ns: u64,
     /// Positive for a jump ahead.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub by_ns: i64,
 }
 
@@ -431,18 +442,18 @@ impl SummaryScan {
         let channels: Vec<_> = channels.iter().collect();
         self.found.stereo = choose(&channels, selection).ok().filter(|_| !is_own);
         let [left, right] = self.take_sides();
-        if let Some([_, topic]) = &self.found.stereo {
+        if let Some(topics) = &self.found.stereo {
             let sides = Side::BOTH.into_iter().zip([&left.images, &right.images]);
             let images = sides.flat_map(|(side, images)| images.iter().map(move |i| (side, i)));
             let mut images: Vec<_> = images.collect();
             images.sort_by_key(|(_, image)| image.place);
             if let Some(clocks) = &mut self.found.clocks
                 && let Some(mut watch) = clocks.watch()
-                && let Some(step) = images
+                && let Some((side, step)) = images
                     .iter()
                     .find_map(|(side, i)| watch.take_in(*side, i.log_ns, i.stamp_ns))
             {
-                clocks.add_step(topic, step);
+                clocks.add_step(&topics[side as usize], step);
             }
             let clocks = self.found.clocks.as_ref();
             if clocks.is_none_or(ClockTable::permits_pairs) {
@@ -456,7 +467,8 @@ impl SummaryScan {
             let stamps = left.images.iter().map(|image| image.stamp_ns);
             let frame = left.frame.as_deref().unwrap_or_default();
             // Damage is reported with the pairs.
-            let poses = pose_summary(recording, &channels, frame, stamps);
+            let recording = recording.restamped(Arc::clone(&self.rules));
+            let poses = pose_summary(&recording, &channels, frame, stamps);
             self.found.poses = poses.ok().flatten();
         } else {
             let stamps = self.synced.iter().map(|image| image.stamp_ns);

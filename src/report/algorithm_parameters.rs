@@ -4,12 +4,13 @@ use polars::prelude::{Column, DataFrame, ParquetWriter};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::Path;
+use std::str::FromStr;
 use svl_core::{Error, Result};
 use svl_score::manifest::AlgorithmRecord;
 
 /// Writes `algorithms.csv` and `algorithms.parquet` into a folder that exists: a row per algorithm
 /// with label, name, filters, and a column per parameter that any of them has, by name. Numbers
-/// are numbers where all values of the column are.
+/// and truth values are such where all values of the column are.
 ///
 /// # Errors
 /// [`Error::Io`] with the file, [`Error::Format`] with the error of polars.
@@ -53,13 +54,18 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
     Ok(())
 }
 
+/// The column as numbers or truth values, if all of its texts are.
 fn stored(name: &str, cells: Vec<Option<String>>) -> Column {
-    let number = |cell: &Option<String>| cell.as_ref().map(|text| text.parse::<f64>().ok());
-    let numbers = cells.iter();
-    let numbers = numbers.map(|cell| number(cell).map_or(Some(None), |number| number.map(Some)));
-    let numbers: Option<Vec<Option<f64>>> = numbers.collect();
-    match numbers {
-        Some(numbers) => Column::new(name.into(), numbers),
-        None => Column::new(name.into(), cells),
+    fn all<T: FromStr>(cells: &[Option<String>]) -> Option<Vec<Option<T>>> {
+        let read = |cell: &Option<String>| cell.as_ref().map(|text| text.parse().ok());
+        let values = cells
+            .iter()
+            .map(|cell| read(cell).map_or(Some(None), |v| v.map(Some)));
+        values.collect()
+    }
+    match (all::<f64>(&cells), all::<bool>(&cells)) {
+        (Some(numbers), _) => Column::new(name.into(), numbers),
+        (None, Some(flags)) => Column::new(name.into(), flags),
+        (None, None) => Column::new(name.into(), cells),
     }
 }

@@ -152,7 +152,13 @@ pub(super) fn serialize_record<S: Serializer>(
     let mut areas: BTreeMap<&str, BTreeMap<&str, ColumnValue<'_>>> = BTreeMap::new();
     for (column, value) in columns.iter().zip(values) {
         let Some(area) = column.area.map(AreaChoice::name) else {
-            map.serialize_entry(column.name, &value)?;
+            // Stamps are beyond what numbers of JSON are exact for.
+            match value {
+                ColumnValue::Whole(Some(ns)) if column.unit == Some("ns") => {
+                    map.serialize_entry(column.name, &ns.to_string())?;
+                }
+                value => map.serialize_entry(column.name, &value)?,
+            }
             continue;
         };
         let name = column.name.strip_prefix(area).unwrap_or(column.name);
@@ -452,14 +458,20 @@ columns! {
         }
     }, |v| v.map(CellArea::name);
     AreaChoice: "text", |v| ColumnValue::Text(v.name()), AreaChoice::from_name, |v| v.name();
-    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
-    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
+    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, |n| signed((*n).into());
+    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, |n| signed(*n);
     f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone;
     bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone;
-    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional, Option::clone;
-    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone;
+    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional,
+        |n| n.map(|n| signed(n.into()));
+    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, |n| n.map(signed);
     Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone;
     Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone;
+}
+
+/// A count as Parquet has it: differences of unsigned ones would wrap in its readers.
+fn signed(n: u64) -> i64 {
+    i64::try_from(n).unwrap_or(i64::MAX)
 }
 
 fn read<T: FromStr>(text: &str) -> Option<T> {
@@ -731,7 +743,7 @@ fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) ->
         let values = fields.iter().map(|field| column.value(field));
         let name = column.name.as_str().into();
         if column.metric.counts() {
-            let counts = values.map(|v| v.map(|n| n as u64));
+            let counts = values.map(|v| v.map(|n| n as i64));
             Column::new(name, counts.collect::<Vec<_>>())
         } else {
             Column::new(name, values.collect::<Vec<_>>())

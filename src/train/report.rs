@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use svl_core::Result;
 use svl_core::filter::ModelFacts;
+use svl_core::stereo::hash_words;
 use svl_files::encode_png;
 use svl_report::page::{PlotView, data_url, fill};
 use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
@@ -101,7 +102,7 @@ impl FilterTraining {
             best_epoch: fitted.best_epoch,
             interrupted: fitted.interrupted,
             trials,
-            data: format!("{data:032x}"),
+            data: hash_words(data),
             examples,
         }
     }

@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12277),
+    ("bench", 12485),
     ("c", 470),
-    ("calibrate", 4890),
-    ("cli", 11392),
-    ("core", 18433),
-    ("files", 2093),
+    ("calibrate", 4909),
+    ("cli", 11557),
+    ("core", 18579),
+    ("files", 2142),
     ("grab", 5079),
     ("live", 419),
-    ("python", 318),
-    ("recording", 13440),
-    ("report", 12378),
-    ("score", 7879),
+    ("python", 323),
+    ("recording", 13766),
+    ("report", 12361),
+    ("score", 7985),
     ("sim", 3533),
     ("thesis", 3693),
-    ("train", 3527),
+    ("train", 3510),
     ("viewer", 1749),
 ];
 

@@ -301,6 +301,9 @@ class BadInput(InFolder):
         for bits in [17, 300, -1]:
             with self.fails(ValueError, str(bits), "8 to 16"):
                 svl.match(deep, deep, bits=bits)
+        # Sixteen bits would be assumed wrongly of most cameras.
+        with self.fails(ValueError, "left", "bits=N", "mono10"):
+            svl.match(deep, deep)
         with svl.Ranger() as ranger, self.fails(ValueError, "stamp_ns=-1"):
             ranger.match(left, right, stamp_ns=-1)
         # The next pair goes on.

@@ -5,9 +5,9 @@ use super::run_opener::OpenedRun;
 use super::work::EvaluationWork;
 use crate::source::Chain;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::stereo::hash_words;
 use svl_core::{Error, Result, interrupt};
 use svl_report::Row;
-use svl_score::judge::hash_words;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {

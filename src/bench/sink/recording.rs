@@ -1,6 +1,7 @@
 //! Frames and estimates into a recording.
 
 use super::{PassEnd, Sink};
+use svl_core::stereo::hash_words;
 use svl_core::{Result, counted};
 use svl_recording::{GRABBER, PairResult, StoredResults, Writer};
 use svl_score::judge::Judged;
@@ -36,7 +37,7 @@ impl Sink for RecordingSink {
         let Some(stored) = &mut self.stored else {
             return Ok(());
         };
-        let pair_hash = format!("{:032x}", judged.pair_hash());
+        let pair_hash = hash_words(judged.pair_hash());
         for result in stored.pair_results(frame.sequence)? {
             if result.result.pair_hash == pair_hash {
                 self.writer.write_result(frame, &result)?;

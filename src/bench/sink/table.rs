@@ -4,9 +4,9 @@ use super::{Outbox, PassStart, Sink};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
+use svl_core::stereo::hash_words;
 use svl_core::timing::Stage;
 use svl_report::{CellRow, FailureRow, Row, TableWriter};
-use svl_score::judge::hash_words;
 use svl_score::judge::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 use svl_score::manifest::AlgorithmRecord;
 

@@ -7,13 +7,13 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
+use svl_core::stereo::hash_words;
 use svl_core::stereo::{Frame, Rgb, Rig};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
 };
 use svl_report::{FrameRow, TruthRow};
-use svl_score::judge::hash_words;
 use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};

@@ -1,31 +1,40 @@
-//! Monitors a source's pairs for vertical misalignment, and for left and right being exchanged.
+//! Monitors a source's pairs for vertical misalignment, and for images that are no pair.
 
 use super::{Source, wraps};
 use svl_core::Result;
 use svl_core::counted;
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
-use svl_core::stereo::Frame;
+use svl_core::stereo::{Frame, StereoPair};
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
-/// if left and right are exchanged.
+/// if their images are turned, exchanged or of one camera.
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
+    /// The same of the left images with the right ones of the pair after, and of that before.
+    apart: [AlignmentMeter; 2],
+    /// The pair before the next one that is measured, and its time.
+    before: Option<(StereoPair, u64)>,
+    period_ns: u64,
+    is_calibrated: bool,
     taken: u64,
     measured: u64,
 }
 
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
-const EVERY: u64 = 8;
+/// Odd, as faults of every second pair are measured, too.
+const EVERY: u64 = 7;
 const MAX_MEASURED: u64 = 5;
-/// Fraction of points with a negative disparity above which left and right count as exchanged.
-const MAX_NEGATIVE: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>) -> Self {
         Self {
             source,
             meter: AlignmentMeter::new(),
+            apart: Default::default(),
+            before: None,
+            period_ns: 0,
+            is_calibrated: false,
             taken: 0,
             measured: 0,
         }
@@ -37,13 +46,19 @@ impl<'a> AlignmentMonitor<'a> {
         let last = match frame {
             Some(frame) if due => {
                 self.meter.add(&frame.pair);
+                self.measure_apart(frame);
                 self.measured += 1;
                 self.measured == MAX_MEASURED
             }
-            Some(_) => false,
+            Some(frame) => {
+                let is_next_due = self.taken.is_multiple_of(EVERY) && self.measured < MAX_MEASURED;
+                self.before = is_next_due.then(|| (frame.pair.clone(), frame.stamp_ns));
+                false
+            }
             None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
-        if last && let Some(doubt) = exchange_doubt(&self.meter) {
+        self.is_calibrated |= frame.is_some_and(|frame| frame.rig().is_some());
+        if last && let Some(doubt) = self.meter.doubt(self.is_calibrated) {
             tracing::warn!("{}: {doubt}", self.source.name());
         }
         // That their rectification misaligns them is said.
@@ -62,29 +77,46 @@ impl<'a> AlignmentMonitor<'a> {
                 found.median_abs_px,
                 found.matches,
                 counted(found.pairs as u64, "pair"),
-                misalignment_cure(&*self.source)
+                self.one_apart()
+                    .unwrap_or_else(|| misalignment_cure(&*self.source).to_owned())
             );
         }
     }
-}
 
-/// Left and right images that look exchanged, in words.
-pub(super) fn exchange_doubt(meter: &AlignmentMeter) -> Option<String> {
-    let share = meter
-        .beyond_infinity()
-        .filter(|share| *share > MAX_NEGATIVE)?;
-    Some(format!(
-        "left and right look exchanged: {:.0} % of {} points are farther right in the right image; \
-         --left and --right name them the other way round",
-        100.0 * share,
-        meter.matches().len()
-    ))
+    /// Measures the images of this pair with those of the one before, if pairs are misaligned.
+    fn measure_apart(&mut self, frame: &Frame) {
+        let is_off = self.meter.alignment().is_some_and(|found| found.is_off());
+        let Some((before, stamp_ns)) = self.before.take().filter(|_| is_off) else {
+            return;
+        };
+        self.period_ns = frame.stamp_ns.saturating_sub(stamp_ns);
+        let both = [&before, &frame.pair];
+        for (meter, [left, right]) in self.apart.iter_mut().zip([both, [both[1], both[0]]]) {
+            let pair = StereoPair::new(left.left().clone(), right.right().clone());
+            pair.iter().for_each(|pair| meter.add(pair));
+        }
+    }
+
+    /// The cure, if the left images are aligned with the right ones of a pair after or before.
+    fn one_apart(&self) -> Option<String> {
+        let which = self
+            .apart
+            .iter()
+            .position(|apart| apart.is_better_than(&self.meter))?;
+        let (which, sign) = [("after", "-"), ("before", "")][which];
+        Some(format!(
+            "with the right image of the pair {which} they are aligned, so the cameras are a pair \
+             apart, which `--right-offset-ms {sign}{:.1}` corrects in a recording of another \
+             program",
+            self.period_ns as f64 / 1e6
+        ))
+    }
 }
 
 /// The cure for vertical misalignment of the pairs that a source gives.
 pub fn misalignment_cure(source: &dyn Source) -> &'static str {
     match source.rectification().map(RectificationMeter::doubt) {
-        None => "rectify with --calib FILE",
+        None => "rectify with --calib FILE, or synchronize the cameras if it comes with motion",
         Some(None) => {
             "the calibration is not, or no longer, that of these cameras: calibrate again"
         }

@@ -4,7 +4,7 @@ use super::Source;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use svl_core::Result;
-use svl_core::stereo::Frame;
+use svl_core::stereo::{Frame, hash_words};
 use svl_files::BuildInfo;
 use svl_sim::arena::{self, Arena, ArenaConfig};
 
@@ -37,7 +37,7 @@ impl ArenaSource {
         let config = serde_json::to_string(config).unwrap_or_default();
         let (version, revision) = (BuildInfo::current().version, arena::REVISION);
         let text = format!("svl {version} arena {revision} seed {seed} {config}");
-        format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+        hash_words(xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
     }
 }
 

@@ -1,6 +1,5 @@
 //! Facts of a source by its first pairs: size, cameras, range, truth.
 
-use super::alignment_monitor::exchange_doubt;
 use super::open::{open, open_recording};
 use super::opened::Opened;
 use super::request::Request;
@@ -146,7 +145,7 @@ impl SourceFacts {
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(|check| check.doubt.clone());
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
-        let doubts = doubts.chain(exchange_doubt(&meter));
+        let doubts = doubts.chain(meter.doubt(rig.is_some()));
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),

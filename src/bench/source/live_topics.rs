@@ -8,6 +8,8 @@ use svl_core::Result;
 pub(super) const OPTIONS: &[&str] = &[
     "left",
     "right",
+    "left_info",
+    "right_info",
     "bits",
     "max_skew_ms",
     "stamps",

@@ -161,7 +161,12 @@ pub struct MeasuredSource<'a> {
 }
 
 impl<'a> MeasuredSource<'a> {
-    pub fn new(source: Box<dyn Source + 'a>, measured: SourceMaps) -> Self {
+    pub fn new(source: Box<dyn Source + 'a>, mut measured: SourceMaps) -> Self {
+        for (_, map) in &mut measured.maps {
+            if let MeasuredMaps::Files(files) = map {
+                files.count_pairs(source.most_pairs());
+            }
+        }
         Self { source, measured }
     }
 }

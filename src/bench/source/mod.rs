@@ -20,6 +20,7 @@ mod recording;
 mod rectified;
 mod reference;
 mod registered;
+mod repeat_watch;
 mod request;
 mod resized;
 #[cfg(feature = "ros2")]
@@ -100,6 +101,12 @@ pub trait Source: Send {
     /// Number of frames in all, if that is known.
     fn pairs(&self) -> Option<u64> {
         self.wrapped()?.pairs()
+    }
+
+    /// Limit on the number of frames without a range, if one is known.
+    fn most_pairs(&self) -> Option<u64> {
+        let wrapped = self.wrapped().map(Source::most_pairs);
+        wrapped.unwrap_or_else(|| self.pairs())
     }
 
     /// Makes the source give the frame at `index`, counted from 0, next. False where it can only

@@ -211,6 +211,8 @@ pub const SOURCES: &[SourceKind] = &[
         options: &[
             "left",
             "right",
+            "left_info",
+            "right_info",
             "side_by_side",
             "bits",
             "max_skew_ms",

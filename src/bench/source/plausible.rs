@@ -1,5 +1,6 @@
 //! Pairs whose truth is possible: the one place that every truth passes.
 
+use super::repeat_watch::RepeatWatch;
 use super::{Source, wraps};
 use std::collections::VecDeque;
 use svl_core::stereo::Frame;
@@ -25,6 +26,7 @@ pub struct PlausibleSource<'a> {
     pixels: u64,
     /// The reason for which the source failed.
     failed: Option<String>,
+    repeats: RepeatWatch,
 }
 
 impl<'a> PlausibleSource<'a> {
@@ -36,6 +38,7 @@ impl<'a> PlausibleSource<'a> {
             refused: 0,
             pixels: 0,
             failed: None,
+            repeats: RepeatWatch::default(),
         }
     }
 
@@ -77,7 +80,7 @@ impl<'a> PlausibleSource<'a> {
             let name = self.source.name();
             self.failed = Some(format!("{name}: {reason}"));
             self.ahead.clear();
-            return self.next();
+            return self.next_checked();
         }
         self.warn(&reason);
         Ok(self.ahead.pop_front())
@@ -89,12 +92,8 @@ impl<'a> PlausibleSource<'a> {
             self.source.name()
         );
     }
-}
 
-impl Source for PlausibleSource<'_> {
-    wraps!();
-
-    fn next(&mut self) -> Result<Option<Frame>> {
+    fn next_checked(&mut self) -> Result<Option<Frame>> {
         if let Some(reason) = &self.failed {
             return Err(Error::Invalid(reason.clone()));
         }
@@ -114,6 +113,18 @@ impl Source for PlausibleSource<'_> {
             }
             None => Ok(Some(frame)),
         }
+    }
+}
+
+impl Source for PlausibleSource<'_> {
+    wraps!();
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frame = self.next_checked()?;
+        if let Some(stuck) = frame.as_ref().and_then(|frame| self.repeats.take_in(frame)) {
+            tracing::warn!("{}: {stuck}", self.source.name());
+        }
+        Ok(frame)
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {

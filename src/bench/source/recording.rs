@@ -82,6 +82,10 @@ impl Source for RecordingSource {
         self.reader.pairs()
     }
 
+    fn most_pairs(&self) -> Option<u64> {
+        self.pairs().or_else(|| self.reader.images())
+    }
+
     fn seek(&mut self, index: u64) -> Result<bool> {
         self.reader.seek(index)
     }

@@ -56,6 +56,7 @@ impl<'a> Request<'a> {
         Selection {
             left: options.left.clone(),
             right: options.right.clone(),
+            infos: [options.left_info.clone(), options.right_info.clone()],
             side_by_side: options.side_by_side,
             max_skew_ns: self.max_skew_ns().unwrap_or(Selection::MAX_SKEW_NS),
             bits: options.bits,

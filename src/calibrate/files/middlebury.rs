@@ -5,9 +5,10 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::{beyond_rectified, image_size, only_rectified, rectified};
 use super::numbers::{number, rows, spaced};
 use super::unit::FileUnit;
+use nalgebra::Matrix3x4;
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{Rig, Side, StereoCalibration, check_doffs};
+use svl_core::stereo::{LengthUnit, Rig, Side, StereoCalibration, check_doffs};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "middlebury",
@@ -45,14 +46,31 @@ fn stated_size(document: &Document) -> Result<Option<(usize, usize)>> {
     size.transpose()
 }
 
+/// Largest differences of two rectified cameras: fraction of the focal length, and rows of the
+/// principal points.
+const FOCAL_TOLERANCE: f64 = 1e-3;
+const ROW_TOLERANCE_PX: f64 = 0.5;
+
 fn rig(document: &Document) -> Result<Rig> {
-    let [focal, _, cx, _, _, cy, ..] = document.array::<9>("cam0")?;
+    let left = document.array::<9>("cam0")?;
     let (baseline, doffs) = (document.number("baseline")?, document.number("doffs")?);
+    let (focal, center, baseline_m) = (left[0], (left[2], left[5]), baseline / 1000.0);
+    let mut right = left;
     if document.has("cam1") {
-        let right = document.array::<9>("cam1")?;
-        check_doffs(doffs, cx, right[2]).map_err(|e| document.error(e))?;
+        right = document.array::<9>("cam1")?;
+        check_doffs(doffs, center.0, right[2]).map_err(|e| document.error(e))?;
     }
-    Rig::new(focal, (cx, cy), baseline / 1000.0, doffs).map_err(|e| document.error(e))
+    let projection = |[fx, _, cx, _, fy, cy, ..]: [f64; 9], tx: f64| {
+        Matrix3x4::new(fx, 0.0, cx, tx, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
+    };
+    let [left, right] = [
+        projection(left, 0.0),
+        projection(right, -focal * baseline_m),
+    ];
+    let (focal_part, rows_px) = (FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+    Rig::from_projections(&left, &right, focal_part, rows_px, LengthUnit::Metres)
+        .and_then(|_| Rig::new(focal, center, baseline_m, doffs))
+        .map_err(|e| document.error(e))
 }
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
@@ -121,5 +139,27 @@ mod tests {
             "cam0=[1 0 2; 0 1 3; 0 0 1]\nbaseline=0\ndoffs=0",
             "baseline 0 m",
         );
+    }
+
+    #[test]
+    fn cameras_that_are_not_rectified_to_each_other_are_refused() {
+        let with = |left: [f64; 2], right: [f64; 2], row: f64| {
+            let text = format!(
+                "cam0=[{} 0 320; 0 {} 240; 0 0 1]\ncam1=[{} 0 320; 0 {} {row}; 0 0 1]\ndoffs=0\n\
+                 baseline=176\n",
+                left[0], left[1], right[0], right[1]
+            );
+            parse(&text).err().unwrap_or_default()
+        };
+        assert_eq!(with([500.0; 2], [500.1, 500.0], 240.2), "");
+        for (left, right, row, words) in [
+            ([500.0; 2], [700.0; 2], 240.0, "500 and 700 px"),
+            ([500.0; 2], [500.0; 2], 250.0, "rows 240 and 250"),
+            ([500.0, 250.0], [500.0, 250.0], 240.0, "pixels are square"),
+            ([500.0; 2], [500.0, 250.0], 240.0, "pixels are square"),
+        ] {
+            let reason = with(left, right, row);
+            assert!(reason.contains(words), "{reason}");
+        }
     }
 }

@@ -30,6 +30,12 @@ use svl_core::{Error, Result};
 /// Fewest views that determine all parameters (Zhang, section 3.1).
 pub const MIN_VIEWS: usize = 3;
 
+/// The cures for too few views: of one camera, and of both.
+const TILTED: &str = "add views with the board tilted differently";
+const TOGETHER: &str = "each camera fits the board alone, but not both together: hold the board \
+                        still, and pair images of one time; if those of one camera are mirrored, \
+                        turn them back: `ffmpeg -i IN -vf hflip OUT`";
+
 /// The views, with the reasons for those refused.
 struct ViewSelection<'a> {
     views: &'a [StereoView],
@@ -92,7 +98,7 @@ impl ViewSelection<'_> {
                 }
             }
         }
-        self.require_enough()
+        self.require_enough(TILTED)
     }
 
     fn used(&self) -> impl Iterator<Item = usize> {
@@ -103,7 +109,9 @@ impl ViewSelection<'_> {
             .map(|(id, _)| id)
     }
 
-    fn require_enough(&self) -> Result<()> {
+    /// # Errors
+    /// [`Error::Invalid`] for too few views, with the cure.
+    fn require_enough(&self, cure: &str) -> Result<()> {
         let (used, all) = (self.used().count(), self.views.len());
         if used >= MIN_VIEWS {
             return Ok(());
@@ -126,7 +134,7 @@ impl ViewSelection<'_> {
         };
         Err(Error::Invalid(format!(
             "{used} of {all} views of the board can be used, at least {MIN_VIEWS} are \
-             needed{why}; add views with the board tilted differently"
+             needed{why}; {cure}"
         )))
     }
 }
@@ -219,13 +227,13 @@ fn calibrate_camera(
     };
     let lens = (size, fisheye.as_ref());
     let homographies = homographies(board, lens, selection, name, &pixels);
-    selection.require_enough()?;
+    selection.require_enough(TILTED)?;
     let matrices = homographies.iter().map(|(_, h)| *h).collect::<Vec<_>>();
     let intrinsics = fisheye.or_else(|| start::intrinsics(size, &matrices));
     let lens = model.with_coefficients(&[])?;
     let intrinsics = intrinsics.ok_or_else(undetermined)?.with_distortion(lens)?;
     let views = posed_views(board, &intrinsics, &homographies, selection, name, &pixels);
-    selection.require_enough()?;
+    selection.require_enough(TILTED)?;
     let cameras = vec![PosedCamera {
         intrinsics,
         from_first: Isometry3::identity(),
@@ -239,7 +247,7 @@ fn calibrate_camera(
     for RejectedView { view, reason } in rejected {
         selection.refused[view.id] = Some(reason);
     }
-    selection.require_enough()?;
+    selection.require_enough(TILTED)?;
     Ok(bundle)
 }
 
@@ -270,8 +278,8 @@ fn calibrate_pair(
         cameras,
         views: pairs,
     };
-    for RejectedView { view, reason } in
-        adjust_robustly(&mut bundle, &["left", "right"]).ok_or_else(|| undetermined("cameras"))?
+    for RejectedView { view, reason } in adjust_robustly(&mut bundle, &["left", "right"])
+        .ok_or_else(|| Error::Invalid(TOGETHER.to_owned()))?
     {
         let seen = |camera: usize| {
             let PosedCamera { intrinsics, .. } = &bundle.cameras[camera];
@@ -287,7 +295,7 @@ fn calibrate_pair(
         let words = words.map(|words| format!(": {words}")).unwrap_or_default();
         selection.refused[view.id] = Some(reason + &words);
     }
-    selection.require_enough()?;
+    selection.require_enough(TOGETHER)?;
     Ok(bundle)
 }
 

@@ -129,6 +129,7 @@ struct Info {
     is_intact: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     cure: Option<String>,
+    #[serde(serialize_with = "svl::nanoseconds::as_text")]
     duration_ns: Option<u64>,
     #[serde(flatten)]
     summary: Option<RecordingSummary>,

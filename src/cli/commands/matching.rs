@@ -20,7 +20,7 @@ use svl::stereo::{
     Cell, CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
     StereoPair,
 };
-use svl::stereo::{LevelCell, LevelVerdict};
+use svl::stereo::{LevelCell, LevelVerdict, hash_words};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -365,7 +365,7 @@ impl<'a> MatchReport<'a> {
                 .collect(),
             total_ms: ms(times.total()),
             stages_ms: stages.map(|s| (s.name(), ms(times.get(*s)))).collect(),
-            hash: format!("{:032x}", map.hash()),
+            hash: hash_words(map.hash()),
             median_row_offset: map.median_row_offset(),
             distances_m: rig.map(|_| distances(grid)),
             cells: MatchCell::all(map, grid, choice),

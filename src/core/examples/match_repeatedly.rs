@@ -4,7 +4,7 @@
 //! `cargo run --release --example match_repeatedly -- ALGORITHM N [WIDTH HEIGHT]`
 
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl_core::stereo::{Gray, RectifiedPair, StereoPair};
+use svl_core::stereo::{Gray, RectifiedPair, StereoPair, hash_words};
 
 /// A textured floor in front of a textured wall, with some noise.
 fn pair(width: usize, height: usize) -> svl_core::Result<StereoPair> {
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let context = MatchContext::default();
             matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
         }
-        println!("{:032x}", output.disparity.hash());
+        println!("{}", hash_words(output.disparity.hash()));
         Ok::<_, Box<dyn std::error::Error + Send + Sync>>(())
     })
     .map_err(|e| e as Box<dyn std::error::Error>)

@@ -194,7 +194,7 @@ impl std::fmt::Display for Value {
             // Equal contents are equal parameters: that of the file is included.
             Value::File(Some(file)) => {
                 let hash = xxhash_rust::xxh3::xxh3_64(&file.bytes);
-                write!(f, "{}#{hash:016x}", file.path)
+                write!(f, "{}#h{hash:016x}", file.path)
             }
         }
     }

@@ -3,7 +3,7 @@
 use super::epipolar::inliers;
 use super::features::{PointMatch, matches};
 use crate::statistics::{lower_median, nearest_rank};
-use crate::stereo::{GridShape, StereoPair};
+use crate::stereo::{Gray, GridShape, StereoPair};
 use nalgebra::{Matrix3, Vector3};
 
 /// Measures the vertical misalignment of point matches over pairs of one size.
@@ -12,7 +12,24 @@ pub struct AlignmentMeter {
     size: (usize, usize),
     matches: Vec<PointMatch>,
     pairs: usize,
+    /// Matches of pairs without any, once the right image is turned by each of [`TURNS`].
+    turned: [usize; 2],
 }
+
+/// A way in which one camera's images differ from the other's: its name, ffmpeg's filter that turns
+/// them back, and the place of a pixel in images of a width and a height.
+type Turn = (
+    &'static str,
+    &'static str,
+    fn((usize, usize), (usize, usize)) -> (usize, usize),
+);
+
+const TURNS: [Turn; 2] = [
+    ("upside down", "hflip,vflip", |(x, y), (w, h)| {
+        (w - 1 - x, h - 1 - y)
+    }),
+    ("mirrored", "hflip", |(x, y), (w, _)| (w - 1 - x, y)),
+];
 
 /// Measures the vertical misalignment of pairs before and after their rectification.
 #[derive(Clone, Debug, Default)]
@@ -22,14 +39,8 @@ pub struct RectificationMeter {
 }
 
 impl RectificationMeter {
-    /// Pairs and matches that decide, and the pairs after which no further one is measured.
-    const MIN_PAIRS: usize = 3;
-    const MIN_MATCHES: usize = 50;
+    /// Pairs after which no further one is measured.
     const MAX_PAIRS: usize = 5;
-    /// Greatest misalignment of images that are rectified already: pixels, and as a fraction of
-    /// that after rectification.
-    const MAX_RECTIFIED_PX: f64 = 1.0;
-    const MAX_FRACTION: f64 = 0.5;
 
     /// Adds a pair before and after its rectification. True if that was the last that is needed.
     pub fn add(&mut self, before: &StereoPair, after: &StereoPair) -> bool {
@@ -40,16 +51,7 @@ impl RectificationMeter {
 
     /// True if no further pair is needed.
     pub fn is_done(&self) -> bool {
-        self.before.pairs >= Self::MAX_PAIRS
-            || self.before.pairs >= Self::MIN_PAIRS && self.is_sure()
-    }
-
-    fn is_sure(&self) -> bool {
-        let meters = [&self.before, &self.after];
-        let is_sure = |m: &&AlignmentMeter| {
-            m.pairs >= Self::MIN_PAIRS && m.matches.len() >= Self::MIN_MATCHES
-        };
-        meters.iter().all(is_sure)
+        self.before.pairs >= Self::MAX_PAIRS || self.before.is_sure() && self.after.is_sure()
     }
 
     /// The misalignment before rectification; `None` with too few matches.
@@ -61,9 +63,8 @@ impl RectificationMeter {
     /// or the calibration is not theirs.
     pub fn doubt(&self) -> Option<String> {
         let (before, after) = (self.before.alignment()?, self.after.alignment()?);
-        let is_worse = before.median_abs_px < Self::MAX_FRACTION * after.median_abs_px
-            && before.median_abs_px < Self::MAX_RECTIFIED_PX;
-        (self.is_sure() && is_worse).then(|| {
+        let is_worse = self.after.is_sure() && self.before.is_better_than(&self.after);
+        is_worse.then(|| {
             format!(
                 "vertical misalignment of {:.2} px without rectification and {:.2} px with it \
                  (medians of {} and {} points in {} pairs): if the images are rectified already, \
@@ -130,6 +131,10 @@ const MIN_MATCHES: usize = 40;
 const MIN_MATCHES_OF_PART: usize = 8;
 /// Negative disparities of smaller magnitude may belong to points far away.
 const BEYOND_PX: f64 = 1.0;
+/// Greatest distance of points of one image, changed by noise or light.
+const SAME_PX: f64 = 0.2;
+/// Fraction of points above which they decide.
+const MIN_SHARE: f64 = 0.8;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -147,7 +152,42 @@ impl AlignmentMeter {
         }
         self.pairs += 1;
         // Pair by pair, as pairs of several scenes need not share one epipolar geometry.
-        self.matches.extend(inliers(&matches(pair), TOLERANCE_PX));
+        let found = inliers(&matches(pair), TOLERANCE_PX);
+        if found.is_empty() {
+            let size = pair.size();
+            for ((.., place), count) in TURNS.iter().zip(&mut self.turned) {
+                let pixel = |x, y| {
+                    let (x, y) = place((x, y), size);
+                    pair.right().get(x, y)
+                };
+                let right = Gray::from_fn(size.0, size.1, pixel);
+                let turned = right.and_then(|right| StereoPair::new(pair.left().clone(), right));
+                *count += turned.map_or(0, |turned| inliers(&matches(&turned), TOLERANCE_PX).len());
+            }
+        }
+        self.matches.extend(found);
+    }
+
+    /// Pairs and matches that decide.
+    const SURE: (usize, usize) = (3, 50);
+    /// Greatest misalignment of aligned images: pixels, and as a fraction of that of others.
+    const MAX_ALIGNED_PX: f64 = 1.0;
+    const MAX_FRACTION: f64 = 0.5;
+
+    fn is_sure(&self) -> bool {
+        self.pairs >= Self::SURE.0 && self.matches.len() >= Self::SURE.1
+    }
+
+    /// True if these pairs are aligned and the others, of the same cameras, are not, or hardly any
+    /// of their points match.
+    pub fn is_better_than(&self, others: &Self) -> bool {
+        let is_aligned =
+            |own: &Alignment| self.is_sure() && own.median_abs_px < Self::MAX_ALIGNED_PX;
+        let is_worse = |own: Alignment| {
+            let others = others.alignment();
+            others.is_none_or(|o| own.median_abs_px < Self::MAX_FRACTION * o.median_abs_px)
+        };
+        self.alignment().filter(is_aligned).is_some_and(is_worse)
     }
 
     /// The matches collected so far.
@@ -155,13 +195,40 @@ impl AlignmentMeter {
         &self.matches
     }
 
-    /// Fraction of the matched points that are farther right in the right image: nearly 0 for a
-    /// rectified pair, nearly 1 if left and right are swapped. `None` with too few matches.
-    pub fn beyond_infinity(&self) -> Option<f64> {
-        let is_beyond = |m: &&PointMatch| m.left.x - m.right.x < -BEYOND_PX;
-        let beyond = self.matches.iter().filter(is_beyond).count();
-        let share = beyond as f64 / self.matches.len() as f64;
-        (self.matches.len() >= MIN_MATCHES).then_some(share)
+    /// Images that are no pair of a left and a right one, in words with the cure: one camera's are
+    /// turned, both are exchanged, or both are of one camera. `is_calibrated`: the calibrations,
+    /// which follow the names of their topics, are not exchanged.
+    pub fn doubt(&self, is_calibrated: bool) -> Option<String> {
+        let points = self.matches.len();
+        let turned = self.turned.iter().zip(TURNS);
+        let (&count, (way, filter, _)) = turned.max_by_key(|(count, _)| **count)?;
+        if count >= MIN_MATCHES && count > 4 * points {
+            return Some(format!(
+                "one camera's images look {way}: {count} points match once they are turned back, \
+                 {points} as they are; `ffmpeg -i IN -vf {filter} OUT` turns an image or a video"
+            ));
+        }
+        let per_cent = |is: fn(&&PointMatch) -> bool| {
+            let share = self.matches.iter().filter(is).count() as f64 / points as f64;
+            (points >= MIN_MATCHES && share > MIN_SHARE).then_some(100.0 * share)
+        };
+        if let Some(share) = per_cent(|m| m.left.x - m.right.x < -BEYOND_PX) {
+            let calibrations = if is_calibrated {
+                ", and as the calibrations are not exchanged, --calib FILE gives theirs"
+            } else {
+                ""
+            };
+            return Some(format!(
+                "left and right look exchanged: {share:.0} % of {points} points are farther right \
+                 in the right image; unless both cameras are upside down, --left and --right name \
+                 them the other way round{calibrations}"
+            ));
+        }
+        let share = per_cent(|m| (m.left - m.right).norm() < SAME_PX)?;
+        Some(format!(
+            "left and right look like images of one camera: {share:.0} % of {points} points are at \
+             the same place; --left and --right name those of two"
+        ))
     }
 
     /// The misalignment; `None` with too few matches.
@@ -242,7 +309,6 @@ impl AlignmentMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::Gray;
 
     /// A textured pair whose right image is lower by that many rows, and more so to the right.
     fn pair(lower: f64, turned: f64) -> StereoPair {
@@ -314,6 +380,40 @@ mod tests {
         assert!(named.contains("without rectification and 4.0"), "{named}");
         for (before, after, pairs) in [(0.3, 4.0, 2), (1.3, 4.0, 3), (0.3, 0.3, 3), (6.0, 0.2, 3)] {
             assert_eq!(doubt(before, after, pairs), None, "{before} {after}");
+        }
+    }
+
+    #[test]
+    fn images_that_are_no_pair_are_named() {
+        // Squares of any grey: waves look alike in many places.
+        let square = |x: usize, y: usize| {
+            let number = (x / 7 * 7919 + y / 7 * 104_729) as u64;
+            let mixed = number.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            ((mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 40) as u8
+        };
+        let image = |d: usize| Gray::from_fn(320, 240, |x, y| square(x + d, y)).unwrap();
+        let (left, right) = (&image(0), &image(8));
+        let doubt = |left: &Gray, right: &Gray| {
+            let mut meter = AlignmentMeter::new();
+            meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
+            meter.doubt(false)
+        };
+        let turned = TURNS.map(|(.., place)| {
+            Gray::from_fn(320, 240, |x, y| {
+                let (x, y) = place((x, y), (320, 240));
+                right.get(x, y)
+            })
+            .unwrap()
+        });
+        assert_eq!(doubt(left, right), None);
+        for ((left, right), words) in [
+            ((left, &turned[0]), "look upside down"),
+            ((left, &turned[1]), "look mirrored"),
+            ((right, left), "look exchanged: 100 %"),
+            ((left, left), "images of one camera: 100 %"),
+        ] {
+            let doubt = doubt(left, right).unwrap_or_default();
+            assert!(doubt.contains(words), "{words}: {doubt}");
         }
     }
 

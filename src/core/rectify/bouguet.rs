@@ -4,7 +4,7 @@
 use super::framing::{Framing, Pinhole};
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
-use crate::stereo::{Rectification, Rig, StereoCalibration};
+use crate::stereo::{Rectification, Rig, StereoCalibration, check_upright};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 /// Computes the rectification of `calibration`: each camera is rotated by half of the rotation
@@ -28,6 +28,7 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
         )));
     }
     let motion = calibration.right_from_left();
+    check_upright(motion)?;
     let half = motion.rotation.powf(-0.5);
     let baseline = half * motion.translation.vector;
     if baseline.x.abs() <= baseline.y.abs().max(baseline.z.abs()) {
@@ -139,6 +140,16 @@ mod tests {
             error.contains("640x480") && error.contains("320x240"),
             "{error}"
         );
+
+        let turned = UnitQuaternion::from_euler_angles(0.1, 0.0, 3.1);
+        for at in [[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]] {
+            let motion = Isometry3::from_parts(Translation3::from(at), turned);
+            let unit = LengthUnit::Metres;
+            let rectified = StereoCalibration::new(one, one, motion, unit)
+                .and_then(|calibration| bouguet(&calibration, &Framing::default()));
+            let error = rectified.unwrap_err().to_string();
+            assert!(error.contains("upside down"), "{error}");
+        }
 
         let narrow = camera((2000.0, 2000.0), (319.5, 239.5), [0.0; 5]);
         let away = UnitQuaternion::from_euler_angles(0.0, 0.5, 0.0);

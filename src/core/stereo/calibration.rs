@@ -39,6 +39,9 @@ impl StereoCalibration {
                  not 0; calibrate both cameras together"
             )));
         }
+        if place.x <= 0.0 {
+            check_upright(&right_from_left)?;
+        }
         if place.x <= 0.0 && place.x.abs() < place.y.abs() {
             return Err(Error::Rig(
                 "the cameras are mounted one above the other; rotate their images by 90 degrees \
@@ -48,7 +51,8 @@ impl StereoCalibration {
         }
         if place.x <= 0.0 {
             return Err(Error::Rig(format!(
-                "the right camera is at x = {} of the left one; swap left and right",
+                "the right camera is at x = {:.4} of the left one; swap left and right, or turn \
+                 the images of both if they are upside down",
                 place.x
             )));
         }
@@ -133,6 +137,20 @@ fn check_models(left: &Distortion, right: &Distortion) -> Result<()> {
         "the left camera's distortion is {first}, the right one's {second}; calibrate both with \
          one model"
     )))
+}
+
+/// # Errors
+/// [`Error::Rig`] if one camera is upside down against the other.
+pub(crate) fn check_upright(right_from_left: &Isometry3<f64>) -> Result<()> {
+    // The cosine of the angle between their y axes; that of cameras turned by 90° is 0.
+    if (right_from_left.rotation * Vector3::y()).y > -0.5 {
+        return Ok(());
+    }
+    Err(Error::Rig(
+        "one camera is upside down against the other: turn its images, `ffmpeg -i IN -vf \
+         hflip,vflip OUT`, and calibrate again"
+            .to_owned(),
+    ))
 }
 
 /// # Errors

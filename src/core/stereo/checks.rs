@@ -123,9 +123,18 @@ impl CalibrationCheck {
         })
     }
 
-    /// A baseline beside that of another source, called `other`, both in metres.
+    /// A baseline beside that of another source, called `other`, both in metres; negative if there
+    /// the right camera is to the left.
     pub fn baseline(metres: f64, other_m: f64, other: &str) -> Self {
         Self::new("baseline_ratio", metres / other_m, BASELINE, || {
+            if other_m < 0.0 {
+                return format!(
+                    "the right camera is {metres:.4} m to the right by the calibration, which is \
+                     used, and {:.4} m to the left by {other}: if the frames of the images are \
+                     exchanged, a truth in another frame is off by that",
+                    -other_m
+                );
+            }
             format!(
                 "the baseline is {metres:.4} m by the calibration, which is used, and {other_m:.4} \
                  m by {other}: distances are wrong if the latter is right: --calib FILE"

@@ -4,6 +4,18 @@ use super::StereoPair;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+/// A hash as all files have it: `h` and 32 hexadecimal digits. Digits alone may be a number to the
+/// readers of a table: `69e0…` is infinite.
+pub fn hash_words(hash: u128) -> String {
+    format!("h{hash:032x}")
+}
+
+/// The hash of such a text.
+pub fn parse_hash(text: &str) -> Option<u128> {
+    let digits = text.strip_prefix('h').filter(|digits| digits.len() == 32)?;
+    u128::from_str_radix(digits, 16).ok()
+}
+
 /// Identity of a pair as it was recorded, before rectification, crop, scale and perturbation: its
 /// pixels and the stamps of both images. Copies of a recording have the same pairs, compressed or
 /// not, in any format.

@@ -27,6 +27,7 @@ mod reason;
 mod rig;
 mod row;
 
+pub(crate) use calibration::check_upright;
 pub use calibration::{Rectification, StereoCalibration};
 pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};
@@ -50,7 +51,7 @@ pub use {
         TruthKind, TruthOrigin, Visibility,
     },
     grid::{CellEvidence, LevelCell, LevelVerdict},
-    identity::{FittedTo, PairId},
+    identity::{FittedTo, PairId, hash_words, parse_hash},
     image::{MAX_SIDE, buffer, reserve},
     limits::{check_doffs, check_size},
     occlusion::cross_check,

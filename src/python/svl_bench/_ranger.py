@@ -100,13 +100,14 @@ class Ranger:
         right: Image,
         *,
         stamp_ns: int | None = None,
-        bits: int = 16,
+        bits: int | None = None,
         bgr: bool = False,
     ) -> Match:
         """Matches a pair of numpy arrays, which are not copied in Python.
 
         left, right: height x width of uint8 or uint16, or height x width x 3 or 4 of uint8 in red, green,
-        blue; rows may have gaps. bits: those in use of uint16, 8 to 16. bgr: blue comes first, as in
+        blue; rows may have gaps. bits: those in use of uint16, 8 to 16, which the array does not say
+        (mono10: 10, mono12: 12); required there. bgr: blue comes first, as in
         OpenCV's images. stamp_ns: time of the exposure by any clock. v5 uses the cells of earlier pairs,
         unless more than a second has passed or the clock does not rise; without stamps all of them.
 
@@ -176,7 +177,7 @@ def match(
     columns: int = 5,
     rows: int = 3,
     threads: int = 0,
-    bits: int = 16,
+    bits: int | None = None,
     bgr: bool = False,
 ) -> Match:
     """Matches one pair: no memory of earlier ones. Options are those of Ranger and Ranger.match().

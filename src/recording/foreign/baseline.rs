@@ -76,11 +76,13 @@ impl BaselineSearch {
         }
     }
 
-    /// Distance of two cameras by the transforms so far, metres.
+    /// Distance of two cameras by the transforms so far, metres; negative if the right one is to
+    /// the left.
     pub(super) fn apart_m(&self, left: &str, right: &str) -> Option<f64> {
         let pose = (left != right).then(|| self.transforms.between(left, right))??;
-        let metres = pose.translation.vector.norm();
-        (metres > 0.0).then_some(metres)
+        let (metres, x) = (pose.translation.vector.norm(), pose.translation.x);
+        let sign = if x < -0.9 * metres { -1.0 } else { 1.0 };
+        (metres > 0.0).then_some(sign * metres)
     }
 
     /// Takes in a transform after the first pair. Returns a warning, once, if it would have changed

@@ -1,9 +1,11 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
-use super::{PairReader, topics};
+use super::transforms::plain;
+use super::{PairReader, Selection, topics};
 use crate::messages::{Channel, warn_once};
 use std::sync::Arc;
+use svl_core::listed;
 use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
@@ -65,6 +67,14 @@ impl PairReader {
                     .try_for_each(|camera| camera.check_size(self.size))?;
                 Ok([left, right])
             }
+            [Some(_), Some(_)] => {
+                Err("it has no calibration of both cameras but one topic for both".to_owned())
+            }
+            _ if self.info_topics.len() > 1 => Err(format!(
+                "the names of {} do not say which are those of the two cameras: --left-info TOPIC \
+                 and --right-info TOPIC do",
+                listed(&self.info_topics)
+            )),
             _ => Err("it has no calibration of both cameras".to_owned()),
         }
     }
@@ -163,13 +173,18 @@ impl PairReader {
 
     /// Leaves calibrations out that were found by the names of their topics alone, if a frame in
     /// them is not that of its camera's images.
-    pub(super) fn check_info_frames(&mut self, info_frames: &[Option<String>; 2]) {
+    pub(super) fn check_info_frames(
+        &mut self,
+        info_frames: &[Option<String>; 2],
+        selection: &Selection,
+    ) {
         let [left, right] = &self.images;
         for (side, [image, other]) in [[left, right], [right, left]].into_iter().enumerate() {
             let frames = info_frames[side].as_ref().zip(self.frames[side].as_ref());
+            let frames = frames.filter(|_| selection.infos[side].is_none());
             if let Some((info, (info_frame, frame))) = self.calibrations[side].as_ref().zip(frames)
                 && (!topics::is_near(info, image) || topics::is_near(info, other))
-                && !is_same_frame(info_frame, frame)
+                && plain(info_frame) != plain(frame)
             {
                 if info_frame.is_empty() || frame.is_empty() {
                     tracing::warn!(
@@ -179,9 +194,14 @@ impl PairReader {
                     );
                     continue;
                 }
+                let others = if self.info_topics.len() > 1 {
+                    ", or --left-info TOPIC and --right-info TOPIC"
+                } else {
+                    ""
+                };
                 tracing::warn!(
                     "{}: {info} is of frame '{info_frame}', {image} of '{frame}': the calibrations \
-                     are not used; --calib FILE gives the cameras theirs",
+                     are not used; --calib FILE gives the cameras theirs{others}",
                     self.name
                 );
                 (self.calibrations, self.cameras, self.tracks) = Default::default();
@@ -239,9 +259,4 @@ impl PairReader {
             stamp_ns as f64 / 1e9
         );
     }
-}
-
-/// True for frames of one name; ROS 1 writes them with or without a leading slash.
-fn is_same_frame(one: &str, other: &str) -> bool {
-    one.trim_start_matches('/') == other.trim_start_matches('/')
 }

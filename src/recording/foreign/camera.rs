@@ -270,7 +270,8 @@ impl Calibration {
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.
         let is_zero = |calibration: &&Self| match calibration.p[..] {
-            [focal, _, _, offset, ..] => offset.abs() <= ROUNDING * focal.max(1.0),
+            // A P of zeros is that of a camera without a calibration.
+            [focal, _, _, offset, ..] => focal > 0.0 && offset.abs() <= ROUNDING * focal.max(1.0),
             _ => false,
         };
         [self, right].iter().all(is_zero)
@@ -422,8 +423,9 @@ pub(super) fn rig(
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
             format!(
-                "{e}: --left and --right name their topics, or a /tf_static with the cameras' \
-                 frames shows that only the sign of P is wrong (DepthAI: \
+                "{e}: if the images are exchanged, too, --left and --right name their topics; if \
+                 the calibrations alone are, --calib FILE replaces them, or a /tf_static with the \
+                 cameras' frames shows that only the sign of P is wrong (DepthAI: \
                  i_reverse_stereo_socket_order)"
             )
         } else {

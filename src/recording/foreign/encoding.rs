@@ -153,8 +153,13 @@ impl PixelEncoding {
         &self,
         raw: &RawPixels<'a>,
     ) -> Result<impl Iterator<Item = &'a [u8]>, String> {
-        let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
+        let (width, height) = (raw.width as usize, raw.height as usize);
         let encoding = raw.encoding;
+        if width == 0 || height == 0 || raw.data.is_empty() {
+            return Err(format!(
+                "a {width}x{height} {encoding} image without a pixel"
+            ));
+        }
         if self.chroma == Half && (width % 2, height % 2) != (0, 0) {
             return Err(format!(
                 "its sides of {width}x{height} are odd, which {encoding} cannot have: crop it to \
@@ -163,6 +168,9 @@ impl PixelEncoding {
         }
         // Saturating: the sizes are untrusted numbers from a message.
         let row_bytes = width.saturating_mul(self.bytes());
+        // A step that was never set: rows without padding.
+        let step = Some(raw.step as usize).filter(|step| *step > 0);
+        let step = step.unwrap_or(row_bytes);
         let (all_rows, chroma) = match self.chroma {
             Interleaved => (height, ""),
             Half => (height.saturating_add(height / 2), " and its chroma"),
@@ -287,6 +295,11 @@ mod tests {
             rows.map(|rows| rows.map(<[u8]>::len).collect::<Vec<_>>())
         };
         assert_eq!(rows("mono8", (2, 2, 3), 5), Ok(vec![2, 2]));
+        assert_eq!(rows("mono8", (2, 2, 0), 4), Ok(vec![2, 2]));
+        for (size, bytes) in [((0, 0, 0), 0), ((2, 2, 2), 0)] {
+            let error = rows("mono8", size, bytes).unwrap_err();
+            assert!(error.contains("image without a pixel"), "{error}");
+        }
         assert!(
             rows("mono8", (2, 2, 3), 4)
                 .unwrap_err()

@@ -99,7 +99,7 @@ impl FirstMessages {
     /// # Errors
     /// The errors of [`BitDepth::decide`].
     pub(super) fn end(self, pairs: &mut PairReader, selection: &Selection) -> Result<()> {
-        pairs.check_info_frames(&self.info_frames);
+        pairs.check_info_frames(&self.info_frames, selection);
         pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
         Ok(())
     }

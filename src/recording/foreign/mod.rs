@@ -42,7 +42,7 @@ pub(super) use topics::{choose, is_image};
 pub use video::VideoSummary;
 pub(super) use video::{VideoScan, is_picture};
 
-use super::messages::{Channel, FileEvent};
+use super::messages::{Channel, FileEvent, warn_once};
 use super::own_topics::OwnTopics;
 use super::{CameraFacts, Recording, StreamFacts, geometry, topic};
 use baseline::BaselineSearch;
@@ -55,10 +55,11 @@ use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
 use stamp_order::ImagePairing;
+use std::collections::BTreeSet;
 use std::sync::Arc;
-use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
 use svl_core::{Error, Result};
+use svl_core::{counted, listed};
 use svl_files::BitDepth;
 use transforms::Transforms;
 use video::VideoTopic;
@@ -85,6 +86,8 @@ pub(super) struct PairReader {
     /// What svl's own recordings have of the pairs besides; `None` in others.
     own: Option<OwnTopics>,
     calibrations: [Option<String>; 2],
+    /// All topics of calibrations.
+    info_topics: BTreeSet<String>,
     /// The calibrations of each camera so far, and those before the first pair.
     tracks: [CameraTrack; 2],
     /// The calibrations of the last pair; before any, the first ones.
@@ -123,7 +126,7 @@ pub(super) struct PairReader {
     last_ns: [Option<u64>; 2],
     /// Jumps of a live clock; `None` for files, which may have any order.
     jumps: Option<u64>,
-    /// Watches for steps of the right clock, until one.
+    /// Watches for steps of the cameras' clocks, until one.
     pub(super) watch: Option<StepWatch>,
 }
 
@@ -193,11 +196,21 @@ impl PairReader {
         } else {
             choose(channels, selection)?
         };
-        let calibrations = topics::calibrations(channels, images.each_ref().map(String::as_str));
+        let names = images.each_ref().map(String::as_str);
+        let calibrations = topics::calibrations(channels, names, selection)?;
+        let others = Transforms::other_robots(channels, names);
+        if !others.is_empty() {
+            warn_once(format!(
+                "{name}: {}: not used, as {} is in another namespace: its robot is another",
+                listed(others),
+                images[0]
+            ));
+        }
         Ok(Self {
             images,
             own: is_own.then(OwnTopics::default),
             calibrations,
+            info_topics: topics::calibration_topics(channels),
             tracks: Default::default(),
             cameras: [None, None],
             baseline_m: None,
@@ -328,11 +341,21 @@ impl PairReader {
         }
     }
 
-    /// Warns once of a step of the right clock.
+    /// The same without warnings of stamps.
+    fn without_warnings(self) -> Self {
+        Self {
+            warned_of_stamps: true,
+            warned_of_order: true,
+            ..self
+        }
+    }
+
+    /// Warns once of a step of a camera's clock.
     fn watch_step(&mut self, side: Side, log_time: u64, stamp_ns: u64) {
         let watch = self.watch.as_mut();
-        if let Some(step) = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns)) {
-            tracing::warn!("{}: {}: {step}", self.name, self.images[1]);
+        let step = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns));
+        if let Some((side, step)) = step {
+            tracing::warn!("{}: {}: {step}", self.name, self.images[side as usize]);
             self.watch = None;
         }
     }
@@ -532,6 +555,11 @@ impl PairReader {
     /// True if svl wrote the recording.
     pub(super) fn is_own(&self) -> bool {
         self.own.is_some()
+    }
+
+    /// The topic of the left camera's calibrations.
+    pub(super) fn left_calibration(&self) -> Option<String> {
+        self.calibrations[0].clone()
     }
 
     /// The rule by which the stamps of the messages form pairs.

@@ -1,5 +1,7 @@
 //! Which motions between two poses a robot can make.
 
+use svl_core::nanoseconds;
+
 use nalgebra::{Isometry3, Vector3};
 
 /// No robot is faster, in m/s: 144 km/h, a car on a motorway.
@@ -22,8 +24,10 @@ const MIN_STEP_NS: u64 = 10_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PoseStep {
     /// Stamp of the first pose.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub start_ns: u64,
     /// Stamp of the next one.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub end_ns: u64,
     pub metres: f64,
     pub radians: f64,

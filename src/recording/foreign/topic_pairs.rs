@@ -85,12 +85,9 @@ impl TopicPairs {
             // One calibration may be that of both.
             needed.extend(found.filter(|found| !needed.contains(found)).cloned());
         }
-        needed.extend(
-            channels
-                .iter()
-                .filter(|channel| Transforms::reads(channel))
-                .cloned(),
-        );
+        let others = Transforms::other_robots(&all, pairs.images.each_ref().map(String::as_str));
+        let fixed = channels.iter().filter(|channel| Transforms::reads(channel));
+        needed.extend(fixed.filter(|c| !others.contains(&c.topic)).cloned());
         let clocks = ClockScan::new(&pairs.images);
         Ok(Self {
             pairs,

@@ -4,7 +4,7 @@ use super::{camera, image, video};
 use crate::messages::Channel;
 use crate::stamp_rule::StampUnit;
 use std::collections::BTreeSet;
-use svl_core::joined;
+use svl_core::{joined, listed};
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,6 +12,8 @@ pub struct Selection {
     /// Topic of the left images; by default found by type and name.
     pub left: Option<String>,
     pub right: Option<String>,
+    /// Topics of the calibrations of both; by default found by namespace and name.
+    pub infos: [Option<String>; 2],
     /// True if each image of one topic, the left one, holds both as its halves.
     pub side_by_side: bool,
     /// Largest skew of a pair.
@@ -34,7 +36,8 @@ impl Selection {
 
     /// True if it tells how topics form pairs: then svl's own recordings are paired by stamp, too.
     pub fn names_topics(&self) -> bool {
-        self.left.is_some() || self.right.is_some() || self.side_by_side
+        let infos = self.infos.iter();
+        infos.chain([&self.left, &self.right]).any(Option::is_some) || self.side_by_side
     }
 }
 
@@ -43,6 +46,7 @@ impl Default for Selection {
         Self {
             left: None,
             right: None,
+            infos: [None, None],
             side_by_side: false,
             max_skew_ns: Self::MAX_SKEW_NS,
             bits: None,
@@ -64,7 +68,7 @@ pub(crate) fn is_image(channel: &Channel) -> bool {
 /// The reason why they are missing or ambiguous, with the remedy.
 pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[String; 2], String> {
     let topics = image_topics(channels, selection);
-    let listed = topics.join(", ");
+    let listed = listed(&topics);
     for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
         if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
             let fault = topic_fault(named, channels, &listed);
@@ -312,9 +316,47 @@ pub(super) fn is_of_rectified(topic: &str) -> bool {
         .any(|word| word == "rect" || word.starts_with("rectif"))
 }
 
-/// The calibration topics for the image topics of a pair: each the one for its own
-/// ([`calibration`]); else, of those for no image, the only two that are a left and a right one.
-pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<String>; 2] {
+/// The calibration topics for the image topics of a pair: those that the user names, else those
+/// that are found.
+///
+/// # Errors
+/// The named topic that has no calibrations, with those that have.
+pub(super) fn calibrations(
+    channels: &[&Channel],
+    images: [&str; 2],
+    selection: &Selection,
+) -> Result<[Option<String>; 2], String> {
+    let mut infos = found_calibrations(channels, images);
+    let known = calibration_topics(channels);
+    let named = infos.iter_mut().zip(&selection.infos);
+    for ((info, named), option) in named.zip(["--left-info", "--right-info"]) {
+        let Some(named) = named else {
+            continue;
+        };
+        if !known.contains(named) {
+            let listed = if known.is_empty() {
+                "none".to_owned()
+            } else {
+                listed(known)
+            };
+            return Err(format!(
+                "{option} {named}: no such topic of calibrations; it has {listed}"
+            ));
+        }
+        *info = Some(named.clone());
+    }
+    Ok(infos)
+}
+
+/// The topics of calibrations.
+pub(super) fn calibration_topics(channels: &[&Channel]) -> BTreeSet<String> {
+    let infos = channels.iter().filter(|c| camera::is_calibration(c));
+    infos.map(|channel| channel.topic.clone()).collect()
+}
+
+/// Each image's own calibration ([`calibration`]); else, of those for no image, the only two that
+/// are a left and a right one.
+fn found_calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<String>; 2] {
     let own = images.map(|image| calibration(channels, image));
     if own[0] != own[1] && own.iter().all(Option::is_some) {
         return own;
@@ -326,9 +368,8 @@ pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<
         .filter(is_image)
         .filter_map(|topic| calibration(channels, topic))
         .collect();
-    let free = channels.iter().filter(|c| camera::is_calibration(c));
-    let free = free.map(|channel| &channel.topic);
-    let free: BTreeSet<_> = free.filter(|topic| !taken.contains(topic)).collect();
+    let free = calibration_topics(channels);
+    let free: Vec<_> = free.iter().filter(|topic| !taken.contains(topic)).collect();
     let pairs = free
         .iter()
         .flat_map(|left| free.iter().map(move |right| [*left, *right]));
@@ -339,7 +380,7 @@ pub(super) fn calibrations(channels: &[&Channel], images: [&str; 2]) -> [Option<
     }
 }
 
-/// True if a calibration topic is in a namespace of an image topic, or below it: image/camera_info.
+/// True if a topic is in a namespace of an image topic, or below it: image/camera_info.
 pub(super) fn is_near(info: &str, image: &str) -> bool {
     format!("{image}/").starts_with(namespace(info))
 }
@@ -538,7 +579,7 @@ mod tests {
             let channels = topics.iter().map(|topic| channel_of(topic, schema(topic)));
             let channels: Vec<_> = channels.collect();
             let channels: Vec<_> = channels.iter().collect();
-            calibrations(&channels, ["/a/left/image", "/a/right/image"])
+            found_calibrations(&channels, ["/a/left/image", "/a/right/image"])
                 .map(Option::unwrap_or_default)
         };
         let images = ["/a/left/image", "/a/right/image"];

@@ -1,11 +1,12 @@
 //! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
-use super::{image, realsense};
+use super::{image, realsense, topics};
 use crate::messages::{Channel, warn_once};
 use crate::{decode_protobuf, ros};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use svl_core::listed;
 
 /// Longest chain of transforms: a robot arm has ten; a corrupt tree may contain a cycle.
 const MAX_CHAIN: usize = 100;
@@ -68,7 +69,7 @@ impl Transforms {
     /// used.
     pub(super) fn reads(channel: &Channel) -> bool {
         match channel.schema.as_str() {
-            ROS => channel.topic.ends_with("tf_static"),
+            ROS => channel.topic.ends_with("tf_static") && channel.stamps.is_read(),
             "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
                 channel.encoding == "protobuf"
             }
@@ -78,7 +79,22 @@ impl Transforms {
 
     /// True if the messages of a channel contain transforms that may move.
     pub(super) fn are_moving(channel: &Channel) -> bool {
-        channel.schema == ROS && !Self::reads(channel)
+        channel.schema == ROS && !channel.topic.ends_with("tf_static") && channel.stamps.is_read()
+    }
+
+    /// The topics of transforms in namespaces that hold none of the images: those of other robots,
+    /// whose frames may have the same names. The only topic of its kind is of the cameras' robot.
+    pub(super) fn other_robots(channels: &[&Channel], images: [&str; 2]) -> BTreeSet<String> {
+        let mut others = BTreeSet::new();
+        for reads in [Self::reads, Self::are_moving] {
+            let of_kind = channels.iter().filter(|c| c.schema == ROS && reads(c));
+            let of_kind: BTreeSet<_> = of_kind.map(|channel| &channel.topic).collect();
+            let is_near = |topic: &&&String| images.iter().any(|i| topics::is_near(topic, i));
+            if of_kind.len() > 1 {
+                others.extend(of_kind.iter().filter(|t| !is_near(t)).copied().cloned());
+            }
+        }
+        others
     }
 
     /// Adds the transforms of a message; if some contradict each other, the first is used.
@@ -211,12 +227,10 @@ impl Transforms {
             .0
             .iter()
             .map(|(child, (parent, _))| format!("{parent} → {child}"));
-        let shown: Vec<_> = links.clone().take(8).collect();
-        match (shown.len(), self.0.len() - shown.len()) {
-            (0, _) => "no transform".to_owned(),
-            (_, 0) => shown.join(", "),
-            (_, more) => format!("{} and {more} more", shown.join(", ")),
+        if self.0.is_empty() {
+            return "no transform".to_owned();
         }
+        listed(links)
     }
 }
 

@@ -59,7 +59,8 @@ struct StoredFacts<R> {
 fn is_run(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let digest = name.rsplit_once('-').map_or("", |(_, digest)| digest);
-    path.is_dir() && digest.len() == 16 && digest.bytes().all(|c| c.is_ascii_hexdigit())
+    let digits = digest.strip_prefix('h').unwrap_or_default();
+    path.is_dir() && digits.len() == 15 && digits.bytes().all(|c| c.is_ascii_hexdigit())
 }
 
 impl Units {

@@ -22,7 +22,7 @@ pub use cells::{
 };
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
-    ExpectedCell, FrameOrigin, LabelledPair, hash_words,
+    ExpectedCell, FrameOrigin, LabelledPair,
 };
 pub use columns::ColumnChoice;
 pub use disparity::DisparityScore;

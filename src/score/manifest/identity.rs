@@ -85,6 +85,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.seeds", OF_ONE_RUN),
     ("description.source.left", OF_PAIRS),
     ("description.source.right", OF_PAIRS),
+    ("description.source.left_info", OF_PAIRS),
+    ("description.source.right_info", OF_PAIRS),
     ("description.source.side_by_side", OF_PAIRS),
     ("description.source.fps", OF_PAIRS),
     ("description.source.bits", OF_PAIRS),
@@ -299,9 +301,9 @@ mod tests {
             "drive" => "seeds = \"1\"",
             "dataset" => "scenes = [\"a\"]\ndata = \"d\"",
             _ => {
-                "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nside_by_side = true\n\
-                 fps = 1.0\nbits = 8\nmax_skew_ms = 1.0\nstamps = \"us\"\nright_offset_ms = 1.0\n\
-                 truth = \"t\"\n\
+                "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nleft_info = \"i\"\n\
+                 right_info = \"j\"\nside_by_side = true\nfps = 1.0\nbits = 8\n\
+                 max_skew_ms = 1.0\nstamps = \"us\"\nright_offset_ms = 1.0\ntruth = \"t\"\n\
                  truth_skew_ms = 1.0\ncamera_height_m = 1.0\ncalib = \"c\"\n\
                  alpha = 0.5\ncrop = [0, 0, 9, 9]\nscale = 0.5"
             }

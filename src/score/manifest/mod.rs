@@ -14,7 +14,7 @@ use std::io::Read;
 use std::path::Path;
 use svl_core::kernel;
 use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
-use svl_core::stereo::CellRule;
+use svl_core::stereo::{CellRule, hash_words};
 use svl_core::{Error, Result, joined};
 use svl_files::BuildInfo;
 
@@ -398,7 +398,8 @@ impl AlgorithmRecord {
     fn new(algorithm: &Algorithm) -> Self {
         // Complete and in the order of the table, so that explicit defaults give the same hash.
         let filters = algorithm.filters().iter();
-        let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
+        let filters =
+            filters.map(|filter| format!("+{}={}", filter.kind, hash_words(filter.hash())));
         let filters = filters.collect::<String>();
         let parameters = algorithm.parameters().to_string();
         let files = files_of_command(algorithm);
@@ -493,14 +494,14 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     })
 }
 
-/// Hash of a text: XXH3, 128 bits, hexadecimal.
+/// Hash of a text: XXH3, 128 bits.
 pub fn hash(text: &str) -> String {
     hash_bytes(text.as_bytes())
 }
 
 /// Hash of bytes, the same as that of a text.
 pub fn hash_bytes(bytes: &[u8]) -> String {
-    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(bytes))
+    hash_words(xxhash_rust::xxh3::xxh3_128(bytes))
 }
 
 /// Hash of a file's bytes.
@@ -517,7 +518,7 @@ pub fn hash_file(path: &Path) -> Result<String> {
             n => hasher.update(&bytes[..n]),
         }
     }
-    Ok(format!("{:032x}", hasher.digest128()))
+    Ok(hash_words(hasher.digest128()))
 }
 
 #[cfg(test)]

@@ -1,11 +1,13 @@
 //! Plausibility of a truth: pixels that cannot be, a unit that cannot be, and a constant factor
-//! against every algorithm of a run.
+//! against every algorithm of a run; and of a map beside its truth.
 
+mod map;
 mod pictures;
 mod pixels;
 mod scale;
 mod unit;
 
+pub use map::map_doubt;
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
 pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales};

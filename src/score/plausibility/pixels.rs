@@ -11,6 +11,8 @@ const MIN_M: f64 = 0.001;
 const MAX_M: f64 = 10_000.0;
 /// Distances that a median probably has, metres.
 const LIKELY_M: std::ops::RangeInclusive<f64> = 0.1..=300.0;
+/// Baselines above this are rare, metres.
+const LONG_BASELINE_M: f64 = 1.0;
 /// A truth is impossible as a whole if its 90th percentile is: if more than this fraction of its
 /// pixels is too near, or less is possible. Of distances beyond the image's width, the median
 /// decides.
@@ -217,15 +219,34 @@ impl Places<'_> {
             };
             is_likely && scaled(near) < 0.5 * self.width as f64
         });
-        let cure = likely.map(|factor| format!("; {}", cure(origin, factor)));
+        let cure = likely.map(|factor| cure(origin, factor));
+        let cures = self.baseline_cure(median, near).into_iter().chain(cure);
+        let cures: Vec<_> = cures.collect();
+        let mark = if cures.is_empty() { "" } else { "; " };
         format!(
             "its median disparity is {} and its 90th percentile {}, which is impossible in images \
-             {} px wide and at 1 mm to 10 km{}",
+             {} px wide and at 1 mm to 10 km{mark}{}",
             words(median),
             words(near),
             self.width,
-            cure.unwrap_or_default()
+            cures.join(", or ")
         )
+    }
+
+    /// The likely baseline, where that of the rig is long and the distances are usual.
+    fn baseline_cure(&self, median_px: f64, near_px: f64) -> Option<String> {
+        let rig = self.rig.filter(|rig| rig.baseline_m() > LONG_BASELINE_M)?;
+        let is_usual = |z: f64| LIKELY_M.contains(&z);
+        rig.depth_m(median_px).filter(|z| is_usual(*z))?;
+        let mut units = [(100.0, "centimetres"), (1000.0, "millimetres")].into_iter();
+        let (per_metre, unit) =
+            units.find(|(factor, _)| near_px / factor < 0.5 * self.width as f64)?;
+        Some(format!(
+            "likely a baseline of {} m instead of {} m, written in {unit} where metres are \
+             expected: --calib FILE",
+            rounded(rig.baseline_m() / per_metre),
+            rounded(rig.baseline_m())
+        ))
     }
 }
 
@@ -369,6 +390,16 @@ mod tests {
         values[..10].fill(5.0);
         let (check, _) = checked(&values, true);
         assert_eq!((check.removed, check.refusal), (30, None));
+    }
+
+    #[test]
+    fn a_long_baseline_is_doubted_before_a_usual_truth() {
+        let rig = Rig::new(50.0, (20.0, 12.0), 4.4, 0.0).unwrap();
+        let mut frame = frame(&[110.0; 40], true);
+        frame.geometry = Geometry::Rectified(Some(rig));
+        let words = remove_impossible(&mut frame).refusal.unwrap();
+        let likely = "likely a baseline of 0.044 m instead of 4.4 m, written in centimetres";
+        assert!(words.contains(likely), "{words}");
     }
 
     #[test]

@@ -13,13 +13,15 @@ use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
 pub const SCALE_FRAMES: u64 = 20;
 const PIXELS: f64 = 2000.0;
 /// Disparities below this say little about a factor, pixels.
-const MIN_PX: f64 = 4.0;
+pub(super) const MIN_PX: f64 = 4.0;
 /// An algorithm with fewer pixels is not asked.
-const MIN_PIXELS: usize = 200;
+pub(super) const MIN_PIXELS: usize = 200;
 /// A factor is constant if it is that of half of the pixels, within this fraction.
 const CONSTANT: f64 = 0.1;
+/// Median error of a truth as depths from which on it may have distances along the rays.
+const MIN_RAY_ERROR: f64 = 0.02;
 /// Factors up to this are errors of algorithms.
-const MIN_FACTOR: f64 = 1.5;
+pub(super) const MIN_FACTOR: f64 = 1.5;
 
 /// Compares the truth of a run's first frames with the estimates of its algorithms.
 #[derive(Default)]
@@ -36,6 +38,8 @@ struct Ratios {
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
     /// are disparities.
     inverse: Vec<f64>,
+    /// The factors, if the truth measures along the rays.
+    along_rays: Vec<f64>,
     /// Pixels that are those of a recorded map.
     recorded: usize,
 }
@@ -67,6 +71,7 @@ impl TruthScales {
         let scale = |ratios: &Ratios| AlgorithmScale {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),
+            is_along_rays: ratios.are_along_rays(),
             is_recorded: 2 * ratios.recorded > ratios.factors.len(),
         };
         MeasuredScales {
@@ -93,6 +98,8 @@ pub struct AlgorithmScale {
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
     /// are disparities.
     inverse: Option<f64>,
+    /// True if the truth fits it as distances along the rays, and clearly worse as depths.
+    is_along_rays: bool,
     /// True of a map that the source has, which may have a wrong unit as a truth may.
     is_recorded: bool,
 }
@@ -153,7 +160,16 @@ impl MeasuredScales {
                 "its disparities have the opposite sign of those of every algorithm ({labels}): \
                  left and right may be swapped"
             )),
-            Some(factor) if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor) => None,
+            Some(factor) if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor) => {
+                let are_ranges = self.algorithms.values().all(|scale| scale.is_along_rays);
+                let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
+                (are_ranges && is_sensor).then(|| {
+                    format!(
+                        "its distances are those of every algorithm ({labels}) along the rays, \
+                         longer beside the middle: publish depths, along the axis"
+                    )
+                })
+            }
             Some(factor) => {
                 let factor = usual(factor);
                 Some(format!(
@@ -214,7 +230,7 @@ impl Ratios {
         let maps = frame.maps.iter().map(|map| &map.disparity);
         let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
-        let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
+        let step = sampling_step((width, height));
         for y in (step / 2..height).step_by(step) {
             for x in (step / 2..width).step_by(step) {
                 let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
@@ -226,10 +242,24 @@ impl Ratios {
                 self.recorded += usize::from(is_recorded);
                 let factor = (true_px + doffs_px) / (px + doffs_px);
                 self.factors.push(factor);
+                self.along_rays.extend(frame.rig().map(|rig| {
+                    let (cx, cy) = rig.center_px();
+                    let (u, v) = (
+                        (x as f64 - cx) / rig.focal_px(),
+                        (y as f64 - cy) / rig.focal_px(),
+                    );
+                    factor * (1.0 + u * u + v * v).sqrt()
+                }));
                 let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
                 self.inverse.extend(distance_m.map(|z| z / px));
             }
         }
+    }
+
+    fn are_along_rays(&self) -> bool {
+        let error = |factors: &[f64]| upper_median(factors.iter().map(|f| (f - 1.0).abs()));
+        let errors = error(&self.factors).zip(error(&self.along_rays));
+        errors.is_some_and(|(depths, rays)| depths > MIN_RAY_ERROR && rays < 0.5 * depths)
     }
 
     /// True for an algorithm with enough pixels that did not see the truth.
@@ -239,8 +269,13 @@ impl Ratios {
     }
 }
 
+/// The step between the pixels of an image that are compared.
+pub(super) fn sampling_step((width, height): (usize, usize)) -> usize {
+    ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize
+}
+
 /// The median, if half of the values are near it.
-fn constant(values: &[f64]) -> Option<f64> {
+pub(super) fn constant(values: &[f64]) -> Option<f64> {
     let median = upper_median(values.iter().copied())?;
     let near = values
         .iter()

@@ -8,8 +8,18 @@ const UNITS_M: std::ops::RangeInclusive<f32> = 1e-6..=1e3;
 /// Multiples of a disparity that images store.
 const SCALES: std::ops::RangeInclusive<f32> = 1e-3..=65536.0;
 /// Factors that programs and formats differ by.
-const USUAL: [f64; 11] = [
-    2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 16.0, 100.0, 256.0, 1000.0, 5000.0,
+const USUAL: [f64; 13] = [
+    2.0, 3.0, FEET, 4.0, 5.0, 8.0, 10.0, 16.0, INCHES, 100.0, 256.0, 1000.0, 5000.0,
+];
+/// Feet and inches in a metre.
+const FEET: f64 = 1.0 / 0.3048;
+const INCHES: f64 = 1.0 / 0.0254;
+/// Units of which there are that many in a metre.
+const LENGTHS: [(f64, &str); 4] = [
+    (FEET, "feet"),
+    (INCHES, "inches"),
+    (100.0, "centimetres"),
+    (1000.0, "millimetres"),
 ];
 /// A factor that differs less from a usual one is that.
 const SAME: f64 = 0.06;
@@ -69,7 +79,7 @@ impl std::fmt::Display for TruthUnit {
 }
 
 /// Factors that a wrong calibration explains too.
-const CAUSES: [(f64, &str); 4] = [
+const CAUSES: [(f64, &str); 5] = [
     (
         2.0,
         "the calibration is of images of twice the size, or its baseline twice too long",
@@ -77,6 +87,10 @@ const CAUSES: [(f64, &str); 4] = [
     (
         0.5,
         "the calibration is of images of half the size, or its baseline half too short",
+    ),
+    (
+        100.0,
+        "the baseline is in centimetres where metres are expected",
     ),
     (
         1000.0,
@@ -99,6 +113,11 @@ pub(super) fn cure(origin: &TruthOrigin, factor: f64) -> String {
 
 /// The cure by another unit.
 fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
+    let mut lengths = LENGTHS.iter();
+    let length = lengths.find(|(per_metre, _)| (per_metre * factor - 1.0).abs() < 1e-6);
+    let length = length.map_or(String::new(), |(_, name)| {
+        format!(", as they are in {name}")
+    });
     match origin {
         TruthOrigin::Sensor(name) => {
             let (name, unit) = TruthUnit::split(name).unwrap_or((name, None));
@@ -109,7 +128,7 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
                     rounded(factor)
                 ),
                 None => format!(
-                    "likely its distances times {}: messages have metres, 16-bit images \
+                    "likely its distances times {}{length}: messages have metres, 16-bit images \
                      millimetres",
                     rounded(factor)
                 ),
@@ -238,6 +257,13 @@ mod tests {
             ),
         ] {
             assert_eq!(unit_cure(&sensor(name), factor), words);
+        }
+        for (factor, name) in [(0.3, "feet"), (0.0254, "inches"), (0.01, "centimetres")] {
+            let words = unit_cure(&sensor("/depth"), usual(factor));
+            assert!(
+                words.contains(&format!(", as they are in {name}")),
+                "{words}"
+            );
         }
         let words = cure(&sensor("d/*.png"), 0.5);
         assert_eq!(

@@ -61,6 +61,13 @@ pub struct SourceOptions {
         long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
     )]
     pub right: Option<String>,
+    /// Topic of the left camera's calibrations in another program's recording [default: found by
+    /// namespace and name]
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
+    pub left_info: Option<String>,
+    /// Topic of the right camera's calibrations
+    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
+    pub right_info: Option<String>,
     /// Each image holds the left and the right one, as its halves
     #[arg(long)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -193,6 +200,8 @@ impl ScenarioKind {
                 "files",
                 "left",
                 "right",
+                "left_info",
+                "right_info",
                 "side_by_side",
                 "fps",
                 "bits",

@@ -238,6 +238,7 @@ mod tests {
         /// Command-line options that are compatible with each other.
         fn given()(
             topics in optional(("[a-z/]{1,9}", "[a-z/]{1,9}")),
+            infos in (optional("[a-z/]{1,9}"), optional("[a-z/]{1,9}")),
             flags in any::<(bool, Option<u8>)>(),
             fps in optional(0.001..1e5),
             skews in (optional(0.0..6e4), optional(0.0..6e4)),
@@ -256,6 +257,8 @@ mod tests {
             SourceOptions {
                 left,
                 right,
+                left_info: infos.0,
+                right_info: infos.1,
                 side_by_side: flags.0,
                 bits: flags.1.map(|bits| 8 + bits % 9),
                 fps,

@@ -18,6 +18,39 @@ fn write_pictures(fixture: &Fixture, pairs: impl IntoIterator<Item = u64>) {
     }
 }
 
+/// The same, of a right camera whose pixels are elsewhere.
+fn write_turned(fixture: &Fixture, place: fn((usize, usize)) -> (usize, usize)) {
+    write_pictures(fixture, still(12));
+    for i in 1..=12 {
+        let name = format!("pictures/right{i:02}.png");
+        let image = svl::files::read_gray(&fixture.path(&name)).unwrap();
+        let turned = |x, y| {
+            let (x, y) = place((x, y));
+            image.get(x, y)
+        };
+        let turned = Gray::from_fn(image.width(), image.height(), turned).unwrap();
+        write(fixture, &name, &turned);
+    }
+}
+
+/// Each camera fits the board alone; the cure is not another view of it.
+#[test]
+fn a_camera_that_is_turned_is_named_with_its_cure() {
+    let fixture = Fixture::new();
+    write_turned(&fixture, |(x, y)| (639 - x, y));
+    let ran = fixture.svl("calibrate board pictures --yes -o calib.xml");
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert_says(
+        &ran.stderr,
+        &["each camera fits the board alone", "-vf hflip OUT"],
+    );
+    assert!(!ran.stderr.contains("tilted"), "{}", ran.stderr);
+    write_turned(&fixture, |(x, y)| (639 - x, 479 - y));
+    let ran = fixture.svl("calibrate board pictures --yes -o calib.xml --force");
+    assert_says(&ran.stderr, &["upside down", "-vf hflip,vflip OUT"]);
+    assert!(!ran.stderr.contains("90 degrees"), "{}", ran.stderr);
+}
+
 fn write(fixture: &Fixture, name: &str, image: &Gray) {
     let path = fixture.path(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();

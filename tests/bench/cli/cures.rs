@@ -13,10 +13,69 @@ enum Cure {
     Run(&'static str),
     /// A shell's line does where its program is installed, and then a command of svl.
     Shell(&'static str, &'static str),
+    /// The first command of svl names the option; the second has it, and succeeds.
+    Given(&'static str, &'static str),
     /// Nothing, for this reason.
     Left(&'static str),
 }
-use Cure::{Left, Run, Shell};
+use Cure::{Given, Left, Run, Shell};
+
+/// The options that messages of sources name.
+const OPTIONS: &[(&str, Cure)] = &[
+    (
+        "--calib",
+        Given("info raw.mcap", "replay raw.mcap --calib mav0 --algo v3"),
+    ),
+    (
+        "--fps",
+        Given("record plain -o pl.mcap", "record plain --fps 10 -o f.mcap"),
+    ),
+    (
+        "--left",
+        Given("info three.mcap", "info three.mcap --left /a --right /b"),
+    ),
+    (
+        "--right",
+        Given(
+            "info three.mcap",
+            "record three.mcap --left /a --right /b -o n.mcap",
+        ),
+    ),
+    ("--left-info", Left("recording::names runs it")),
+    ("--right-info", Left("recording::names runs it")),
+    (
+        "--max-skew-ms",
+        Given(
+            "info skewed.mcap",
+            "record skewed.mcap --max-skew-ms 9 -o k.mcap",
+        ),
+    ),
+    (
+        "--side-by-side",
+        Given(
+            "info wide.mcap",
+            "record wide.mcap --side-by-side -o w.mcap",
+        ),
+    ),
+    ("--allow-loss", Left("recording::clocks runs it")),
+    ("--every", Left("recording::clocks runs it")),
+    ("--right-offset-ms", Left("recording::clocks runs it")),
+    ("--stamps", Left("recording::clocks runs it")),
+    ("--camera-height", Left("recording::floor runs it")),
+    ("--truth", Left("recording::depth_units runs it")),
+    (
+        "--from",
+        Left("leaves a part out; cli::score_recordings has it"),
+    ),
+    (
+        "--to",
+        Left("leaves a part out; cli::score_recordings has it"),
+    ),
+    ("--pairing", Left("needs cameras; bench::grab has it")),
+    ("--trigger", Left("needs cameras; bench::grab has it")),
+    ("--alpha", Left("is refused where it is named")),
+    ("--bits", Left("is refused where it is named")),
+];
 
 /// The commands as the sources write them, in the order in which they run.
 const CURES: &[(&str, Cure)] = &[
@@ -94,6 +153,18 @@ const CURES: &[(&str, Cure)] = &[
             "record out.mkv --side-by-side -o v.mcap",
         ),
     ),
+    (
+        "ffmpeg -i IN -vf hflip OUT",
+        Shell(
+            "ffmpeg -v error -y -i pairs/right/1700000000.pgm -vf hflip m.pgm",
+            "match pairs/left/1700000000.pgm m.pgm --algo v3 -o m.pfm",
+        ),
+    ),
+    (
+        "ffmpeg -i IN -vf hflip,vflip OUT",
+        Left("as that with hflip; a longer filter"),
+    ),
+    ("ffmpeg -i IN -vf {filter} OUT", Left("as that with hflip")),
     (
         "sqlite3 FILE .recover",
         Shell(
@@ -191,15 +262,17 @@ const PROGRAMS: &[&str] = &[
     "tar",
 ];
 
-/// Adds the commands between backticks in the literals of a folder's sources.
-fn add_offered(folder: &Path, offered: &mut BTreeSet<String>) {
+/// Adds the cures in the literals of a folder's sources, by their lines.
+fn add_offered(folder: &Path, cures: fn(&str) -> Vec<String>, offered: &mut BTreeSet<String>) {
     for path in std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path())
     {
         if path.is_dir() {
-            add_offered(&path, offered);
-        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            add_offered(&path, cures, offered);
+        } else if path.extension().is_some_and(|ending| ending == "rs")
+            && !path.ends_with("tests.rs")
+        {
             let text = std::fs::read_to_string(&path).unwrap();
             let text = text.split("#[cfg(test)]").next().unwrap_or_default();
             let lines = text.lines().map(str::trim_start);
@@ -211,22 +284,79 @@ fn add_offered(folder: &Path, offered: &mut BTreeSet<String>) {
                         .map_or(format!("{line}\n"), str::to_owned)
                 })
                 .collect();
-            let quoted = text
-                .lines()
-                .flat_map(|line| line.split('`').skip(1).step_by(2));
-            let is_command = |text: &&str| {
-                text.split_once(' ')
-                    .is_some_and(|(program, _)| PROGRAMS.contains(&program))
-            };
-            offered.extend(quoted.filter(is_command).map(str::to_owned));
+            offered.extend(text.lines().flat_map(cures));
         }
+    }
+}
+
+fn is_command(text: &str) -> bool {
+    let program = text.split_once(' ').map(|(program, _)| program);
+    program.is_some_and(|program| PROGRAMS.contains(&program))
+}
+
+/// The commands between backticks.
+fn commands(line: &str) -> Vec<String> {
+    let quoted = line.split('`').skip(1).step_by(2);
+    quoted
+        .filter(|text| is_command(text))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// The options that are no part of a command.
+fn options(line: &str) -> Vec<String> {
+    let parts = line.split('`').filter(|text| !is_command(text));
+    let words = parts.flat_map(|part| part.split(|c: char| c != '-' && !c.is_ascii_lowercase()));
+    let is_option = |word: &&str| word.strip_prefix("--").is_some_and(|word| !word.is_empty());
+    words.filter(is_option).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_option_that_a_message_of_a_source_names_is_a_cure_or_says_why_not() {
+    let mut offered = BTreeSet::new();
+    for folder in ["src/recording", "src/bench/source"] {
+        add_offered(Path::new(folder), options, &mut offered);
+    }
+    let known: BTreeSet<_> = OPTIONS.iter().map(|(cure, _)| (*cure).to_owned()).collect();
+    assert_eq!(offered, known, "offered, and known here");
+
+    let fixture = inputs();
+    fixture.write_euroc("60.0");
+    fixture.run("record mav0 --calib raw -o raw.mcap");
+    fixture.write_pair("plain/left/a.pgm", "plain/right/a.pgm", (64, 48), 4);
+    let pixels: Vec<u8> = (0..64 * 48u32)
+        .map(|i| (i * 7 + i / 64 * 13) as u8)
+        .collect();
+    let bag = |name: &str, topics: &[(&'static str, u64)]| {
+        let images = (1..6u64).flat_map(|i| {
+            topics
+                .iter()
+                .map(move |(topic, late_ms)| (topic, i * 100_000_000 + late_ms * 1_000_000))
+        });
+        let images =
+            images.map(|(topic, stamp)| bag::ros_image(topic, stamp, (64, 48), "mono8", &pixels));
+        let path = bag::write(&fixture.path(""), &images.collect::<Vec<_>>());
+        std::fs::rename(path, fixture.path(name)).unwrap();
+    };
+    bag("three.mcap", &[("/a", 0), ("/b", 0), ("/c", 0)]);
+    bag("wide.mcap", &[("/both", 0)]);
+    bag("skewed.mcap", &[("/left", 0), ("/right", 8)]);
+    for (option, how) in OPTIONS {
+        let Given(without, with) = how else {
+            continue;
+        };
+        let said = fixture.svl(*without);
+        let said = said.stdout + &said.stderr;
+        assert!(said.contains(option), "{without} names no {option}: {said}");
+        let ran = fixture.svl(*with);
+        assert_eq!(ran.code, Some(0), "{with}: {}", ran.stderr);
     }
 }
 
 #[test]
 fn every_command_that_a_message_offers_runs_or_says_why_not() {
     let mut offered = BTreeSet::new();
-    add_offered(Path::new("src"), &mut offered);
+    add_offered(Path::new("src"), commands, &mut offered);
     let known: BTreeSet<_> = CURES.iter().map(|(cure, _)| (*cure).to_owned()).collect();
     assert_eq!(offered, known, "offered, and known here");
 
@@ -265,6 +395,7 @@ fn every_command_that_a_message_offers_runs_or_says_why_not() {
                 assert!(ran.unwrap().success(), "{cure}: {shell}");
                 line
             }
+            Given(..) => unreachable!("{cure} is a command"),
             Left(reason) => {
                 println!("{cure}: {reason}");
                 continue;

@@ -1,6 +1,7 @@
 //! `svl score` of drives.
 
 use super::fixture::{Fixture, assert_says};
+use crate::common::python;
 use svl::report::{DriveRow, TrackRow, read_rows};
 
 /// Two courses with small images.
@@ -21,6 +22,22 @@ pub(super) fn driven() -> Fixture {
         fixture.run("score small.toml -q -o r");
     });
     fixture
+}
+
+#[test]
+fn every_table_is_read_alike_by_other_libraries() {
+    let fixture = driven();
+    fixture.write_short_arena("short.toml", 40);
+    fixture.run("score short.toml --algo v3 --algo v5 --algo sgm --rerun none -q -o arena");
+    for (report, least) in [("r", 10), ("arena", 10)] {
+        let modules = "pandas, polars, duckdb, pyarrow";
+        let Some(printed) = python("tables.py", modules, [fixture.path(report)]) else {
+            return;
+        };
+        let printed = String::from_utf8(printed).unwrap();
+        let tables: u32 = printed.split(' ').next().unwrap().parse().unwrap();
+        assert!(tables >= least, "{printed}");
+    }
 }
 
 #[test]

@@ -196,6 +196,100 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
     fixture.fails("eval d empty --protocol eth3d => 1: empty: holds no .pfm");
 }
 
+#[test]
+fn scenes_of_middlebury_have_weights_masks_and_ranges() {
+    let fixture = Fixture::new();
+    for (scene, estimate) in [("Adirondack", 4.0), ("PianoL", 9.0), ("Teddy", 99.0)] {
+        write_map(
+            &fixture,
+            &format!("t/{scene}/disp0GT.pfm"),
+            &[&[4.0, 4.0, NO, 4.0]],
+        );
+        fixture.write(
+            &format!("t/{scene}/mask0nocc.png"),
+            pgm(4, 1, &[255, 128, 0, 255]),
+        );
+        fixture.write(&format!("t/{scene}/calib.txt"), "ndisp=8\n");
+        write_map(
+            &fixture,
+            &format!("r/{scene}/disp0mine.pfm"),
+            &[&[estimate; 4]],
+        );
+    }
+    let args = "eval r t --protocol middeval3";
+    let ran = fixture.svl(args);
+    assert_says(
+        &ran.stderr,
+        &["not that of the benchmark: it lacks ArtL, Jadeplant, Motorcycle"],
+    );
+    assert_says(&ran.done(), &["3 images, their weighted mean"]);
+    // Errors of 0, 4 (9 clipped to 8) and 4 px, of which the second counts half.
+    let found = fixture.json(&format!("{args} --json"));
+    assert_eq!(
+        (&found["avgerr"], &found["pixels"]),
+        (&2.4.into(), &6.into())
+    );
+    let wider = fixture.json(&format!("{args} --json --max-disparity 9"));
+    assert_eq!(wider["images"]["PianoL"]["avgerr"], 5.0);
+    write_map(&fixture, "r/Teddy/disp0other.pfm", &[&[4.0]]);
+    let wrong = "
+        eval r t --protocol middeval3 => 1: disp0mine.pfm and | belong to the same scene; keep one
+        eval r t --protocol middeval3 --mask m.png => 2: the folders of scenes have mask0nocc.png
+        eval t t --protocol middeval3 => 1: t: has no SCENE/disp0NAME.pfm
+    ";
+    fixture.fails(wrong);
+}
+
+#[test]
+fn maps_say_what_they_are() {
+    let fixture = scene();
+    let truth = fixture.bytes("truth.pfm");
+    let windows = String::from_utf8_lossy(&truth[..10]).replace('\n', "\r\n");
+    fixture.write("windows.pfm", [windows.as_bytes(), &truth[10..]].concat());
+    let same = fixture.json("eval windows.pfm truth.pfm --protocol middeval3 --json");
+    assert_eq!((&same["avgerr"], &same["pixels"]), (&0.0.into(), &4.into()));
+    fixture.write("longer.pfm", [&truth[..], b"ab"].concat());
+    fixture.write("three.pfm", [&truth[..10], &truth[10..].repeat(3)].concat());
+    fixture.write("page.pfm", "<!DOCTYPE html>");
+    fixture.write(
+        "pointer.png",
+        "version https://git-lfs.github.com/spec/v1\noid sha256:0",
+    );
+    let wrong = "
+        eval longer.pfm truth.pfm --protocol eth3d => 1: 5x1 needs 20 bytes of pixels, got 22
+        eval three.pfm truth.pfm --protocol eth3d => 1: got 60: three channels
+        eval page.pfm truth.pfm --protocol eth3d => 1: page.pfm: is a web page (HTML)
+        eval pointer.png truth.pfm --protocol eth3d => 1: `git lfs pull`
+    ";
+    fixture.fails(wrong);
+    let scaled = |factor: f32| {
+        let row: Vec<_> = (0..1000).map(|x| factor * (8 + x / 100) as f32).collect();
+        write_map(&fixture, &format!("{factor}.pfm"), &[&row]);
+    };
+    scaled(1.0);
+    scaled(16.0);
+    let ran = fixture.svl("eval 16.pfm 1.pfm --protocol eth3d");
+    assert_says(
+        &ran.stderr,
+        &["16.pfm: its disparities are 16 times those of the truth"],
+    );
+    // 16-bit images of 100 times the disparity, against themselves.
+    let steps = [4000u16, 0, 8250].map(u16::to_be_bytes).concat();
+    fixture.write("d.pgm", [b"P5\n3 1\n65535\n".to_vec(), steps].concat());
+    let same = "eval d.pgm d.pgm --protocol kitti15 --disparity-scale 100 --json";
+    assert_eq!(
+        fixture.json(&format!("{same} --estimate-scale 100"))["d1_all"],
+        0.0
+    );
+    assert_eq!(fixture.json(same)["d1_all"], 100.0);
+    fixture.write("odd.pgm", pgm(5, 1, &[255, 255, 1, 1, 255]));
+    let ran = fixture.svl("eval d.pfm truth.pfm --protocol middeval3 --mask odd.pgm");
+    assert_says(
+        &ran.stderr,
+        &["odd.pgm: 2 pixels of the mask are not 0, 128 or 255"],
+    );
+}
+
 fn in_numpy(args: &[&str]) -> Option<Value> {
     let printed = python("protocols.py", "cv2, numpy", args)?;
     Some(serde_json::from_slice(&printed).unwrap())
@@ -223,37 +317,76 @@ fn quarter_size_scenes_score_as_numpy_computes() {
     };
     let fixture = Fixture::new();
     let shown = |path: &Path| path.display().to_string();
-    for name in ["Adirondack", "ArtL", "MotorcycleE", "Piano", "Playroom"] {
-        let scene = root.join(name);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    // The range is small for some scenes, so that clipping shows.
+    let args = ["--protocol", "middeval3", "--max-disparity", "48", "--json"];
+    let mut expected = Vec::new();
+    for (scene, weight) in [
+        ("Adirondack", 1.0),
+        ("ArtL", 1.0),
+        ("Motorcycle", 1.0),
+        ("MotorcycleE", 1.0),
+        ("Piano", 1.0),
+        ("PianoL", 0.5),
+        ("Playroom", 0.5),
+    ] {
         let [left, right, truth, mask] = ["im0.png", "im1.png", "disp0GT.pfm", "mask0nocc.png"]
-            .map(|file| shown(&scene.join(file)));
-        // The range is small for some scenes, so that clipping shows.
-        for algorithm in ["v3:max_disparity=64", "sgm:max_disparity=64"] {
-            fixture.run(&[
-                "match", &left, &right, "--algo", algorithm, "-o", "d.pfm", "--force",
-            ]);
-            let Some(expected) = in_numpy(&[
-                "middeval3",
-                &shown(&fixture.path("d.pfm")),
-                &truth,
-                &mask,
-                "48",
-            ]) else {
-                return;
+            .map(|file| shown(&root.join(scene).join(file)));
+        let estimate = format!("r/{scene}/disp0sgm.pfm");
+        std::fs::create_dir_all(fixture.path(&estimate).parent().unwrap()).unwrap();
+        let algorithm = "sgm:max_disparity=64";
+        fixture.run(&["match", &left, &right, "--algo", algorithm, "-o", &estimate]);
+        let estimate = shown(&fixture.path(&estimate));
+        let Some(numbers) = in_numpy(&["middeval3", &estimate, &truth, &mask, "48"]) else {
+            return;
+        };
+        sum += weight * numbers["avgerr"].as_f64().unwrap();
+        weights += weight;
+        expected.push((scene, numbers));
+    }
+    let found = fixture.json(&[&["eval", "r", &shown(&root)], &args[..]].concat());
+    for (scene, numbers) in &expected {
+        assert_equal(&found["images"][*scene], numbers, scene);
+    }
+    let mean = serde_json::json!({ "avgerr": sum / weights });
+    assert_equal(&found, &mean, "the weighted mean");
+}
+
+#[test]
+fn files_of_other_programs_have_the_same_values() {
+    let fixture = Fixture::new();
+    let Some(names) = python(
+        "maps.py",
+        "cv2, numpy, PIL",
+        [&fixture.path("").display().to_string()],
+    ) else {
+        return;
+    };
+    let names = String::from_utf8(names).unwrap();
+    let names: Vec<_> = names.split_whitespace().collect();
+    assert_eq!(names.len(), 9);
+    for estimate in &names {
+        for truth in &names {
+            // 16-bit images have 256 times the disparity, arrays of integers 16 times.
+            let scale = |name: &str| {
+                if name.starts_with("integers") {
+                    16
+                } else {
+                    256
+                }
             };
-            let found = fixture.json(&[
-                "eval",
-                "d.pfm",
-                &truth,
-                "--protocol",
-                "middeval3",
-                "--mask",
-                &mask,
-                "--max-disparity",
-                "48",
-                "--json",
-            ]);
-            assert_equal(&found, &expected, &format!("{name} {algorithm}"));
+            let found = fixture.json(&format!(
+                "eval {estimate} {truth} --protocol eth3d --json --estimate-scale {} \
+                 --disparity-scale {}",
+                scale(estimate),
+                scale(truth)
+            ));
+            let numbers = ["avgerr", "invalid", "pixels"].map(|key| found[key].as_f64());
+            assert_eq!(
+                numbers,
+                [Some(0.0), Some(0.0), Some(5.0)],
+                "{estimate} {truth}"
+            );
         }
     }
 }

@@ -212,7 +212,7 @@ fn labels_of(fixture: &Fixture, table: &str) -> String {
     let (head, last) = lines.next().unwrap();
     assert_eq!(last, "pair_hash");
     let rows = lines.map(|(row, hash)| {
-        assert_eq!(hash.len(), 32, "{row},{hash}");
+        assert_eq!(hash.len(), 33, "{row},{hash}");
         format!("{row}\n")
     });
     format!("{head}\n{}", rows.collect::<String>())

@@ -236,3 +236,20 @@ fn version_revision_and_profile_are_in_manifest_and_recording() {
         known
     );
 }
+
+#[test]
+fn the_facts_of_scaled_pairs_are_theirs() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("arena.toml", 3);
+    fixture.run("record arena.toml -o a.mcap");
+    let facts = |options: &str| {
+        let name = format!("info a.mcap --json{options}");
+        fixture.json(&name)["first_pairs"].take()
+    };
+    let (whole, half) = (facts(""), facts(" --scale 0.5"));
+    assert_eq!(half["size_px"], serde_json::json!([160, 120]));
+    assert_eq!(half["rig"]["baseline_m"], whole["rig"]["baseline_m"]);
+    let focal_px = |facts: &serde_json::Value| facts["rig"]["focal_px"].as_f64().unwrap();
+    assert_eq!(2.0 * focal_px(&half), focal_px(&whole));
+    assert_eq!(half["focal_px"][0], focal_px(&half));
+}

@@ -34,6 +34,22 @@ fn the_screen_shows_knobs_and_what_they_are_worth() {
     insta::assert_snapshot!(timeless(&screens));
 }
 
+#[test]
+fn a_name_cannot_control_the_screen() {
+    let fixture = recorded();
+    let name = "run\u{202e}\u{1b}[2J\u{9b}1m.mcap";
+    std::fs::copy(fixture.path("run.mcap"), fixture.path(name)).unwrap();
+    for line in [
+        format!("tune {name} --algo v3"),
+        format!("label checkpoints {name} -o new.toml"),
+    ] {
+        fixture.write("keys", "wait screen q");
+        let text = fixture.svl(&format!("{line} --script keys")).done();
+        assert_says(&text, &["run\\u202e\\u001b[2J\\u009b1m.mcap"]);
+        assert!(!text.contains(['\u{202e}', '\u{1b}', '\u{9b}']), "{text:?}");
+    }
+}
+
 /// The algorithms' thread needs the only thread to compute with while the tool waits for it.
 #[test]
 fn one_thread_suffices_for_a_script() {

@@ -105,7 +105,8 @@ fn images_of_2012_are_averaged_and_those_of_2015_pooled() {
     );
     let both = [&right, &wrong];
     let over = |protocol: svl::score::protocol::Protocol| {
-        let scores = both.map(|(estimate, truth)| protocol.score(&image(estimate, truth)).unwrap());
+        let scores =
+            both.map(|(estimate, truth)| (1.0, protocol.score(&image(estimate, truth)).unwrap()));
         Score::over(&scores)
     };
     assert_numbers(

@@ -2,7 +2,7 @@
 
 use super::{assert_numbers, image, numbers};
 use crate::common;
-use svl::files::{read_estimate, read_npz, read_pfm, read_truth};
+use svl::files::{MapScale, read_disparities, read_npz, read_pfm};
 use svl::score::protocol::Protocol;
 
 /// The numbers of SOURCE.txt next to the map, computed there with numpy.
@@ -12,8 +12,8 @@ fn the_development_kits_map_scores_as_known() {
     else {
         return;
     };
-    let estimate = read_estimate(&folder.join("disp_est.png"), None).unwrap();
-    let truth = read_truth(&folder.join("disp_gt.png"), None).unwrap();
+    let estimate = read_disparities(&folder.join("disp_est.png"), MapScale::default()).unwrap();
+    let truth = read_disparities(&folder.join("disp_gt.png"), MapScale::default()).unwrap();
     let image = image(&estimate, &truth);
     let rounded = |protocol: Protocol, name: &str| {
         let value = numbers(protocol, &image).get(name).unwrap();
@@ -48,9 +48,13 @@ fn one_truth_in_several_files() {
     let npz = read_npz(&motorcycle.join("motorcycle_disp.npz")).unwrap();
     assert_eq!(npz, read_pfm(&motorcycle.join("disp0.pfm")).unwrap());
     let tsukuba = folder.join("tsukuba");
-    let palette = read_truth(&tsukuba.join("groundtruth_v2.png"), Some(16.0)).unwrap();
+    let palette = read_disparities(
+        &tsukuba.join("groundtruth_v2.png"),
+        MapScale::same(Some(16.0)),
+    )
+    .unwrap();
     assert_eq!(
         palette,
-        read_truth(&tsukuba.join("truedisp.pgm"), Some(16.0)).unwrap()
+        read_disparities(&tsukuba.join("truedisp.pgm"), MapScale::same(Some(16.0))).unwrap()
     );
 }

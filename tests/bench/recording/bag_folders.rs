@@ -2,6 +2,7 @@
 
 use super::bag;
 use super::frames::{image, one_line, read};
+use crate::cli::fixture::{Fixture, has};
 use crate::common::assert_says;
 use std::path::{Path, PathBuf};
 use svl::recording::{Reader, files, is_bag, only_file};
@@ -211,4 +212,42 @@ fn other_containers_have_a_cure() {
     });
     let text = complaint(&bag::write(holder.path(), &compressed));
     assert!(text.contains("zstd and cannot be unpacked"), "{text}");
+}
+
+/// Root, who has all rights to the folder, becomes a user who has none.
+#[cfg(unix)]
+#[test]
+fn a_bag_in_a_folder_that_cannot_be_written_is_read() {
+    use std::fs::{Permissions, metadata, set_permissions};
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let fixture = Fixture::new();
+    let pixels = [7; 24 * 16];
+    let images = (1..4).flat_map(|i| {
+        ["/left/image_rect", "/right/image_rect"]
+            .map(|topic| bag::ros_image(topic, i * 100_000_000, (24, 16), "mono8", &pixels))
+    });
+    let path = bag::write_sqlite(&fixture.path(""), &images.collect::<Vec<_>>());
+    let connection = rusqlite::Connection::open(&path).unwrap();
+    connection
+        .pragma_update(None, "journal_mode", "WAL")
+        .unwrap();
+    drop(connection);
+    set_permissions(fixture.path(""), Permissions::from_mode(0o555)).unwrap();
+    let program = env!("CARGO_BIN_EXE_svl");
+    let nobody = ["--reuid=65534", "--clear-groups", program];
+    let mut command = std::process::Command::new(program);
+    if metadata(fixture.path("")).unwrap().uid() == 0 {
+        if !has("setpriv", &[&nobody[..], &["--version"]].concat()) {
+            return;
+        }
+        command = std::process::Command::new("setpriv");
+        command.args(nobody);
+    }
+    let ran = command.arg("info").arg(&path).output().unwrap();
+    let said = String::from_utf8_lossy(&ran.stdout);
+    set_permissions(fixture.path(""), Permissions::from_mode(0o755)).unwrap();
+    assert!(
+        said.starts_with("usable: 3 rectified pairs"),
+        "{said} {ran:?}"
+    );
 }

@@ -19,7 +19,7 @@ pub(super) struct Info {
     k: [f64; 3],
     pub(super) d: [f64; 5],
     p: [f64; 3],
-    tx: f64,
+    pub(super) tx: f64,
     binning: u32,
 }
 

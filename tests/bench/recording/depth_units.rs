@@ -25,7 +25,7 @@ fn write(fixture: &Fixture, frames: &[Frame], topic: &'static str, scaled: &dyn 
 }
 
 /// Depths on a topic: as 16 bits if it is named so, else as floats.
-fn depth_messages(
+pub(super) fn depth_messages(
     frames: &[Frame],
     topic: &'static str,
     scaled: &dyn Fn(f32) -> f32,

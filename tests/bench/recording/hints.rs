@@ -24,7 +24,8 @@ const HINTS: [&str; 7] = [
 #[track_caller]
 fn hints(fixture: &Fixture, what: &str) -> Vec<(usize, String)> {
     let ran = fixture.svl(&format!("score {what} --rerun none -o report"));
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    // A truth may have no cell.
+    assert!(matches!(ran.code, Some(0 | 4)), "{}", ran.stderr);
     let hint = |line: &str| {
         let place = HINTS.iter().position(|words| line.contains(words))?;
         Some((place, line.to_owned()))

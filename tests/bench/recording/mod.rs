@@ -20,6 +20,8 @@ pub(crate) mod frames;
 mod hints;
 mod kill;
 mod live_topics;
+mod moving;
+mod names;
 mod poses;
 mod printed;
 mod realsense;

@@ -3,7 +3,7 @@
 
 use super::bag::{self, Message, cdr_in, ros_image_in};
 use super::sensor::{cloud_on, tf};
-use crate::cli::fixture::Fixture;
+use crate::cli::fixture::{Fixture, assert_says};
 use crate::common::python;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -367,7 +367,10 @@ fn infinity_is_an_answer_of_depths_alone() {
             "{algo}"
         );
     }
-    fixture.run("score bag/bag.mcap --truth /far --algo sgm --rerun none -o truth -q");
+    let none = "nothing was compared: no cell has enough of the truth /far";
+    fixture
+        .svl("score bag/bag.mcap --truth /far --algo sgm --rerun none -o truth -q")
+        .failed(4, &[none]);
     let rows: Vec<CellRow> = read_rows(&fixture.path("truth/cells.csv")).unwrap();
     assert!(rows.iter().all(|row| row.verdict == Verdict::NoTruth));
 }
@@ -572,16 +575,29 @@ fn files_belong_to_pairs_without_a_name_by_their_numbers() {
     let numbered = medians("rep");
     assert_eq!(numbered.len() as u64, FRAMES * 15);
     assert!(numbered.iter().all(|(i, px)| *px == 20.0 + *i as f64));
-    // Numbers that begin with 1 are those of other pairs.
+    // Numbers from 1 to that of the pairs begin with the first pair, in a range of them, too.
     std::fs::rename(fixture.path("out/0000.pfm"), fixture.path("out/0012.pfm")).unwrap();
-    let ran = fixture.svl(line);
-    assert_eq!(ran.code, Some(4));
+    let ran = fixture.svl(&line.replace(" -q", " --every 2 --force"));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert_says(
+        &ran.stderr,
+        &[
+            "files:'out/*.pfm': numbers 1 to 12 for as many pairs: 1 is the first pair",
+            "files:'out/*.pfm': 6 files used by no pair, the first is ./out/0002.pfm",
+        ],
+    );
+    let shifted = medians("rep");
+    assert_eq!(shifted.len(), 6 * 15);
+    assert!(shifted.iter().all(|(i, px)| *px == 21.0 + *i as f64));
+    std::fs::rename(fixture.path("out/0012.pfm"), fixture.path("out/0030.pfm")).unwrap();
     let ran = fixture.svl(&line.replace(" -q", " --force"));
-    assert!(
-        ran.stderr
-            .contains("1 file not used, and 1 pair without one"),
-        "{}",
-        ran.stderr
+    assert_eq!(ran.code, Some(4));
+    assert_says(
+        &ran.stderr,
+        &[
+            "numbers up to 30 for pairs 0 to 11: are they of this recording?",
+            "1 file used by no pair, the first is ./out/0030.pfm; 1 pair without one",
+        ],
     );
     fixture.write("out/3.pfm", pfm(9.0));
     fixture

@@ -1,6 +1,8 @@
 //! Truth from another sensor of a bag: accepted and rejected messages.
 
-use super::bag::{self, Message, camera_info, cdr_in, protobuf, ros_image, timestamp};
+use super::bag::{
+    self, Camera, Message, camera_info, camera_info_of, cdr_in, protobuf, ros_image, timestamp,
+};
 use super::frames::{PERIOD_NS, full, image, read};
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder};
@@ -272,16 +274,25 @@ fn millimetres_and_compressed_depth_are_the_same_depths() {
 }
 
 /// A stereo_msgs/msg/DisparityImage of the first pair.
-fn disparity_image(pixels: &[f32], [focal, baseline, min]: [f32; 3]) -> Message {
+fn disparity_image(pixels: &[f32], numbers: [f32; 3]) -> Message {
+    disparity_image_of((24, 16), pixels, numbers)
+}
+
+/// The same of another size.
+fn disparity_image_of(
+    (width, height): (u32, u32),
+    pixels: &[f32],
+    [focal, baseline, min]: [f32; 3],
+) -> Message {
     let pixels: Vec<u8> = pixels.iter().flat_map(|d| d.to_le_bytes()).collect();
     let data = cdr_in("cam", stamp(0), |cdr| {
         (0..2).for_each(|_| cdr.write_u32(0));
         cdr.write_string("cam");
-        cdr.write_u32(16);
-        cdr.write_u32(24);
+        cdr.write_u32(height);
+        cdr.write_u32(width);
         cdr.write_string("32FC1");
         cdr.write_u8(0);
-        cdr.write_u32(4 * 24);
+        cdr.write_u32(4 * width);
         cdr.write_bytes(&pixels);
         cdr.write_f32(focal);
         cdr.write_f32(baseline);
@@ -322,6 +333,35 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     let reader = svl::recording::Reader::open(&path).unwrap();
     let topics = svl::recording::truth_topics(reader.recording(), &reader.facts().topics);
     assert_eq!(topics.unwrap(), ["/disparity"]);
+}
+
+/// A matcher may halve its images first: a camera_info says whose pixels these are.
+#[test]
+fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
+    let half = vec![4.0; 12 * 8];
+    let message = disparity_image_of((12, 8), &half, [164.0, 0.044, 1.0]);
+    refused(
+        pairs().into_iter().chain([message.clone()]),
+        "/disparity",
+        &["12x8", "24x16", "no camera_info for that camera"],
+    );
+    let camera = Camera {
+        size: (12, 8),
+        distortion: &[],
+        tx: 0.0,
+        binning: 0,
+        roi: [0; 4],
+    };
+    let info = camera_info_of("/disparity/camera_info", stamp(0), &camera);
+    let (found, _) = truths([info, message], "/disparity");
+    let truth = found[0].as_ref().unwrap();
+    let known = truth.disparity.pixels().filter(|d| d.is_finite());
+    let known: Vec<_> = known.collect();
+    // Twice as many pixels at twice the disparity.
+    assert!(
+        known.len() > 9 && known.iter().all(|d| (d - 8.0).abs() < 0.01),
+        "{known:?}"
+    );
 }
 
 /// Disparity images have the pixels of the rectified camera, also beside raw images: those of

@@ -13,6 +13,7 @@ mod truth;
 
 pub use entry::Dataset;
 pub use inventory::Inventory;
+pub(super) use scene::is_of_one_camera;
 pub use scene::{Scene, SceneSource};
 
 use entry::{FileNames, PairFiles, Seen, TruthFile};

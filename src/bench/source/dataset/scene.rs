@@ -35,6 +35,7 @@ impl Scene {
         files()
             .flat_map(|f| f.pairs)
             .filter(|pair| !pair.numbered())
+            .filter(|pair| pair.left != "im0" || !is_of_one_camera(folder))
             .find_map(|pair| {
                 let (left, right) = (image(pair.left)?, image(pair.right)?);
                 Some(Self {
@@ -219,6 +220,22 @@ impl Scene {
                 .transpose(),
         }
     }
+}
+
+/// True if a folder has the images of one camera, as `camera_00` beside `camera_02` in Booster's
+/// scenes.
+pub fn is_of_one_camera(folder: &Path) -> bool {
+    let is_camera = |path: &Path| {
+        let name = path.file_name().and_then(|name| name.to_str());
+        name.is_some_and(|name| name.starts_with("camera_")) && path.is_dir()
+    };
+    // The folder's own name, also of `.`.
+    let Ok(folder) = folder.canonicalize() else {
+        return false;
+    };
+    let beside = folder.parent().and_then(|above| inputs::list(above).ok());
+    let mut beside = beside.into_iter().flatten();
+    is_camera(&folder) && beside.any(|other| other != folder && is_camera(&other))
 }
 
 /// Prefix of the names of a folder's scenes.

@@ -81,11 +81,13 @@ pub(super) const LAYOUTS: &[Layout] = &[
     plain(["left/*left", "right/*right"]),
     plain(["left/*_l", "right/*_r"]),
     Layout {
-        name: "two cameras",
+        name: "cam0 and cam1",
         images: ["cam0/*", "cam1/*"],
         stamps: Some(["cam0/data.csv", "cam1/data.csv"]),
         cameras: Cameras::Sensors(["cam0", "cam1"]),
     },
+    booster(["camera_00/*", "camera_02/*"]),
+    booster(["camera_00/*", "camera_01/*"]),
     plain(["left*", "right*"]),
     // MRPT's 0_left.jpg, and 00_left.png.
     plain(["*left", "*right"]),
@@ -97,18 +99,29 @@ pub(super) const LAYOUTS: &[Layout] = &[
 /// Letters that are sides if no word begins with them.
 pub(super) const LETTERS: [&str; 2] = ["l*", "r*"];
 
+/// Name of layouts of no data set.
+const PLAIN: &str = "left and right";
+
 const fn plain(images: [&'static str; 2]) -> Layout {
     Layout {
-        name: "left and right",
+        name: PLAIN,
         images,
         stamps: None,
         cameras: Cameras::Rectified,
     }
 }
 
+/// Images of one view in several lights, rectified.
+const fn booster(images: [&'static str; 2]) -> Layout {
+    Layout {
+        name: "Booster",
+        ..plain(images)
+    }
+}
+
 /// All layouts, in a line: those of data sets by their names.
 pub(super) fn known() -> String {
-    let is_plain = |layout: &&Layout| layout.stamps.is_none();
+    let is_plain = |layout: &&Layout| layout.name == PLAIN;
     let (plain, others): (Vec<_>, Vec<_>) = LAYOUTS.iter().partition(is_plain);
     let patterns = plain.iter().map(|layout| layout.images.join(" and "));
     let mut names: Vec<_> = others.iter().map(|layout| layout.name).collect();

@@ -46,14 +46,18 @@ pub struct MapFiles {
     files: Images,
     /// Files whose names are numbers, for pairs without a name.
     numbered: BTreeMap<u64, PathBuf>,
+    /// Number of the first pair's file.
+    first_number: u64,
+    /// Words for the user about the numbers, once they are used.
+    numbering: Option<String>,
     /// Files whose names are times, by stamp.
     times: Vec<(u64, PathBuf)>,
     max_skew_ns: u64,
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
     without: u64,
-    /// Number of pairs with a file.
-    used: u64,
+    /// Stamp of the pair that each file answered.
+    used: BTreeMap<PathBuf, u64>,
     /// True once the first pair with integers was looked at.
     has_decided: bool,
     /// True once a pair had a file.
@@ -164,10 +168,12 @@ impl MapFiles {
             times: files.iter().filter_map(stamp).collect(),
             files,
             numbered: BTreeMap::new(),
+            first_number: 0,
+            numbering: None,
             max_skew_ns: 0,
             scanner: None,
             without: 0,
-            used: 0,
+            used: BTreeMap::new(),
             has_decided: false,
             has_found: false,
             told: Told::default(),
@@ -228,7 +234,10 @@ impl MapFiles {
             return Ok(None);
         };
         self.has_found = true;
-        self.used += 1;
+        if let Some(words) = self.numbering.take_if(|_| frame.name.is_none()) {
+            tracing::warn!("{}: {words}", self.asked());
+        }
+        self.used.insert(path.clone(), frame.stamp_ns);
         self.warn_of_time(frame, &path, apart_ns);
         let (size, raw) = (frame.pair.size(), RawCamera::from_frame(frame));
         let disparity = if has_ending(&path, "bin") {
@@ -342,14 +351,43 @@ impl MapFiles {
         map.map(|d| if d < 0.0 { f32::INFINITY } else { d })
     }
 
-    /// Warns of maps that were not used while pairs had none: numbers may begin with 1.
+    /// Learns how many pairs the source has in all, of which numbers count the files of pairs
+    /// without a name: from 0, or from 1 if the last one is the number of pairs.
+    pub(crate) fn count_pairs(&mut self, pairs: Option<u64>) {
+        let (Some(pairs), Some((&first, _)), Some((&last, _))) = (
+            pairs.filter(|_| self.times.is_empty()),
+            self.numbered.first_key_value(),
+            self.numbered.last_key_value(),
+        ) else {
+            return;
+        };
+        self.numbering = if first == 1 && last == pairs {
+            self.first_number = 1;
+            Some(format!(
+                "numbers 1 to {pairs} for as many pairs: 1 is the first pair"
+            ))
+        } else if last >= pairs {
+            let of_pairs = pairs.saturating_sub(1);
+            Some(format!(
+                "numbers up to {last} for pairs 0 to {of_pairs}: are they of this recording?"
+            ))
+        } else {
+            None
+        };
+    }
+
+    /// Warns of maps that no pair used.
     pub(crate) fn warn_of_unused(&self) {
-        let unused = (self.files.len() as u64).saturating_sub(self.used);
-        if self.role == SensorRole::Map && unused > 0 && self.without > 0 {
+        let mut unused = self
+            .files
+            .values()
+            .filter(|path| !self.used.contains_key(*path));
+        if let Some(first) = unused.next().filter(|_| self.role == SensorRole::Map) {
             tracing::warn!(
-                "{}: {} not used, and {} without one: do the numbers begin with 1 in place of 0?",
+                "{}: {} used by no pair, the first is {}; {} without one",
                 self.asked(),
-                counted(unused, "file"),
+                counted(1 + unused.count() as u64, "file"),
+                first.display(),
                 counted(self.without, "pair")
             );
         }
@@ -403,15 +441,17 @@ impl MapFiles {
                 return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
             }
         }
-        let number = self.numbered.get(&frame.sequence);
+        let number = self.numbered.get(&(frame.sequence + self.first_number));
         if let Some(path) = number.filter(|_| name.is_none()) {
             return Some((path.clone(), 0));
         }
-        let nearest = self
-            .times
-            .iter()
-            .min_by_key(|(stamp_ns, _)| apart(*stamp_ns));
-        let (stamp_ns, path) = nearest?;
+        // A file answers one pair.
+        let is_free = |path: &PathBuf| {
+            let pair_ns = self.used.get(path);
+            pair_ns.is_none_or(|pair_ns| *pair_ns == frame.stamp_ns)
+        };
+        let free = self.times.iter().filter(|(_, path)| is_free(path));
+        let (stamp_ns, path) = free.min_by_key(|(stamp_ns, _)| apart(*stamp_ns))?;
         let apart_ns = apart(*stamp_ns);
         (apart_ns <= self.max_skew_ns).then(|| (path.clone(), apart_ns))
     }

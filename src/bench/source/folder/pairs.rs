@@ -2,9 +2,9 @@
 
 use super::FolderRequest;
 use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natural, stem};
+use crate::source::dataset::is_of_one_camera;
 use std::path::{Path, PathBuf};
-use svl_core::counted;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted, listed};
 use svl_files::IMAGE_ENDINGS;
 
 /// The pairs of a folder in natural order.
@@ -58,6 +58,10 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
                 ..found
             });
         }
+    }
+    if is_of_one_camera(folder) {
+        let cure = "has the images of one camera: name the folder above, which has both";
+        return Err(Error::format(folder, cure));
     }
     let cure = "--left and --right name other patterns, --side-by-side reads images of both";
     Err(Error::format(
@@ -164,8 +168,8 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
     pairs
 }
 
-/// Largest number of names that a message lists of each kind.
-const MAX_LISTED: usize = 4;
+/// Characters of a name in a message.
+const MAX_CHARACTERS: usize = 40;
 
 /// Content of a folder, in words.
 fn contents(folder: &Path) -> Result<String> {
@@ -182,7 +186,7 @@ fn contents(folder: &Path) -> Result<String> {
         (others, "other file"),
     ];
     let said = kinds.into_iter().filter(|(paths, _)| !paths.is_empty());
-    let said: Vec<_> = said.map(|(paths, noun)| listed(&paths, noun)).collect();
+    let said: Vec<_> = said.map(|(paths, noun)| kind_words(&paths, noun)).collect();
     Ok(if said.is_empty() {
         "nothing".to_owned()
     } else {
@@ -190,16 +194,16 @@ fn contents(folder: &Path) -> Result<String> {
     })
 }
 
-fn listed(paths: &[PathBuf], noun: &str) -> String {
-    let names = paths.iter().take(MAX_LISTED);
-    let names: Vec<_> = names
-        .map(|path| path.file_name().unwrap_or_default().to_string_lossy())
-        .collect();
-    let more = if paths.len() > MAX_LISTED {
-        ", …"
-    } else {
-        ""
-    };
+/// The beginning of a name, so that several fit a screen.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(MAX_CHARACTERS) {
+        Some((end, _)) => format!("{}…", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
+fn kind_words(paths: &[PathBuf], noun: &str) -> String {
+    let name = |path: &PathBuf| shortened(&path.file_name().unwrap_or_default().to_string_lossy());
     let count = counted(paths.len() as u64, noun);
-    format!("{count} ({}{more})", names.join(", "))
+    format!("{count} ({})", listed(paths.iter().map(name)))
 }

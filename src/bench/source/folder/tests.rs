@@ -1,6 +1,7 @@
 //! Folders with the layouts that users have, one by one.
 
 use super::*;
+use crate::source::dataset::Scene;
 use svl_files::encode_png;
 use tempfile::TempDir;
 
@@ -281,6 +282,46 @@ fn folders_without_pairs_are_reported() {
     let empty = tempfile::tempdir().unwrap();
     let error = open(&empty).err().unwrap().to_string();
     assert!(error.contains("it has nothing"), "{error}");
+}
+
+#[test]
+fn a_refusal_fits_a_screen() {
+    let mut names: Vec<_> = (0..9)
+        .map(|i| format!("{}{i}.png", "long".repeat(50)))
+        .collect();
+    names.extend((0..9).map(|i| format!("{}{i}/a.png", "deep".repeat(50))));
+    let folder = folder(&names.iter().map(String::as_str).collect::<Vec<_>>(), &[]);
+    let error = open(&folder).err().unwrap().to_string();
+    assert!(error.chars().count() < 20 * 80, "{error}");
+    assert!(
+        error.contains("9 images (longlong") && error.contains("long…"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_folder_of_one_camera_is_no_pair() {
+    let images = |left, right| {
+        let images = ["im0.png", "im1.png"];
+        let names = [left, right].map(|camera| images.map(|image| format!("{camera}/{image}")));
+        let names = names.concat();
+        folder(&names.iter().map(String::as_str).collect::<Vec<_>>(), &[])
+    };
+    for (left, right) in [("camera_00", "camera_02"), ("camera_00", "camera_01")] {
+        let scene = images(left, right);
+        // Image 0 of both cameras, and image 1.
+        assert_eq!(pixels(&mut open(&scene).unwrap()), [[0, 2], [1, 3]]);
+        assert!(Scene::all_in(scene.path(), "").unwrap().is_empty());
+        let one = FolderSource::new(&scene.path().join(left), &FolderRequest::default());
+        let error = one.err().unwrap().to_string();
+        assert!(
+            error.contains("of one camera: name the folder above"),
+            "{error}"
+        );
+    }
+    // One scene has no other camera beside it.
+    let scenes = images("camera_00", "other");
+    assert_eq!(Scene::all_in(scenes.path(), "").unwrap().len(), 2);
 }
 
 #[test]

@@ -194,7 +194,7 @@ fn calibrate(
             solution.calibration = solution.calibration.with_rectification(rectification)
         }
         // Intrinsics and extrinsics are still useful without a rectification.
-        Err(error) => tracing::warn!("not rectified: {error}; another --model may fit the lenses"),
+        Err(error) => tracing::warn!("not rectified: {error}"),
     }
     for hidden in hidden_views(&solution.calibration) {
         tracing::warn!("{hidden}");

@@ -74,11 +74,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (name, cure) = (source.name(), misalignment_cure(&*source));
     report_losses(&name, &source.finish(taken));
     let Some(alignment) = meter.alignment() else {
-        bail!(
-            "{name}: too few points matched between both images ({}): show the cameras something \
-             textured",
-            meter.matches().len()
-        );
+        let too_few = || {
+            let points = meter.matches().len();
+            format!(
+                "too few points matched between both images ({points}): show the cameras something \
+                 textured"
+            )
+        };
+        bail!("{name}: {}", meter.doubt(false).unwrap_or_else(too_few));
     };
     if args.json {
         print_json(&alignment)?

@@ -1,13 +1,18 @@
 //! The files of each image.
 
 use super::Args;
+use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl::files::has_ending;
+use svl::files::{has_ending, read_text};
 
 /// Extensions of the files that folders are searched for.
-const ENDINGS: &[&str] = &["pfm", "npz", "png", "pgm", "ppm"];
+const ENDINGS: &[&str] = &["pfm", "npy", "npz", "png", "pgm", "ppm"];
+/// The truth of a scene in the folders of Middlebury v3 and ETH3D.
+const SCENE_TRUTH: &str = "disp0GT.pfm";
+/// Bytes that Middlebury's calib.txt may have.
+const MAX_CALIB: u64 = 1 << 16;
 
 /// The files of one image.
 pub(super) struct ImageFiles {
@@ -18,6 +23,10 @@ pub(super) struct ImageFiles {
     pub(super) masks: Vec<PathBuf>,
     pub(super) right_truth: Option<PathBuf>,
     pub(super) object_map: Option<PathBuf>,
+    /// Weight in the average.
+    pub(super) weight: f64,
+    /// `ndisp` of the scene's calib.txt.
+    pub(super) ndisp: Option<f64>,
 }
 
 impl ImageFiles {
@@ -45,9 +54,63 @@ impl ImageFiles {
                 masks: args.mask.clone(),
                 right_truth: args.right_truth.clone(),
                 object_map: args.object_map.clone(),
+                weight: 1.0,
+                ndisp: None,
             }]);
         }
-        Self::in_folders(args)
+        let scenes = scenes(truth)?;
+        if scenes.is_empty() {
+            Self::in_folders(args)
+        } else {
+            Self::in_scenes(args, &scenes)
+        }
+    }
+
+    /// One image per folder of a scene that has an estimate: `SCENE/disp0GT.pfm` and
+    /// `SCENE/disp0NAME.pfm`, or `disp0NAME.png`.
+    fn in_scenes(args: &Args, scenes: &[String]) -> anyhow::Result<Vec<Self>> {
+        if !args.mask.is_empty() || args.right_truth.is_some() || args.object_map.is_some() {
+            let why = "--mask, --right-truth and --object-map are for files; the folders of scenes \
+                       have mask0nocc.png";
+            return Err(usage::wrong(why));
+        }
+        let known = args.protocol.scenes();
+        let (mut images, mut missing) = (Vec::new(), Vec::new());
+        for scene in scenes {
+            let Some(disparity) = estimate(&args.disparity.join(scene))? else {
+                missing.push(scene.as_str());
+                continue;
+            };
+            let truth = args.ground_truth.join(scene);
+            let mask = truth.join("mask0nocc.png");
+            let weight = known.iter().find(|(name, _)| name == scene);
+            images.push(Self {
+                name: scene.clone(),
+                disparity,
+                truth: truth.join(SCENE_TRUTH),
+                masks: mask.is_file().then_some(mask).into_iter().collect(),
+                right_truth: None,
+                object_map: None,
+                weight: weight.map_or(1.0, |(_, weight)| *weight),
+                ndisp: ndisp(&truth.join("calib.txt"))?,
+            });
+        }
+        let names = known.iter().map(|(name, _)| *name);
+        missing.extend(names.filter(|name| scenes.iter().all(|scene| scene != name)));
+        if images.is_empty() {
+            bail!(
+                "{}: has no SCENE/disp0NAME.pfm for a scene of {}",
+                args.disparity.display(),
+                args.ground_truth.display()
+            );
+        }
+        if !missing.is_empty() {
+            tracing::warn!(
+                "the average is not that of the benchmark: it lacks {}",
+                missing.join(", ")
+            );
+        }
+        Ok(images)
     }
 
     /// One image per file of the folder of truths.
@@ -75,6 +138,8 @@ impl ImageFiles {
                     .collect::<anyhow::Result<_>>()?,
                 right_truth: optional(&right_truths, name)?,
                 object_map: optional(&object_maps, name)?,
+                weight: 1.0,
+                ndisp: None,
             })
         };
         let images = truths
@@ -96,10 +161,9 @@ impl ImageFiles {
         Ok(images)
     }
 
-    /// True if a disparity map among them is an image, which has a scale.
-    pub(super) fn has_images(&self) -> bool {
-        let floats = |path: &Path| has_ending(path, "pfm") || has_ending(path, "npz");
-        !(floats(&self.disparity) && floats(&self.truth))
+    /// True if the truth, or the estimate, may have a scale: only floats have none.
+    pub(super) fn may_have_scales(&self) -> [bool; 2] {
+        [&self.truth, &self.disparity].map(|path| !has_ending(path, "pfm"))
     }
 
     /// All files of the image.
@@ -124,6 +188,65 @@ impl ImageFiles {
     }
 }
 
+/// The names of the folders of scenes, sorted.
+fn scenes(folder: &Path) -> anyhow::Result<Vec<String>> {
+    let mut scenes = Vec::new();
+    for path in entries(folder)? {
+        if path.join(SCENE_TRUTH).is_file() {
+            scenes.extend(path.file_name().map(|n| n.to_string_lossy().into_owned()));
+        }
+    }
+    scenes.sort_unstable();
+    Ok(scenes)
+}
+
+/// The estimate in the folder of a scene, if it has one.
+fn estimate(scene: &Path) -> anyhow::Result<Option<PathBuf>> {
+    if !scene.is_dir() {
+        return Ok(None);
+    }
+    let is_estimate = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let is_map = ENDINGS.iter().any(|ending| has_ending(path, ending));
+        is_map && name.starts_with("disp0") && name != SCENE_TRUTH
+    };
+    let mut estimates = entries(scene)?;
+    estimates.retain(is_estimate);
+    estimates.sort_unstable();
+    if let [one, other, ..] = estimates.as_slice() {
+        bail!(
+            "{} and {}: belong to the same scene; keep one",
+            one.display(),
+            other.display()
+        );
+    }
+    Ok(estimates.pop())
+}
+
+/// The number of disparities in Middlebury's calib.txt, if there is one.
+fn ndisp(calib: &Path) -> anyhow::Result<Option<f64>> {
+    if !calib.is_file() {
+        return Ok(None);
+    }
+    let text = read_text(calib, MAX_CALIB)?;
+    let mut lines = text.lines();
+    let value = lines.find_map(|line| line.trim().strip_prefix("ndisp="));
+    let number = value.map(|value| {
+        let number = value.trim().parse().ok().filter(|n| *n > 0.0);
+        number.with_context(|| format!("{}: ndisp is not a number above 0", calib.display()))
+    });
+    number.transpose()
+}
+
+/// Everything in a folder.
+fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let shown = folder.display();
+    std::fs::read_dir(folder)
+        .with_context(|| format!("{shown}: is not a folder that can be read"))?
+        .map(|entry| Ok(entry.with_context(|| shown.to_string())?.path()))
+        .collect()
+}
+
 /// The images and maps of a folder by name without extension.
 struct Folder<'a> {
     path: &'a Path,
@@ -134,10 +257,7 @@ impl<'a> Folder<'a> {
     fn read(path: &'a Path) -> anyhow::Result<Self> {
         let shown = path.display();
         let mut files = BTreeMap::new();
-        for entry in std::fs::read_dir(path)
-            .with_context(|| format!("{shown}: is not a folder that can be read"))?
-        {
-            let file = entry.with_context(|| shown.to_string())?.path();
+        for file in entries(path)? {
             let ours = ENDINGS.iter().any(|ending| has_ending(&file, ending)) && file.is_file();
             let name = file
                 .file_stem()

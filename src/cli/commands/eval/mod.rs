@@ -6,21 +6,25 @@ mod report;
 use crate::cli::shared::usage;
 use files::ImageFiles;
 use std::path::PathBuf;
-use svl::files as on_disk;
+use svl::files::{self as on_disk, MapScale};
 use svl::outputs::Outputs;
+use svl::plausibility::map_doubt;
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
 /// Score disparity maps as a benchmark's own program does
 ///
 /// Both may be folders of files with equal names: KITTI 2015 then counts the pixels of all images
-/// together, the other protocols average over the images.
+/// together, the other protocols average over the images. Or folders of scenes, as those of
+/// Middlebury v3 and ETH3D (SCENE/disp0NAME.pfm, SCENE/disp0GT.pfm, mask0nocc.png, calib.txt):
+/// then the masks, ndisp and the weights of the benchmark are used.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl eval disparity.pfm disp0GT.pfm --protocol middeval3 --mask mask0nocc.png
   svl eval cones.pfm disp2.png --disparity-scale 4 --protocol middlebury-v2 \\
       --right-truth disp6.png
+  svl eval results MiddEval3/trainingQ --protocol middeval3
   svl eval disparity.png truth.png --protocol kitti12 --error-map errors.png
   svl eval results/disp_0 training/disp_occ_0 --protocol kitti15 \\
       --object-map training/obj_map
@@ -39,12 +43,12 @@ _dense for the map filled as by the kit (the web page's All); those in _est
 for the estimated pixels alone (its Est).
 
 Fractions are in per cent, errors in pixels of disparity. A division by zero
-is null, and - in the table. A hole of DISPARITY is +inf in .pfm and .npz, 0
-in .png.")]
+is null, and - in the table. A hole of DISPARITY is a value that is not finite
+in .pfm, .npy and .npz, 0 in .png.")]
 pub(crate) struct Args {
-    /// Disparities to score: .pfm, .npz, 16-bit .png (256·d); or a folder of them
+    /// Disparities to score: .pfm, .npy, .npz, 16-bit .png (256·d); or a folder of them
     disparity: PathBuf,
-    /// True disparities: .pfm, .npz, .png, .pgm; or a folder of them
+    /// True disparities: .pfm, .npy, .npz, .png, .pgm; or a folder of them
     ground_truth: PathBuf,
     /// Protocol: middeval3, middlebury-v2, eth3d, kitti12 or kitti15
     #[arg(long, help_heading = "Scoring")]
@@ -70,13 +74,20 @@ pub(crate) struct Args {
         help_heading = "Scoring"
     )]
     max_disparity: Option<f64>,
-    /// Factor by which images of truth multiply disparities; required for 8-bit images (an 8-bit
-    /// DISPARITY has the same factor) [default: 256 for 16 bits]
+    /// Factor by which integers of the truth multiply disparities; required for 8-bit images and
+    /// arrays [default: 256 for 16-bit images]
     #[arg(
         long, value_name = "S", value_parser = usage::within(0.001..=65536.0),
         help_heading = "Input"
     )]
     disparity_scale: Option<f64>,
+    /// Factor by which integers of DISPARITY multiply disparities [default: 256 for 16-bit images,
+    /// that of the truth for 8-bit ones]
+    #[arg(
+        long, value_name = "S", value_parser = usage::within(0.001..=65536.0),
+        help_heading = "Input"
+    )]
+    estimate_scale: Option<f64>,
     /// Picture of the errors in KITTI's colours
     #[arg(
         long, value_name = "OUT.png", value_parser = usage::ending(&["png"]),
@@ -94,10 +105,17 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.check()?;
     let images = ImageFiles::find(args)?;
-    if args.disparity_scale.is_some() && !images.iter().any(ImageFiles::has_images) {
-        return Err(usage::wrong(
-            "--disparity-scale is for images; .pfm and .npz hold disparities as they are",
-        ));
+    let may_have = |which: usize| images.iter().any(|files| files.may_have_scales()[which]);
+    for (option, given, which) in [
+        ("--disparity-scale", args.disparity_scale, 0),
+        ("--estimate-scale", args.estimate_scale, 1),
+    ] {
+        // An 8-bit estimate has the truth's scale.
+        let is_used = may_have(which) || (which == 0 && may_have(1));
+        if given.is_some() && !is_used {
+            let why = format!("{option} is for integers; .pfm has disparities as they are");
+            return Err(usage::wrong(why));
+        }
     }
     let mut outputs = Outputs::claim(
         args.force,
@@ -105,20 +123,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         args.error_map.as_deref(),
     )?;
     let columns = args.mask.len().max(1);
-    let mut scores: Vec<Vec<Score>> = vec![Vec::new(); columns];
+    let mut scores: Vec<Vec<(f64, Score)>> = vec![Vec::new(); columns];
     for files in &images {
         let loaded = Loaded::read(files, args)?;
+        if let Some(doubt) = map_doubt(&loaded.estimate, &loaded.truth) {
+            tracing::warn!("{}: {doubt}", files.disparity.display());
+        }
         for (column, scores) in scores.iter_mut().enumerate() {
-            scores.push(
-                args.protocol
-                    .score(&loaded.image(column, args))
-                    .map_err(|e| files.explain(&e))?,
-            );
+            let score = args.protocol.score(&loaded.image(column));
+            scores.push((files.weight, score.map_err(|e| files.explain(&e))?));
         }
         if let Some(path) = &args.error_map {
             let rgb = args
                 .protocol
-                .error_map(&loaded.image(0, args))
+                .error_map(&loaded.image(0))
                 .map_err(|e| files.explain(&e))?;
             let (width, height) = loaded.truth.size();
             outputs.set_aside()?;
@@ -152,19 +170,33 @@ struct Loaded {
     truth: Plane<f32>,
     masks: Vec<Plane<Visibility>>,
     foreground: Option<Plane<bool>>,
+    max_disparity: Option<f32>,
 }
 
 impl Loaded {
     fn read(files: &ImageFiles, args: &Args) -> anyhow::Result<Self> {
         let scale = args.disparity_scale.map(|scale| scale as f32);
-        let truth = on_disk::read_truth(&files.truth, scale)?;
+        let own = args.estimate_scale.map(|scale| scale as f32);
+        let read_truth = |path| on_disk::read_disparities(path, MapScale::same(scale));
+        let truth = read_truth(&files.truth)?;
+        let of_estimate = MapScale {
+            of_16_bits: own,
+            of_8_bits: own.or(scale),
+        };
+        let estimate = on_disk::read_disparities(&files.disparity, of_estimate)?;
+        let given = args.max_disparity;
+        let scaled = || {
+            let size = estimate.width() as f64 / truth.width() as f64;
+            files.ndisp.map(|ndisp| ndisp * size)
+        };
+        let max_disparity = given.or_else(scaled).map(|max| max as f32);
         let mut masks = files
             .masks
             .iter()
             .map(|path| on_disk::read_mask(path))
             .collect::<Result<Vec<_>, _>>()?;
         if let Some(path) = &files.right_truth {
-            let right = on_disk::read_truth(path, scale)?;
+            let right = read_truth(path)?;
             masks.push(
                 cross_check(&truth, &right)
                     .map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?,
@@ -176,21 +208,22 @@ impl Loaded {
             .map(on_disk::read_object_map)
             .transpose()?;
         Ok(Self {
-            estimate: on_disk::read_estimate(&files.disparity, scale)?,
+            estimate,
             truth,
             masks,
             foreground,
+            max_disparity,
         })
     }
 
     /// The image of a column of the table, with the pixels that it scores.
-    fn image(&self, column: usize, args: &Args) -> ProtocolImage<'_> {
+    fn image(&self, column: usize) -> ProtocolImage<'_> {
         ProtocolImage {
             estimate: &self.estimate,
             truth: &self.truth,
             mask: self.masks.get(column),
             foreground: self.foreground.as_ref(),
-            max_disparity: args.max_disparity.map(|max| max as f32),
+            max_disparity: self.max_disparity,
         }
     }
 }

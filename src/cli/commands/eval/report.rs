@@ -24,7 +24,7 @@ struct EvalReport<'a> {
 pub(super) fn print_scores(
     args: &Args,
     images: &[ImageFiles],
-    scores: &[Vec<Score>],
+    scores: &[Vec<(f64, Score)>],
 ) -> anyhow::Result<()> {
     let columns: Vec<Numbers> = scores.iter().map(|scores| Score::over(scores)).collect();
     let labels = labels(args);
@@ -34,6 +34,9 @@ pub(super) fn print_scores(
             (false, _) => images[0].name.clone(),
             (true, Protocol::Kitti15) => {
                 format!("{} images, their pixels counted together", images.len())
+            }
+            (true, _) if images.iter().any(|files| files.weight != 1.0) => {
+                format!("{} images, their weighted mean", images.len())
             }
             (true, _) => format!("{} images, their mean", images.len()),
         };
@@ -45,7 +48,7 @@ pub(super) fn print_scores(
     let images_json = images
         .iter()
         .zip(&scores[0])
-        .map(|(files, score)| (files.name.as_str(), score.numbers()));
+        .map(|(files, (_, score))| (files.name.as_str(), score.numbers()));
     let images = folders.then(|| images_json.collect());
     print_json(&EvalReport {
         protocol: args.protocol.name(),

@@ -178,14 +178,18 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
         .map(|written| format!(" --algo {}", shell_word(&written)))
         .collect();
     let viewed = args.rerun.as_ref().and_then(RerunChoice::target);
+    // The maps of another program are in its recording alone.
+    let has_maps = args
+        .algo
+        .iter()
+        .any(|algorithm| algorithm.spec().is_recorded());
+    let has_options = !args.options.keys()?.is_empty();
     let file = |path: &Path| shell_word(&path.display().to_string());
     Ok(match (&args.output, viewed.and_then(RerunTarget::file)) {
         _ if is_live => format!("svl record {name} -o run.mcap  # keeps the pairs"),
-        (Some(output), _) if args.verify.is_none() => {
+        (Some(output), _) if args.verify.is_none() && !(has_maps && has_options) => {
             let output = file(output);
-            // The maps of another program are in its recording alone.
-            let mut algorithms = args.algo.iter();
-            let replayed = if algorithms.any(|algorithm| algorithm.spec().is_recorded()) {
+            let replayed = if has_maps {
                 format!("{name} --verify={output}")
             } else {
                 format!("{output} --verify")
@@ -193,7 +197,7 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
             format!("svl replay {replayed}  # the same results again?")
         }
         (_, Some(viewed)) => format!("svl view {}  # the run in Rerun", file(viewed)),
-        _ if args.options.keys()?.is_empty() => {
+        _ if !has_options => {
             format!("svl score {name}{algorithms}  # a report with its frames")
         }
         _ => "the same with --rerun spawn, to watch it".to_owned(),

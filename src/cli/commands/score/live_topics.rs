@@ -45,6 +45,8 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRe
     let remaining = SourceOptions {
         left: None,
         right: None,
+        left_info: None,
+        right_info: None,
         bits: None,
         max_skew_ms: None,
         stamps: None,
@@ -106,6 +108,8 @@ fn record(
         options: SourceOptions {
             left: options.left.clone(),
             right: options.right.clone(),
+            left_info: options.left_info.clone(),
+            right_info: options.right_info.clone(),
             bits: options.bits,
             max_skew_ms: options.max_skew_ms,
             stamps: options.stamps,

@@ -341,7 +341,15 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    check_whole(&summary.ending)
+    check_whole(&summary.ending)?;
+    let mut algorithms = summary.algorithms.iter();
+    let is_any = algorithms.any(|algorithm| algorithm.scored().is_some_and(|(_, n)| n > 0));
+    match &args.source.truth {
+        Some(truth) if !is_any => Err(usage::incomplete(format!(
+            "nothing was compared: no cell has enough of the truth {truth}"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// The algorithms whose results were in the report, if there are some; without a session all were.

@@ -22,6 +22,7 @@ use screen::Screen;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use svl::printable_line;
 use svl::stereo::Frame;
 
 /// A tool that is used on the frames.
@@ -312,13 +313,14 @@ impl<'a> Stepper<'a> {
         });
         let [title, middle, message, keys] = Layout::vertical(lines).areas(area);
         let bar = Style::new().add_modifier(Modifier::REVERSED);
-        canvas.render_widget(Paragraph::new(self.title()).style(bar), title);
+        let words = printable_line(&self.title());
+        canvas.render_widget(Paragraph::new(words).style(bar), title);
         tool.draw(self, shades, middle, canvas);
         let question = tool
             .question()
             .or(self.jump.as_ref().map(LineEdit::to_string));
         let words = question.unwrap_or_else(|| self.message.clone());
-        canvas.render_widget(Paragraph::new(words), message);
+        canvas.render_widget(Paragraph::new(printable_line(&words)), message);
         canvas.render_widget(Paragraph::new(tool.hint()).style(bar), keys);
         if self.help {
             help(tool, area, canvas);

@@ -15,6 +15,7 @@ use ratatui::{Frame, Terminal};
 use std::io::{IsTerminal, Stdout, stdin, stdout};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
+use svl::printable_line;
 
 /// Smallest screen that a tool can be drawn on.
 pub(crate) const MIN_SIZE: Size = Size::new(60, 16);
@@ -112,6 +113,15 @@ impl Screen {
     }
 
     pub(crate) fn draw(&mut self, draw: impl FnOnce(&mut Frame<'_>)) -> anyhow::Result<()> {
+        let draw = |canvas: &mut Frame<'_>| {
+            draw(canvas);
+            // Names from outside are in any widget, and a cell has no room for an escaped one.
+            for cell in &mut canvas.buffer_mut().content {
+                if printable_line(cell.symbol()) != cell.symbol() {
+                    cell.set_symbol("?");
+                }
+            }
+        };
         match self {
             Self::Terminal(terminal) => terminal.draw(draw).map(|_| ()),
             Self::Memory(terminal) => return Ok(terminal.draw(draw).map(|_| ())?),

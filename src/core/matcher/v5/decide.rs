@@ -27,18 +27,19 @@ struct Deciding<'a> {
 }
 
 impl Levels {
-    /// Decides on the cells, in raster order, and at each level.
+    /// Decides on the cells, in raster order, and at each level. True if the rule or the size of
+    /// the cells is outside of what the tables were fitted to.
     pub(super) fn decide(
         &mut self,
         choice: &SafeChoice,
         context: &MatchContext,
         cells: &mut [Cell],
         decisions: &mut Vec<LevelCell>,
-    ) {
+    ) -> bool {
         self.make_tolerances(choice, context);
         let bins = |tolerances: &[Tolerance]| tolerances.iter().map(Tolerance::bins).max();
         let Some((rule, rig, tolerances)) = &self.tolerances else {
-            return;
+            return false;
         };
         let (numbers, most) = (self.numbers(), bins(tolerances).unwrap_or(0));
         let count = numbers.len();
@@ -76,6 +77,7 @@ impl Levels {
                 *cell = deciding.cell(self, context, i, pixels, levels, states);
             });
         (self.pixels, self.past) = (pixels, past);
+        is_outside
     }
 
     /// Makes the tolerances of the levels, unless they are known.

@@ -144,7 +144,9 @@ struct V5 {
     network: Option<GapNetwork>,
     /// Memory for pairs of one size; none for one that cannot be halved.
     levels: Option<Levels>,
-    /// Cells so far, and those that are unknown because they are outside of the fit.
+    /// True once a rule or cells were outside of the fit.
+    is_outside: bool,
+    /// Cells so far, and those that are unknown for that reason.
     cells: u64,
     outside: u64,
 }
@@ -179,6 +181,7 @@ impl V5 {
             choice: choice_of(model, parameters),
             levels: None,
             cells: 0,
+            is_outside: false,
             outside: 0,
         })
     }
@@ -279,11 +282,11 @@ impl Matcher for V5 {
                     levels.weigh(settings.isa, network);
                 }
                 levels.write(&mut output.disparity);
-                levels.decide(&self.choice, context, &mut cells, &mut decisions);
-                let is_outside = |decision: &&LevelCell| {
+                self.is_outside |= levels.decide(&self.choice, context, &mut cells, &mut decisions);
+                let is_unknown = |decision: &&LevelCell| {
                     decision.level == 0 && decision.verdict == LevelVerdict::Span
                 };
-                let outside = decisions.iter().filter(is_outside).count();
+                let outside = decisions.iter().filter(is_unknown).count();
                 self.cells += cells.len() as u64;
                 self.outside += outside as u64;
             }
@@ -303,11 +306,11 @@ impl Matcher for V5 {
 
     fn remark(&self) -> Option<String> {
         let share = 100.0 * self.outside as f64 / self.cells.max(1) as f64;
-        (self.outside > 0).then(|| {
+        self.is_outside.then(|| {
             format!(
-                "v5 was fitted to a tolerance of 20 % and 0.1 m, and to cells as large as those \
-                 of 24x12 at 320 px: {share:.0} % of the cells cannot be decided at the image's \
-                 size, as the tolerance there is finer than a pixel can tell"
+                "v5's probabilities are those of a tolerance of 20 % and 0.1 m or more, and of \
+                 cells as large as those of 24x12 at 320 px or larger, not of this run: {share:.0} \
+                 % of the cells are unknown, as the tolerance is finer there than a pixel can tell"
             )
         })
     }

@@ -3,7 +3,7 @@
 use crate::depth::decision::{LevelTables, VerdictTable};
 use crate::filter::{ModelFacts, safetensors_bytes};
 use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
-use crate::stereo::FittedTo;
+use crate::stereo::{FittedTo, hash_words};
 use safetensors::{Dtype, SafeTensors};
 
 /// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
@@ -30,7 +30,9 @@ pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
 /// Key and version of the format: hypotheses, features, layers, evidence, levels and state of a
 /// cell.
 const KEY: &str = "v5";
-const VERSION: &str = "2";
+const VERSION: &str = "3";
+/// Key of the hash of the file without it.
+const CHECKSUM: &str = "checksum";
 
 const CURE: &str = "`svl train v5` makes one";
 
@@ -98,7 +100,7 @@ impl V5Model {
 
     /// The built-in model.
     pub fn built_in() -> Self {
-        Self::from_bytes(Self::BUILT_IN).expect("a test reads it")
+        Self::parse(Self::BUILT_IN).expect("a test reads it")
     }
 
     /// Parses the bytes of a file.
@@ -106,6 +108,18 @@ impl V5Model {
     /// # Errors
     /// The fault in them, with its cure, in one line.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let model = Self::parse(bytes)?;
+        if model.to_bytes() == bytes {
+            Ok(model)
+        } else {
+            Err(format!(
+                "is damaged, by its checksum: copy it again, or {CURE}"
+            ))
+        }
+    }
+
+    /// The model of bytes that may be damaged.
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
         let damaged = |e| format!("is not a safetensors file, or corrupt: {e}; {CURE}");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
@@ -150,7 +164,8 @@ impl V5Model {
         }
         let network = GapWeights::read(&tensors).map_err(|why| format!("{why}; {CURE}"))?;
         let fitted = FittedTo::from_facts(&facts)?;
-        facts.retain(|key, _| key != FittedTo::RUNS && key != FittedTo::PAIRS);
+        let others = [FittedTo::RUNS, FittedTo::PAIRS, CHECKSUM];
+        facts.retain(|key, _| !others.contains(&key.as_str()));
         Ok(Self {
             network,
             median,
@@ -183,6 +198,31 @@ impl V5Model {
             let bytes = tensor.iter().flat_map(|w| w.to_le_bytes()).collect();
             (*name, shape.to_vec(), bytes)
         });
-        safetensors_bytes(&facts, "I32", &tensors.collect::<Vec<_>>())
+        let tensors: Vec<_> = tensors.collect();
+        let bytes = safetensors_bytes(&facts, "I32", &tensors);
+        let checksum = hash_words(xxhash_rust::xxh3::xxh3_128(&bytes));
+        facts.insert(CHECKSUM.to_owned(), checksum);
+        safetensors_bytes(&facts, "I32", &tensors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_flipped_bit_is_found() {
+        let bytes = V5Model::BUILT_IN;
+        assert_eq!(V5Model::built_in().to_bytes(), bytes);
+        for at in (0..bytes.len()).step_by(97) {
+            let mut flipped = bytes.to_vec();
+            flipped[at] ^= 1 << (at % 8);
+            let read = V5Model::from_bytes(&flipped);
+            assert!(read.is_err(), "byte {at}");
+        }
+        let mut weight = bytes.to_vec();
+        *weight.last_mut().unwrap() ^= 1;
+        let error = V5Model::from_bytes(&weight).unwrap_err();
+        assert!(error.starts_with("is damaged, by its checksum"), "{error}");
     }
 }

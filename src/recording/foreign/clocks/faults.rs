@@ -1,12 +1,13 @@
 //! Faults of clocks, in words, with their cures.
 
 use super::super::Selection;
-use super::measure::{ClockOffset, RightClock, TopicClock, WrongUnit};
+use super::measure::{ClockOffset, ComparedClock, TopicClock, WrongUnit};
 use super::scan::{ClockRole, ClockScan, TopicScan};
-use super::steps::{OffsetBins, StepWatch};
+use super::steps::{ClockStep, OffsetBins, StepWatch};
 use crate::stamp_rule::{StampRule, StampUnit};
 use std::collections::BTreeMap;
 use std::fmt;
+use svl_core::stereo::Side;
 
 /// Least offset of a topic's clock, of that of the right images, and of stamps that are later than
 /// their log times: of poses, which a localization dates ahead, and of all others.
@@ -57,7 +58,22 @@ pub(super) struct ClockCheck<'a> {
     right_info: Option<&'a TopicClock>,
     /// The options that take log times for all stamps.
     by_log: String,
+    /// The fault of the cameras' clocks against each other.
+    between: Option<CameraFault>,
 }
+
+/// A fault of the clocks of the cameras against each other.
+enum CameraFault {
+    /// The right clock is off by a constant time.
+    Offset,
+    Step(ClockStep),
+    /// None: the images of one come late from some time on.
+    Late,
+}
+
+/// True if the right images, behind that log time, come late, and false if their stamps are of
+/// another clock, by that shift; `None` if that is unknown.
+pub(super) type AreLate<'a> = &'a dyn Fn(i64, u64) -> Option<bool>;
 
 impl<'a> ClockCheck<'a> {
     pub(super) fn new(
@@ -65,6 +81,7 @@ impl<'a> ClockCheck<'a> {
         clocks: &'a [TopicClock],
         right_info: Option<&str>,
         selection: &'a Selection,
+        are_late: AreLate<'_>,
     ) -> Self {
         let first = |topic: &str| scan.topics.get(topic).map(|topic| &topic.first[..]);
         let right = first(&scan.images[1]).and_then(<[_]>::first);
@@ -80,13 +97,16 @@ impl<'a> ClockCheck<'a> {
         } else {
             "`--stamps log`".to_owned()
         };
-        Self {
+        let mut check = Self {
             clocks,
             selection,
             images: &scan.images,
             right_info: right_info.and_then(|info| clocks.iter().find(|clock| clock.topic == info)),
             by_log,
-        }
+            between: None,
+        };
+        check.between = check.camera_fault(are_late);
+        check
     }
 
     fn clock(&self, topic: &str) -> Option<&'a TopicClock> {
@@ -117,27 +137,34 @@ impl<'a> ClockCheck<'a> {
                 ..ClockFault::new(&clock.topic, words, is_image)
             });
         }
-        if let Some(right) = clock
-            .right
-            .as_ref()
-            .filter(|_| clock.topic == self.images[1])
-        {
-            let words = self.right_words(clock, right)?;
-            return Some(ClockFault::new(&clock.topic, words, self.denies()));
+        if clock.topic == self.images[1] && clock.compared.is_some() {
+            return self.between_fault(clock);
         }
         let behind = clock.behind?;
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
-        is_off.then(|| {
-            let words = format!(
-                "by the log times its clock is {}: correct its stamps, or {} takes log times for \
-                 all stamps",
-                behind_words(&behind),
-                self.by_log
-            );
-            ClockFault::new(&clock.topic, words, false)
-        })
+        let step = || {
+            let compared = clock.compared.as_ref()?;
+            let step = compared
+                .bins
+                .step(MIN_OFFSET_NS.max(periods_ns) + compared.bin_noise_ns)?;
+            Some(step.words(Side::Right, "messages"))
+        };
+        let words = if is_off {
+            format!("by the log times its clock is {}", behind_words(&behind))
+        } else {
+            step()?
+        };
+        let cure = format!(
+            "correct its stamps, or {} takes log times for all stamps",
+            self.by_log
+        );
+        Some(ClockFault::new(
+            &clock.topic,
+            format!("{words}: {cure}"),
+            false,
+        ))
     }
 
     /// True if a clock of the cameras permits no pair, as the user does not say otherwise.
@@ -149,19 +176,33 @@ impl<'a> ClockCheck<'a> {
         MIN_RIGHT_NS.max(RIGHT_PERIODS * self.period_ns(clock))
     }
 
-    /// True if the clock of the right images is off, and not the images late: that their
+    /// The fault of the cameras' clocks, if the right images do not come late: that their
     /// calibrations of the same stamps would not be.
-    fn is_right_off(&self, clock: &TopicClock, right: &RightClock) -> bool {
+    fn camera_fault(&self, are_late: AreLate<'_>) -> Option<CameraFault> {
+        let clock = self.clock(&self.images[1])?;
+        let right = clock.compared.as_ref()?;
+        let infos = self.right_info.and_then(|info| info.compared.as_ref());
+        let step_ns = self.step_limit_ns(clock, right);
+        if let Some(step) = right.bins.step(step_ns) {
+            let are_infos = infos.is_none_or(|infos| infos.bins.step(step_ns).is_some());
+            let is_step = are_infos && are_late(step.shift_ns(), step.to.log_ns) != Some(true);
+            let fault = if is_step {
+                CameraFault::Step(step)
+            } else {
+                CameraFault::Late
+            };
+            return Some(fault);
+        }
         let limit_ns = self.right_limit_ns(clock);
         let infos = self.right_info.and_then(|info| info.behind);
         let are_infos_off =
             infos.is_none_or(|behind| behind.median_ns.unsigned_abs() as f64 >= limit_ns / 2.0);
         // Images that come late are behind, never ahead.
         let is_ahead = clock.behind.is_some_and(|behind| behind.median_ns < 0);
-        is_beyond(clock, MIN_RIGHT_NS, limit_ns)
-            && !right.is_late
+        let is_off = is_beyond(clock, MIN_RIGHT_NS, limit_ns)
             && (is_ahead || are_infos_off)
-            && self.step_words(clock, right).is_none()
+            && !are_late(right.shift_ns, 0).unwrap_or(right.is_late);
+        is_off.then_some(CameraFault::Offset)
     }
 
     /// The right images and the other topics whose clocks agree with theirs, not with that of the
@@ -171,11 +212,7 @@ impl<'a> ClockCheck<'a> {
         let Some(right) = self.clock(right) else {
             return Vec::new();
         };
-        let off = right
-            .right
-            .as_ref()
-            .filter(|off| self.is_right_off(right, off));
-        let Some((behind, _)) = right.behind.zip(off) else {
+        let (Some(behind), Some(CameraFault::Offset)) = (right.behind, &self.between) else {
             return Vec::new();
         };
         let others = self.clocks.iter().filter(|clock| {
@@ -206,7 +243,7 @@ impl<'a> ClockCheck<'a> {
         };
         let others: Vec<_> = others.iter().map(|clock| clock.topic.as_str()).collect();
         let whose = format!("those of {} and {}", others.join(", "), right.topic);
-        let right_ms = right.right.as_ref()?.shift_ns as f64 / 1e6;
+        let right_ms = right.compared.as_ref()?.shift_ns as f64 / 1e6;
         let reason = format!(
             "by the log times its clock is {}, and pairs by stamp are of different moments: {} \
              takes log times for all stamps; `--right-offset-ms {right_ms:.1}` moves the right \
@@ -226,35 +263,41 @@ impl<'a> ClockCheck<'a> {
         periods.fold(0.0, f64::max)
     }
 
-    /// The fault of the right images; `None` without one.
-    fn right_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
-        let told = self.selection.right_offset_ns.unwrap_or_default();
-        if self.is_right_off(clock, right) {
-            let right_ms = right.shift_ns.saturating_add(told) as f64 / 1e6;
-            return Some(format!(
-                "by the log times its clock is {}, and pairs by stamp are of different moments: \
-                 `--right-offset-ms {right_ms:.1}` corrects its stamps, 0 leaves them",
-                behind_words(&clock.behind?)
-            ));
-        }
-        self.step_words(clock, right)
+    /// The fault of the cameras' clocks in words; `right`: that of the right images.
+    fn between_fault(&self, right: &TopicClock) -> Option<ClockFault> {
+        let (side, words) = match self.between.as_ref()? {
+            CameraFault::Late => return None,
+            CameraFault::Step(step) => (step.side, step.camera_words(&self.by_log)),
+            CameraFault::Offset => {
+                let told_ns = self.selection.right_offset_ns.unwrap_or_default();
+                let shift_ns = right.compared.as_ref()?.shift_ns.saturating_add(told_ns);
+                let words = format!(
+                    "by the log times its clock is {}, and pairs by stamp are of different \
+                     moments: `--right-offset-ms {:.1}` corrects its stamps; 0 leaves them, if its \
+                     images come late",
+                    behind_words(&right.behind?),
+                    shift_ns as f64 / 1e6
+                );
+                (Side::Right, words)
+            }
+        };
+        Some(ClockFault::new(
+            &self.images[side as usize],
+            words,
+            self.denies(),
+        ))
     }
 
-    fn step_words(&self, clock: &TopicClock, right: &RightClock) -> Option<String> {
-        let limit_ns = self.step_limit_ns(clock, right);
-        let words = |clock: &RightClock| clock.bins.words(limit_ns, &self.by_log);
-        let infos = self.right_info.and_then(|info| info.right.as_ref());
-        words(right).filter(|_| infos.is_none_or(|infos| words(infos).is_some()))
-    }
-
-    fn step_limit_ns(&self, clock: &TopicClock, right: &RightClock) -> f64 {
+    fn step_limit_ns(&self, clock: &TopicClock, right: &ComparedClock) -> f64 {
         self.right_limit_ns(clock) + right.bin_noise_ns
     }
 
     /// A watch for steps of the right clock behind what was looked at, if it is measured.
     pub(super) fn watch(&self) -> Option<StepWatch> {
-        let clock = self.clock(&self.images[1]).filter(|_| self.denies())?;
-        let right = clock.right.as_ref()?;
+        let is_late = matches!(self.between, Some(CameraFault::Late));
+        let is_watched = self.denies() && !is_late;
+        let clock = self.clock(&self.images[1]).filter(|_| is_watched)?;
+        let right = clock.compared.as_ref()?;
         Some(StepWatch {
             bins: OffsetBins::new(self.period_ns(clock)),
             usual_ns: right.bins.usual_ns()?,
@@ -370,21 +413,38 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
         |topic: &TopicScan| matches!(topic.role, ClockRole::Image | ClockRole::Measurement);
     let topics = scan.topics.iter().filter(|(_, topic)| is_used(topic));
     let copied = topics.filter_map(|(name, topic)| Some((name, topic, topic.copies()?)));
+    let cameras = scan.images.each_ref().map(|topic| scan.topics.get(topic));
+    let begins = cameras.map(|camera| camera?.first_new_ns());
     let faults = copied.map(|(name, topic, copies)| {
-        let of_images = scan.images.each_ref().map(|topic| {
-            let copies = scan.topics.get(topic).and_then(TopicScan::copies);
-            copies.unwrap_or(1)
-        });
+        let of_images = cameras.map(|camera| camera.and_then(TopicScan::copies).unwrap_or(1));
         let cure = if !scan.images.contains(name) {
             "leave it out as a truth, or keep the first of each: a copy is as old as that"
                 .to_owned()
-        } else if !topic.repeats_stamps() && of_images == [copies; 2] {
-            format!("`--every {copies}` takes each once")
-        } else {
+        } else if topic.repeats_stamps() {
             // The copies of a pair have no partner.
             let lost = of_images.iter().sum::<usize>() - 2;
             let percent = (100 * lost).div_ceil(lost + 1) + 1;
             format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
+        } else if of_images != [copies; 2] {
+            let from = topic.first_new_ns().zip(topic.first.first());
+            let from_ns = from.map_or(0, |((new_ns, _), first)| {
+                new_ns.saturating_sub(first.stamp_ns)
+            });
+            let from = format!("--from {:.3} ", from_ns as f64 / 1e9 - 0.001);
+            let from = if from_ns > 0 { &from } else { "" };
+            format!(
+                "with a copy, a pair is of different moments: `{from}--every {copies}` leaves \
+                 those out"
+            )
+        } else if let [Some((left_ns, period_ns)), Some((right_ns, _))] = begins
+            && let apart = left_ns.abs_diff(right_ns) % (copies as u64 * period_ns)
+            && (period_ns / 2..copies as u64 * period_ns - period_ns / 2).contains(&apart)
+        {
+            "those of the two cameras alternate, so that no pair is of one moment: record again \
+             without the node that repeats them"
+                .to_owned()
+        } else {
+            format!("`--every {copies}` takes each once")
         };
         let times = match copies {
             2 => "twice".to_owned(),

@@ -4,6 +4,7 @@ use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TimedMessage, TopicScan};
 use super::steps::OffsetBins;
 use crate::stamp_rule::{StampReading, StampRule, StampUnit};
 use std::collections::BTreeMap;
+use svl_core::nanoseconds;
 use svl_core::statistics::nearest_rank;
 
 /// A stamp and a log time that differ by no more are equal: one of them went through a
@@ -52,15 +53,15 @@ pub struct TopicClock {
     /// `behind` by the least delays: messages that come in batches are late, not their clock.
     #[serde(skip)]
     pub(super) floor_ns: Option<i64>,
-    /// More about the clocks of the right images and their calibrations.
+    /// More about the clocks of the right images, their calibrations and measurements.
     #[serde(skip)]
-    pub(super) right: Option<RightClock>,
+    pub(super) compared: Option<ComparedClock>,
 }
 
-/// The clock of the right images, or their calibrations, against that of the left ones.
+/// The clock of a topic against that of the left images.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct RightClock {
-    /// The shift of right stamps by which the images are of one moment, nanoseconds.
+pub(super) struct ComparedClock {
+    /// The shift of its stamps by which the images are of one moment, nanoseconds.
     pub(super) shift_ns: i64,
     /// True if the first images of both have the same stamp, but were logged that far apart.
     pub(super) is_late: bool,
@@ -82,8 +83,10 @@ pub(super) struct WrongUnit {
 /// An offset of clocks, nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ClockOffset {
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub median_ns: i64,
     /// From the fifth to the 95th percentile.
+    #[serde(serialize_with = "nanoseconds::as_text")]
     pub spread_ns: i64,
     /// At least as far from 0, and in the same direction, are three fifths of the messages.
     #[serde(skip)]
@@ -247,8 +250,8 @@ impl TopicTimes {
         ClockOffset::new(offsets)
     }
 
-    /// The clock of right images that is `behind` that of the left ones.
-    fn right(&self, left: &Self, behind: &ClockOffset) -> RightClock {
+    /// The clock of a topic that is `behind` that of the left images.
+    fn compared(&self, left: &Self, behind: &ClockOffset) -> ComparedClock {
         let period_ns = self.period_ns().max(left.period_ns());
         let mut bins = OffsetBins::new(period_ns);
         bins.take_in_all([&left.all, &self.all]);
@@ -258,7 +261,7 @@ impl TopicTimes {
                 && logged.signum() == behind.median_ns.signum()
                 && logged.unsigned_abs() > behind.median_ns.unsigned_abs() / 2
         };
-        RightClock {
+        ComparedClock {
             shift_ns: self.shift_ns(left, behind.median_ns),
             is_late: self.all.first().zip(left.all.first()).is_some_and(is_late),
             bin_noise_ns: self.jitter_ns() + left.jitter_ns() + left.drift() * bins.width_ns as f64,
@@ -368,6 +371,10 @@ impl ClockScan {
             (left, is_measured)
         });
         let left = left.filter(|(_, is_measured)| *is_measured);
+        let is_compared = |name: &str, topic: &TopicScan| {
+            let is_measured = matches!(topic.role, ClockRole::Image | ClockRole::Measurement);
+            is_measured || name == right_name || info == Some(name)
+        };
         let clock = |(name, topic): (&String, &TopicScan)| {
             let own = samples(name, topic);
             let not_measured = own.not_measured();
@@ -391,12 +398,9 @@ impl ClockScan {
                     .zip(behind)
                     .map_or(0.0, |((left, _), behind)| own.noise_ns(left, &behind)),
                 floor_ns: floor.map(|floor| floor.median_ns),
-                right: behind
-                    .zip(
-                        left.as_ref()
-                            .filter(|_| name == right_name || info == Some(name)),
-                    )
-                    .map(|(behind, (left, _))| own.right(left, &behind)),
+                compared: behind
+                    .zip(left.as_ref().filter(|_| is_compared(name, topic)))
+                    .map(|(behind, (left, _))| own.compared(left, &behind)),
             }
         };
         self.topics.iter().map(clock).collect()

@@ -5,14 +5,16 @@
 
 mod faults;
 mod measure;
+mod pixels;
 mod scan;
 mod steps;
 
+use super::transforms::Transforms;
 use super::{Selection, choose, topics};
 use crate::Recording;
 use crate::messages::{Channel, warn_once};
 use crate::restamped::StampRules;
-use crate::stamp_rule::StampRule;
+use crate::stamp_rule::{StampReading, StampRule};
 pub use faults::ClockFault;
 use faults::{ClockCheck, copies, wrong_option};
 pub use measure::{ClockOffset, TopicClock};
@@ -47,13 +49,30 @@ impl ClockTable {
             return Ok(None);
         };
         let scan = ClockScan::read(recording, &images, selection.to_ns)?;
-        Ok(Some(Self::new(&scan, &channels, selection)))
+        Ok(Some(Self::proved(
+            &scan,
+            &channels,
+            selection,
+            Some(recording),
+        )))
     }
 
     /// The clocks of what was scanned, with the repairs that the user asked for.
     pub(crate) fn new(scan: &ClockScan, channels: &[&Channel], selection: &Selection) -> Self {
+        Self::proved(scan, channels, selection, None)
+    }
+
+    /// The same, with the pixels of a recording where stamps and log times leave a doubt.
+    fn proved(
+        scan: &ClockScan,
+        channels: &[&Channel],
+        selection: &Selection,
+        recording: Option<&Recording>,
+    ) -> Self {
         let images = scan.images.each_ref().map(String::as_str);
-        let [_, info] = topics::calibrations(channels, images);
+        // A wrong name of one is told as the pairs are opened.
+        let infos = topics::calibrations(channels, images, selection);
+        let [_, info] = infos.unwrap_or_default();
         let right = [Some(images[Side::Right as usize].to_owned()), info.clone()];
         let mut rules = BTreeMap::new();
         for (name, topic) in &scan.topics {
@@ -71,12 +90,18 @@ impl ClockTable {
             }
         }
         let clocks = scan.measured(&rules, info.as_deref());
-        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection);
+        let are_late = |shift_ns, from_ns| {
+            pixels::are_late(recording?, selection, &rules, (shift_ns, from_ns))
+        };
+        let check = ClockCheck::new(scan, &clocks, info.as_deref(), selection, &are_late);
         let mut faults = check.faults();
         let watch = check.watch();
         faults.extend(copies(scan));
         if selection.stamps.is_some() {
             faults.extend(wrong_option(scan, &clocks, &rules));
+        }
+        for topic in Transforms::other_robots(channels, images) {
+            rules.entry(topic).or_default().reading = StampReading::Unread;
         }
         Self {
             topics: clocks,
@@ -96,7 +121,7 @@ impl ClockTable {
         self.watch.clone()
     }
 
-    /// Adds a step of the right clock, in words, unless a fault of it is known.
+    /// Adds a step of a camera's clock, in words, unless a fault of it is known.
     pub(crate) fn add_step(&mut self, topic: &str, step: String) {
         if self.faults.iter().all(|fault| fault.topic != topic) {
             self.faults.push(ClockFault::new(topic, step, false));

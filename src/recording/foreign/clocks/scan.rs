@@ -116,6 +116,19 @@ impl TopicScan {
         (copies > 1 && is_even).then_some(copies)
     }
 
+    /// Stamp of the first message that is not a copy of the one before, and the period.
+    pub(super) fn first_new_ns(&self) -> Option<(u64, u64)> {
+        let copies = self.copies()?;
+        let cut = self.runs.first().filter(|run| **run != copies);
+        let new = self.first.get(cut.copied().unwrap_or(0))?;
+        let [first, .., last] = &self.first[..] else {
+            return None;
+        };
+        let span_ns = last.stamp_ns.saturating_sub(first.stamp_ns);
+        let period_ns = span_ns / (self.first.len() as u64 - 1);
+        Some((new.stamp_ns, period_ns.max(1)))
+    }
+
     /// True if some messages have the stamps of those before.
     pub(super) fn repeats_stamps(&self) -> bool {
         let mut two = self.first.windows(2);

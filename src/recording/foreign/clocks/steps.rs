@@ -8,12 +8,83 @@ use svl_core::stereo::Side;
 const BIN_NS: f64 = 0.5e9;
 const BIN_PERIODS: f64 = 5.0;
 
-/// An offset of clocks in a bin of log time, nanoseconds: the least delay of the right images less
-/// that of the left ones. Batches and stalls make some messages late, not all.
+/// The least delay of the left images and of another topic, in a bin of log time: batches and
+/// stalls make some messages late, not all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BinOffset {
     pub(super) log_ns: u64,
-    pub(super) ns: i64,
+    floors_ns: [i64; 2],
+}
+
+impl BinOffset {
+    /// The offset of the clocks.
+    pub(super) fn ns(self) -> i64 {
+        self.floors_ns[1].saturating_sub(self.floors_ns[0])
+    }
+}
+
+/// A step of one clock against the other, or a drift.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ClockStep {
+    from_ns: i64,
+    pub(super) to: BinOffset,
+    /// The clock whose delays change.
+    pub(super) side: Side,
+    /// Log time of the beginning.
+    begin_ns: u64,
+}
+
+impl ClockStep {
+    /// The step to `to`, behind the bin `before` it.
+    fn new(from_ns: i64, before: BinOffset, to: BinOffset, begin_ns: u64) -> Self {
+        let [left, right] = [0, 1].map(|i| to.floors_ns[i].abs_diff(before.floors_ns[i]));
+        let side = if left > right {
+            Side::Left
+        } else {
+            Side::Right
+        };
+        Self {
+            from_ns,
+            to,
+            side,
+            begin_ns,
+        }
+    }
+
+    /// The shift of the right stamps behind it that corrects them.
+    pub(super) fn shift_ns(&self) -> i64 {
+        self.to.ns().saturating_sub(self.from_ns)
+    }
+
+    /// The step of the clock of that side, in words.
+    pub(super) fn words(&self, side: Side, what: &str) -> String {
+        let offset = |ns: i64| {
+            let behind_ns = if side == Side::Left { -ns } else { ns };
+            let direction = match behind_ns {
+                ..-500_000 => "ahead",
+                500_000.. => "behind",
+                _ => return "none".to_owned(),
+            };
+            format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
+        };
+        format!(
+            "by the log times its clock steps or drifts against that of the {} images, from {} to \
+             {}, {:.0} s after the beginning, unless the {what} come late from there",
+            if side == Side::Left { "right" } else { "left" },
+            offset(self.from_ns),
+            offset(self.to.ns()),
+            self.to.log_ns.saturating_sub(self.begin_ns) as f64 / 1e9,
+        )
+    }
+
+    /// The step of a camera's clock in words, with its cure.
+    pub(super) fn camera_words(&self, cure: &str) -> String {
+        format!(
+            "{}: pairs by stamp are of different moments; {cure} takes log times for all stamps, \
+             `--right-offset-ms 0` leaves them",
+            self.words(self.side, "images")
+        )
+    }
 }
 
 /// The offsets of the bins that have images of both cameras.
@@ -61,49 +132,55 @@ impl OffsetBins {
         if let (bin, [Some(left), Some(right)]) = self.current {
             self.offsets.push(BinOffset {
                 log_ns: bin * self.width_ns,
-                ns: right.saturating_sub(left),
+                floors_ns: [left, right],
             });
         }
     }
 
     /// The usual offset, nanoseconds.
     pub(super) fn usual_ns(&self) -> Option<i64> {
-        let mut sorted: Vec<_> = self.offsets.iter().map(|bin| bin.ns).collect();
+        let mut sorted: Vec<_> = self.offsets.iter().map(|bin| bin.ns()).collect();
         sorted.sort_unstable();
         nearest_rank(&sorted, 0.5)
     }
 
-    /// The first bin of two or more that are beyond `limit_ns` from the offset `usual_ns`, and
-    /// alike.
-    fn step(&self, usual_ns: i64, limit_ns: f64) -> Option<BinOffset> {
+    /// The place of the first bin of two or more that are beyond `limit_ns` from the offset
+    /// `usual_ns`, and alike.
+    fn beyond(&self, usual_ns: i64, limit_ns: f64) -> Option<usize> {
         let apart = |one: i64, other: i64| one.saturating_sub(other).unsigned_abs() as f64;
-        let bins = self.offsets.iter();
+        let bins = self.offsets.iter().map(|bin| bin.ns()).enumerate();
         let beyond: Vec<_> = bins
-            .filter(|bin| apart(bin.ns, usual_ns) > limit_ns)
+            .filter(|(_, ns)| apart(*ns, usual_ns) > limit_ns)
             .collect();
-        let has_another = |step: &&&BinOffset| {
-            let alike = beyond
-                .iter()
-                .filter(|bin| apart(bin.ns, step.ns) < limit_ns);
+        let has_another = |(_, step): &&(usize, i64)| {
+            let alike = beyond.iter().filter(|(_, ns)| apart(*ns, *step) < limit_ns);
             alike.count() > 1
         };
-        beyond.iter().find(has_another).map(|step| **step)
+        beyond.iter().find(has_another).map(|(place, _)| *place)
     }
 
-    /// The step from the first bin on, in words; see [`OffsetBins::step`].
-    pub(super) fn words(&self, limit_ns: f64, cure: &str) -> Option<String> {
+    /// The step from the first bin on; see [`OffsetBins::beyond`].
+    pub(super) fn step(&self, limit_ns: f64) -> Option<ClockStep> {
         let usual_ns = self.usual_ns()?;
-        let step = self.step(usual_ns, limit_ns)?;
+        let mut place = self.beyond(usual_ns, limit_ns)?;
         let begin = *self.offsets.first()?;
-        if step.ns.abs_diff(begin.ns) as f64 > limit_ns {
-            return Some(step_words(begin.ns, step, begin.log_ns, cure));
+        if self.offsets[place].ns().abs_diff(begin.ns()) as f64 <= limit_ns {
+            // Most are behind the step.
+            let is_usual = |bin: &BinOffset| bin.ns().abs_diff(usual_ns) as f64 <= limit_ns;
+            place = self.offsets.iter().position(is_usual)?;
         }
-        // Most are behind the step.
-        let is_usual = |bin: &&BinOffset| bin.ns.abs_diff(usual_ns) as f64 <= limit_ns;
-        let after = *self.offsets.iter().find(is_usual)?;
-        Some(step_words(begin.ns, after, begin.log_ns, cure))
+        let before = self.offsets[place.saturating_sub(1)];
+        Some(ClockStep::new(
+            begin.ns(),
+            before,
+            self.offsets[place],
+            begin.log_ns,
+        ))
     }
 }
+
+/// Bins that a watch keeps: the step is between two of them.
+const KEPT_BINS: usize = 4;
 
 /// Notices a step while the images are paired: between the places that were looked at before.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,35 +207,21 @@ impl StepWatch {
         is_shown.then_some(self.shift_ns)
     }
 
-    /// Adds an image of a camera; the step, in words, once two bins in a row show it.
-    pub(crate) fn take_in(&mut self, side: Side, log_ns: u64, stamp_ns: u64) -> Option<String> {
+    /// Adds an image of a camera; the step of a camera's clock, in words, once two bins show it.
+    pub(crate) fn take_in(
+        &mut self,
+        side: Side,
+        log_ns: u64,
+        stamp_ns: u64,
+    ) -> Option<(Side, String)> {
         let begin_ns = *self.begin_ns.get_or_insert(log_ns);
         self.bins
             .take_in(side as usize, &TimedMessage { log_ns, stamp_ns });
-        let old = self.bins.offsets.len().saturating_sub(2);
+        let old = self.bins.offsets.len().saturating_sub(KEPT_BINS);
         self.bins.offsets.drain(..old);
-        let step = self.bins.step(self.usual_ns, self.limit_ns)?;
-        Some(step_words(self.usual_ns, step, begin_ns, &self.cure))
+        let place = self.bins.beyond(self.usual_ns, self.limit_ns)?;
+        let [before, to] = [place.saturating_sub(1), place].map(|i| self.bins.offsets[i]);
+        let step = ClockStep::new(self.usual_ns, before, to, begin_ns);
+        Some((step.side, step.camera_words(&self.cure)))
     }
-}
-
-/// `begin_ns`: log time of the first image.
-fn step_words(from_ns: i64, to: BinOffset, begin_ns: u64, cure: &str) -> String {
-    let offset = |ns: i64| {
-        let direction = match ns {
-            ..-500_000 => "ahead",
-            500_000.. => "behind",
-            _ => return "none".to_owned(),
-        };
-        format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
-    };
-    format!(
-        "by the log times its clock steps or drifts against that of the left images, from {} to \
-         {}, {:.0} s after the beginning, unless the images come late from there: pairs by stamp \
-         are of different moments; {cure} takes log times for all stamps, `--right-offset-ms 0` \
-         leaves them",
-        offset(from_ns),
-        offset(to.ns),
-        to.log_ns.saturating_sub(begin_ns) as f64 / 1e9,
-    )
 }

@@ -19,7 +19,7 @@ use measurements::Measurements;
 pub use measurements::TopicLatency;
 use nalgebra::UnitQuaternion;
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Rig, Surface};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
@@ -90,8 +90,11 @@ pub struct SensorTopic {
     warned_of_time: bool,
 }
 
+/// Messages of a topic that are read to decide if it measures distances: one may be damaged.
+const FIRST_MESSAGES: usize = 3;
+
 /// The topics whose messages measure distances, except those of the pairs, decided by the first
-/// message of each: image topics only if they are depths. `mono16` is one by name alone, as it is
+/// messages of each: image topics only if they are depths. `mono16` is one by name alone, as it is
 /// also that of infrared cameras.
 ///
 /// # Errors
@@ -107,7 +110,8 @@ pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<St
             && kind::find(channel).is_ok()
     };
     let candidates = channels.iter().filter(is_candidate);
-    let mut unknown: BTreeSet<_> = candidates.map(|channel| channel.topic.clone()).collect();
+    let candidates = candidates.map(|channel| (channel.topic.clone(), FIRST_MESSAGES));
+    let mut unknown: BTreeMap<_, _> = candidates.collect();
     let mut found = BTreeSet::new();
     for file in recording.files() {
         let mut messages = file.messages()?;
@@ -116,12 +120,17 @@ pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<St
             && let Ok(Some(event)) = messages.next()
         {
             if let FileEvent::Message(channel, log_time, data) = event
-                && unknown.remove(&channel.topic)
+                && let Some(left) = unknown.get_mut(&channel.topic)
                 && let Ok(kind) = kind::find(channel)
-                && kind.read(channel, log_time, &data).is_ok()
-                && (is_named_depth(&channel.topic) || !kind::is_mono16(channel, &data))
             {
-                found.insert(channel.topic.clone());
+                *left -= 1;
+                let is_read = kind.read(channel, log_time, &data).is_ok();
+                if is_read || *left == 0 {
+                    unknown.remove(&channel.topic);
+                }
+                if is_read && (is_named_depth(&channel.topic) || !kind::is_mono16(channel, &data)) {
+                    found.insert(channel.topic.clone());
+                }
             }
         }
     }
@@ -139,7 +148,8 @@ fn is_named_depth(topic: &str) -> bool {
 
 impl SensorTopic {
     /// Finds the topic, the left camera, the transform between the two, and the measurement of each
-    /// pair. `topics`: those of the left and the right images.
+    /// pair. `topics`: those of the left and the right images; `info`: that of the left camera's
+    /// calibrations.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
@@ -148,6 +158,7 @@ impl SensorTopic {
     pub(crate) fn open(
         recording: &Recording,
         topics: &[String; 2],
+        info: Option<String>,
         pairs: PairStamps,
         selection: &SensorSelection,
     ) -> Result<Self> {
@@ -169,8 +180,8 @@ impl SensorTopic {
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
-        let images = topics.each_ref().map(String::as_str);
-        let setup = SensorSetup::find(recording, &channels, images, topic, kind)?;
+        let left = (topics[0].as_str(), info);
+        let setup = SensorSetup::find(recording, &channels, left, topic, kind)?;
         let mut setup = setup.map_err(wrong)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();

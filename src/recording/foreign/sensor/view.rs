@@ -104,18 +104,18 @@ fn rays(
 }
 
 impl SensorSetup {
-    /// Reads until all is found; transforms are at the start of most recordings.
+    /// Reads until all is found; transforms are at the start of most recordings. `left`: the topics
+    /// of the left images and of their calibrations.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`]. Inner: the missing part.
     pub(super) fn find(
         recording: &Recording,
         channels: &[&Channel],
-        images: [&str; 2],
+        (left, left_info): (&str, Option<String>),
         topic: &str,
         kind: &MeasuredKind,
     ) -> Result<std::result::Result<Self, String>> {
-        let [left_info, _] = topics::calibrations(channels, images);
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
@@ -123,7 +123,7 @@ impl SensorSetup {
         let mut units = names.filter(|unit| realsense::is_unit_topic(unit, topic));
         let unit = units.next().cloned();
         let wanted = SoughtTopics {
-            left: images[0],
+            left,
             topic,
             kind,
             infos: [left_info, own_info],
@@ -351,9 +351,13 @@ impl Found {
         }
         if wanted.kind.is_own() {
             self.frame = self.left_frame.clone().map(Ok);
-        } else if channel.topic == wanted.topic && self.frame.is_none() {
+        } else if channel.topic == wanted.topic && !matches!(self.frame, Some(Ok(_))) {
             let read = wanted.kind.read(channel, log_time, data);
-            self.frame = Some(read.and_then(|_| Ok(kind::head(channel, data)?.1)));
+            let frame = read.and_then(|_| Ok(kind::head(channel, data)?.1));
+            // The first that can be read; the reason is that of the first of all.
+            if frame.is_ok() || self.frame.is_none() {
+                self.frame = Some(frame);
+            }
         }
         let [left_info, own_info] = &wanted.infos;
         if is_on(left_info) {

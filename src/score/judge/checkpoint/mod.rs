@@ -13,7 +13,7 @@ use super::{CellJudgement, Verdict};
 use place::PlaceTable;
 use std::cmp::Ordering;
 use svl_core::counted;
-use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape};
+use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape, hash_words};
 use svl_core::{Error, Result};
 
 /// Frames of a run, and what must be seen in them.
@@ -58,11 +58,6 @@ impl LabelledPair {
             hash: hash_words(frame.pair.hash()),
         }
     }
-}
-
-/// A hash of pixels or of a result in the form of tables and scenarios.
-pub fn hash_words(hash: u128) -> String {
-    format!("{hash:032x}")
 }
 
 /// The labelled pairs in a file.

@@ -79,6 +79,15 @@ impl Protocol {
         }
     }
 
+    /// The scenes of the benchmark with known truth, and their weights in its averages; empty if
+    /// all images have the same.
+    pub fn scenes(self) -> &'static [(&'static str, f64)] {
+        match self {
+            Self::Middeval3 => middlebury::TRAINING,
+            Self::MiddleburyV2 | Self::Eth3d | Self::Kitti12 | Self::Kitti15 => &[],
+        }
+    }
+
     /// Scores one image.
     ///
     /// # Errors
@@ -153,17 +162,22 @@ impl Score {
         }
     }
 
-    /// One protocol's numbers over several images: KITTI 2015 pools the pixels of all, the others
-    /// average.
-    pub fn over(scores: &[Self]) -> Numbers {
-        let pooled = scores.iter().filter_map(|score| match score {
+    /// One protocol's numbers over several images with their weights: KITTI 2015 pools the pixels
+    /// of all, the others average.
+    pub fn over(scores: &[(f64, Self)]) -> Numbers {
+        let pooled = scores.iter().filter_map(|(_, score)| match score {
             Self::Pooled(counts) => Some(counts),
             Self::Image(_) => None,
         });
         // All scores are from one protocol, so either all are pooled or none.
         match pooled.copied().reduce(|a, b| a + b) {
             Some(counts) => counts.numbers(),
-            None => Numbers::mean(&scores.iter().map(Self::numbers).collect::<Vec<_>>()),
+            None => {
+                let weighted = scores
+                    .iter()
+                    .map(|(weight, score)| (*weight, score.numbers()));
+                Numbers::mean(&weighted.collect::<Vec<_>>())
+            }
         }
     }
 }

@@ -45,20 +45,22 @@ impl Numbers {
         self.iter().find(|number| number.name == name)?.value
     }
 
-    /// The mean of one protocol's numbers over images, counts summed; `None` if an image has no
-    /// value.
-    pub(super) fn mean(images: &[Self]) -> Self {
-        let first = images.first().map_or(&[][..], |numbers| &numbers.0);
+    /// The weighted mean of one protocol's numbers over images, counts summed; `None` if an image
+    /// has no value.
+    pub(super) fn mean(images: &[(f64, Self)]) -> Self {
+        let first = images.first().map_or(&[][..], |(_, numbers)| &numbers.0);
         let over = |(i, number): (usize, &Number)| {
+            let is_count = number.unit == NumberUnit::Count;
+            let weight = |weight: f64| if is_count { 1.0 } else { weight };
+            let parts = images.iter().map(|(w, numbers)| {
+                let value = numbers.0[i].value?;
+                Some(weight(*w) * value)
+            });
             // One image without the number leaves the mean without one, as in the kits.
-            let sum: Option<f64> = images.iter().map(|numbers| numbers.0[i].value).sum();
-            let parts = if number.unit == NumberUnit::Count {
-                1.0
-            } else {
-                images.len() as f64
-            };
+            let sum: Option<f64> = parts.sum();
+            let weights: f64 = images.iter().map(|(weight, _)| weight).sum();
             Number {
-                value: sum.map(|sum| sum / parts),
+                value: sum.map(|sum| if is_count { sum } else { sum / weights }),
                 ..*number
             }
         };

@@ -13,7 +13,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::filter::FilterKind;
-use svl_core::stereo::GridShape;
+use svl_core::stereo::{GridShape, hash_words, parse_hash};
 use svl_core::{Error, Result};
 
 /// A person's labels for the windows of a recording's frames.
@@ -28,9 +28,6 @@ pub struct FrameLabels {
 
 /// Largest table accepted, bytes.
 const MAX_BYTES: u64 = 64 << 20;
-
-/// Hexadecimal digits of a pair's hash.
-const HASH_DIGITS: usize = 32;
 
 /// Columns of the table.
 const HEAD: [&str; 4] = ["sequence", "window", "label", "pair_hash"];
@@ -127,10 +124,8 @@ impl FrameLabels {
             .map_err(|_| "its sequence is not a frame number")?;
         let window = parse_window(kind, name)?;
         let is = parse_label(kind, label)?;
-        let pair_hash = u128::from_str_radix(pair_hash, 16)
-            .ok()
-            .filter(|_| pair_hash.len() == HASH_DIGITS)
-            .ok_or_else(|| format!("'{pair_hash}' is not a pair_hash of {HASH_DIGITS} digits"))?;
+        let pair_hash = parse_hash(pair_hash)
+            .ok_or_else(|| format!("'{pair_hash}' is not a pair_hash: h and 32 digits"))?;
         if self.set(sequence, window, Some(is)) == Some(!is) {
             return Err(format!(
                 "frame {sequence}, window {name} is '{label}', and not in an earlier line; keep one"
@@ -151,7 +146,7 @@ impl FrameLabels {
         for ((sequence, window), is) in &self.labels {
             let window = Self::window_name(self.kind, *window);
             let (label, pair) = (self.category(*is), self.pairs[sequence]);
-            text += &format!("{sequence},{window},{label},{pair:0HASH_DIGITS$x}\n");
+            text += &format!("{sequence},{window},{label},{}\n", hash_words(pair));
         }
         text
     }
@@ -193,10 +188,12 @@ impl FrameLabels {
             return Ok(());
         }
         let reason = format!(
-            "labels another frame {sequence} than {} has, by their pair_hash {expected:032x} and \
-             {found:032x}; name the recording that was labelled, read with the options of then, \
-             or move the table away and label again",
-            source.display()
+            "labels another frame {sequence} than {} has, by their pair_hash {} and {}; name the \
+             recording that was labelled, read with the options of then, or move the table away \
+             and label again",
+            source.display(),
+            hash_words(*expected),
+            hash_words(found)
         );
         Err(Error::format(Self::path(source, self.kind), reason))
     }
@@ -277,8 +274,9 @@ mod tests {
         assert_eq!(
             text,
             format!(
-                "sequence,window,label,pair_hash\n3,0x0,floor,{:032x}\n7,3x2,floor,{:032x}\n",
-                1, 0xabc
+                "sequence,window,label,pair_hash\n3,0x0,floor,{}\n7,3x2,floor,{}\n",
+                hash_words(1),
+                hash_words(0xabc)
             )
         );
         assert_eq!(read(&text).unwrap(), labels);
@@ -310,7 +308,7 @@ mod tests {
 
     #[test]
     fn wrong_lines_are_named() {
-        let [a, b] = ['a', 'b'].map(|digit| digit.to_string().repeat(HASH_DIGITS));
+        let [a, b] = [0xa, 0xb].map(hash_words);
         let cut = &a[..5];
         for (lines, reason) in [
             (
@@ -338,7 +336,7 @@ mod tests {
             ("1,floor\n".into(), "line 2: it has 2 of 4 fields"),
             (
                 format!("1,0x0,floor,{a}\n1,1x0,floor,{cut}"),
-                "line 3: it is cut off; remove it ('aaaaa' is not",
+                "line 3: it is cut off; remove it ('h0000' is not",
             ),
             (
                 format!("1,0x0,floor,{a}\n1,1x"),

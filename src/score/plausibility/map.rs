@@ -1,0 +1,106 @@
+//! A map of disparities beside its truth: the signs of another unit, sign or view.
+
+use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, constant, sampling_step};
+use super::unit::{rounded, usual};
+use svl_core::statistics::upper_median;
+use svl_core::stereo::Plane;
+
+/// A map is that of the right view if its median error there is less than this fraction of that in
+/// the left view.
+const OF_RIGHT: f64 = 0.25;
+/// Median errors up to this are those of a good map, pixels.
+const GOOD_PX: f64 = 1.0;
+
+/// The reason to doubt an estimate of one size with its truth: a constant factor, the opposite
+/// sign, depths in place of disparities, or the map of the right view.
+pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
+    let (width, height) = truth.size();
+    if estimate.size() != (width, height) {
+        return None;
+    }
+    let step = sampling_step((width, height));
+    let (mut factors, mut products) = (Vec::new(), Vec::new());
+    let [mut of_left, mut of_right] = [const { Vec::new() }; 2];
+    for y in (step / 2..height).step_by(step) {
+        for x in (step / 2..width).step_by(step) {
+            let [true_px, px] = [truth.get(x, y), estimate.get(x, y)].map(f64::from);
+            if !true_px.is_finite() || !px.is_finite() || px == 0.0 || true_px < MIN_PX {
+                continue;
+            }
+            factors.push(px / true_px);
+            products.push(px * true_px);
+            let partner = (x as f64 - true_px).round();
+            if partner >= 0.0 {
+                let of_partner = f64::from(estimate.get(partner as usize, y));
+                of_left.push((px - true_px).abs());
+                of_right.push((of_partner - true_px).abs());
+            }
+        }
+    }
+    if factors.len() < MIN_PIXELS {
+        return None;
+    }
+    let is_usual = |factor: f64| (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor);
+    match constant(&factors).map(usual) {
+        Some(factor) if is_usual(factor) => {}
+        Some(factor) if is_usual(-factor) => {
+            return Some("its disparities have the opposite sign of the truth's".to_owned());
+        }
+        Some(factor) => {
+            return Some(format!(
+                "its disparities are {} times those of the truth: --estimate-scale is the factor \
+                 of integers (OpenCV's matchers: 16), floats have to be divided by it",
+                rounded(factor)
+            ));
+        }
+        None if constant(&products).is_some() => {
+            let words = "its values are proportional to distances: depths, not disparities";
+            return Some(words.to_owned());
+        }
+        None => {}
+    }
+    let [left, right] = [of_left, of_right].map(upper_median);
+    let is_of_right = right? <= GOOD_PX && right? < OF_RIGHT * left?;
+    is_of_right.then(|| "it fits the truth as the map of the right view".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_fault_is_named_and_a_noisy_map_is_none() {
+        let size = (160, 60);
+        let at = |x: usize, y: usize| 8.0 + ((x / 20 * 7 + y / 15 * 3) % 40) as f32;
+        let truth = Plane::from_fn(size.0, size.1, at).unwrap();
+        let doubt = |change: &dyn Fn(f32) -> f32| map_doubt(&truth.map(change), &truth);
+        for (name, doubt, words) in [
+            (
+                "times 16",
+                doubt(&|d| 16.0 * d),
+                "16 times those of the truth",
+            ),
+            ("sign", doubt(&|d| -d), "opposite sign"),
+            ("depth", doubt(&|d| 300.0 / d), "depths, not disparities"),
+        ] {
+            assert!(doubt.as_ref().unwrap().contains(words), "{name}: {doubt:?}");
+        }
+        let mut of_right = Plane::filled(size.0, size.1, f32::INFINITY).unwrap();
+        for y in 0..size.1 {
+            for x in 0..size.0 {
+                let partner = x as f32 - at(x, y);
+                if partner >= 0.0 {
+                    of_right.row_mut(y)[partner as usize] = at(x, y);
+                }
+            }
+        }
+        let doubt_of_right = map_doubt(&of_right, &truth).unwrap();
+        assert!(doubt_of_right.contains("right view"), "{doubt_of_right}");
+        assert_eq!(doubt(&|d| d + 0.4), None);
+        assert_eq!(doubt(&|_| 20.0), None, "a constant is only wrong");
+        let noise =
+            |x: usize, y: usize| at(x, y) * if (x + y).is_multiple_of(3) { 2.0 } else { 1.0 };
+        let noisy = Plane::from_fn(size.0, size.1, noise).unwrap();
+        assert_eq!(map_doubt(&noisy, &truth), None);
+    }
+}
