@@ -81,7 +81,14 @@ const PACKAGES: [Package; 15] = [
         root: "score/lib.rs",
         layers: &[
             &["notice"],
-            &["agreement", "bootstrap", "judge", "losses", "memory"],
+            &[
+                "agreement",
+                "bootstrap",
+                "holm",
+                "judge",
+                "losses",
+                "memory",
+            ],
             &["plausibility", "scenario", "sign_test"],
             &["drive", "manifest", "resize"],
         ],

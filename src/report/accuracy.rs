@@ -9,11 +9,11 @@ use std::collections::BTreeMap;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::bootstrap::Sample;
-use svl_score::judge::{AreaChoice, CellNumber, Verdict};
+use svl_score::judge::{AreaChoice, Cases, CellNumber, Measured, Verdict};
 
 /// Largest change of a cell at rest between successive answers, of its true distance.
 const MAX_MOTION: f64 = 0.01;
-/// Longest time between successive answers, ns: scenes of a data set do not follow each other.
+/// Longest time between successive answers, ns: pairs without a time are farther apart.
 const MAX_GAP_NS: u64 = 1_000_000_000;
 /// Nearest bound that doubles, metres, and the last one.
 const BOUNDS_M: (f64, f64) = (1.0, 16.0);
@@ -34,6 +34,8 @@ record! {
         to_m: Option<f64>,
         /// Number of cells with a reported and a true distance.
         cells: u64,
+        /// Number of known cells with a true distance: also those that are reported at infinity.
+        known: u64,
         /// Mean of reported minus true distance.
         bias_m: Option<f64>,
         /// Root of the mean squared error.
@@ -45,6 +47,12 @@ record! {
         /// Number of cells at rest: scored in two successive answers, with true distances that
         /// differ by at most 1 %.
         resting: u64,
+        /// Number of frames with cells at rest, counting the one before the first of them.
+        frames: u64,
+        /// Number of cells at rest that are known in both answers.
+        resting_known: u64,
+        /// Number of these with a distance in both.
+        resting_cells: u64,
         /// Standard deviation of the error over time: the root of half the mean squared difference
         /// of successive errors, of the cells at rest with both distances.
         noise_m: Option<f64>,
@@ -55,9 +63,9 @@ record! {
 }
 
 impl AccuracyRow {
-    /// The number of a metric.
-    pub(super) fn number(&self, number: CellNumber) -> Option<f64> {
-        match number {
+    /// The number of a metric, and the cases that it rests on.
+    pub(super) fn measured(&self, number: CellNumber) -> Option<Measured> {
+        let value = match number {
             CellNumber::Bias => self.bias_m,
             CellNumber::Rmse => self.rmse_m,
             CellNumber::MedianError => self.median_error_m,
@@ -66,7 +74,18 @@ impl AccuracyRow {
             CellNumber::Flicker => self.flicker,
             CellNumber::ErrorCells => Some(self.cells as f64),
             CellNumber::RestingCells => Some(self.resting as f64),
-        }
+        };
+        let (cells, possible) = match number {
+            CellNumber::Noise => (self.resting_cells, Some(self.resting_known)),
+            CellNumber::Flicker | CellNumber::RestingCells => (self.resting, None),
+            _ => (self.cells, Some(self.known)),
+        };
+        let cases = Cases {
+            items: self.frames,
+            cells: Some(cells),
+            possible,
+        };
+        value.map(|value| Measured { value, cases })
     }
 
     /// The range of true distances.
@@ -96,10 +115,17 @@ pub(super) struct RangeErrors {
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
+    /// Known cells with a true distance.
+    known: u64,
     resting: u64,
     flickers: u64,
-    /// Cells known in both pairs, and their squared differences of successive errors.
-    known: u64,
+    /// Stamp of the newest pair with cells at rest, and the number of these pairs.
+    newest_ns: Option<u64>,
+    followers: u64,
+    /// Cells at rest that are known in both pairs, those of them with both distances, and their
+    /// squared differences of successive errors.
+    resting_known: u64,
+    resting_cells: u64,
     squares: f64,
 }
 
@@ -107,6 +133,7 @@ pub(super) struct RangeErrors {
 struct LastCell {
     stamp_ns: u64,
     true_m: f64,
+    is_known: bool,
     reported_m: Option<f64>,
 }
 
@@ -150,14 +177,17 @@ impl AccuracyTally {
         algorithms.for_each(|own| own.last.clear());
     }
 
-    /// Adds the cells of a pair.
-    pub(super) fn add(&mut self, stamp_ns: u64, cells: &[CellRow]) {
+    /// Adds the cells of a pair. `stamp_ns`: none of a scene, which follows no other in time.
+    pub(super) fn add(&mut self, stamp_ns: Option<u64>, cells: &[CellRow]) {
         for cell in cells.iter().filter(|cell| cell.stress.is_none()) {
             let is_scored = cell.verdict != Verdict::NoTruth;
             let Some(true_m) = cell.true_distance_m.filter(|_| is_scored) else {
                 continue;
             };
-            let is_known = cell.state.is_none_or(|state| state == CellState::Known);
+            let is_answer = cell.verdict != Verdict::Unknown;
+            let is_known = cell
+                .state
+                .map_or(is_answer, |state| state == CellState::Known);
             let reported_m = cell.distance_m.filter(|_| is_known);
             let range = 1 + self.bounds_m.partition_point(|bound| *bound <= true_m);
             // Not by `entry`, which needs a label of its own for each cell.
@@ -169,32 +199,35 @@ impl AccuracyTally {
                 continue;
             };
             let now = LastCell {
-                stamp_ns,
+                stamp_ns: stamp_ns.unwrap_or_default(),
                 true_m,
+                is_known,
                 reported_m,
             };
-            let before = own.last.insert((cell.column, cell.row), now);
-            let since = |before: &LastCell| stamp_ns.checked_sub(before.stamp_ns);
-            let before = before.filter(|before| since(before).is_some_and(|ns| ns <= MAX_GAP_NS));
+            let before = own.last.get(&(cell.column, cell.row));
+            let since = |before: &&LastCell| stamp_ns?.checked_sub(before.stamp_ns);
+            let before = before.filter(|own| since(own).is_some_and(|ns| ns <= MAX_GAP_NS));
             let areas = AreaChoice::ALL
                 .into_iter()
                 .filter(|area| area.has(cell.area));
             for (area, i) in areas.flat_map(|area| [(area, 0), (area, range)]) {
                 let errors = &mut own.areas[area as usize][i];
+                errors.known += u64::from(is_known);
                 if let Some(reported_m) = reported_m {
                     errors.errors_m.push((reported_m - true_m) as f32);
                     errors.relative += (reported_m - true_m).abs() / true_m;
                 }
-                if let Some(before) = &before {
-                    errors.add_change(&self.rule, before, (true_m, reported_m));
+                if let Some(before) = before {
+                    errors.add_change(&self.rule, before, &now);
                 }
             }
+            own.last.insert((cell.column, cell.row), now);
         }
     }
 
     /// [`AccuracyTally::add`] for the cells of one algorithm; returns the errors that they add,
     /// by [`AreaChoice`].
-    pub(super) fn take_pair(&mut self, stamp_ns: u64, cells: &[CellRow]) -> PairErrors {
+    pub(super) fn take_pair(&mut self, stamp_ns: Option<u64>, cells: &[CellRow]) -> PairErrors {
         self.add(stamp_ns, cells);
         let label = cells.first().map(|cell| cell.algorithm.as_str());
         let own = label.and_then(|label| self.algorithms.get_mut(label));
@@ -240,24 +273,24 @@ pub(super) type PairErrors = [RangeErrors; AreaChoice::ALL.len()];
 
 impl RangeErrors {
     fn is_empty(&self) -> bool {
-        self.resting == 0 && self.errors_m.is_empty()
+        self.resting == 0 && self.known == 0
     }
 
     /// Adds a cell of two successive answers, if it is at rest.
-    fn add_change(
-        &mut self,
-        rule: &CellRule,
-        before: &LastCell,
-        (true_m, reported_m): (f64, Option<f64>),
-    ) {
+    fn add_change(&mut self, rule: &CellRule, before: &LastCell, now: &LastCell) {
+        let true_m = now.true_m;
         if (true_m - before.true_m).abs() > MAX_MOTION * before.true_m {
             return;
         }
         self.resting += 1;
-        match (before.reported_m, reported_m) {
+        if self.newest_ns.replace(now.stamp_ns) != Some(now.stamp_ns) {
+            self.followers += 1;
+        }
+        self.resting_known += u64::from(before.is_known && now.is_known);
+        match (before.reported_m, now.reported_m) {
             (None, None) => {}
             (Some(was), Some(is)) => {
-                self.known += 1;
+                self.resting_cells += 1;
                 let difference = (is - true_m) - (was - before.true_m);
                 self.squares += difference * difference;
                 let flickers = (is - was).abs() > rule.tolerance_at_m(true_m);
@@ -265,6 +298,23 @@ impl RangeErrors {
             }
             _ => self.flickers += 1,
         }
+    }
+
+    /// The row of the cells of an area in pairs.
+    pub(super) fn row_of(pairs: &[PairErrors], area: AreaChoice) -> AccuracyRow {
+        let mut all = Self::default();
+        for own in pairs.iter().map(|own| &own[area as usize]) {
+            all.errors_m.extend(&own.errors_m);
+            all.relative += own.relative;
+            all.known += own.known;
+            all.resting += own.resting;
+            all.flickers += own.flickers;
+            all.followers += own.followers;
+            all.resting_known += own.resting_known;
+            all.resting_cells += own.resting_cells;
+            all.squares += own.squares;
+        }
+        all.into_row("", area, (0.0, None))
     }
 
     /// The values of a metric in the cells of an area in pairs, as [`RangeErrors::into_row`] has it
@@ -288,7 +338,9 @@ impl RangeErrors {
                 Sample::Median(pairs().map(sizes).collect())
             }
             CellNumber::AbsRel => Sample::Ratio(parts(&|own| [own.relative, cells(own)])),
-            CellNumber::Noise => Sample::Root(parts(&|own| [own.squares, 2.0 * own.known as f64])),
+            CellNumber::Noise => {
+                Sample::Root(parts(&|own| [own.squares, 2.0 * own.resting_cells as f64]))
+            }
             CellNumber::ErrorCells => Sample::Count(pairs().map(cells).collect()),
             CellNumber::RestingCells => {
                 Sample::Count(pairs().map(|own| own.resting as f64).collect())
@@ -323,14 +375,46 @@ impl RangeErrors {
             from_m,
             to_m,
             cells,
+            known: self.known,
             bias_m,
             rmse_m: square.map(f64::sqrt),
             median_error_m: nearest_rank(&self.errors_m, 0.5).map(f64::from),
             abs_rel,
             resting: self.resting,
-            noise_m: (self.known > 0).then(|| (self.squares / (2.0 * self.known as f64)).sqrt()),
+            frames: self.followers + u64::from(self.followers > 0),
+            resting_known: self.resting_known,
+            resting_cells: self.resting_cells,
+            noise_m: (self.resting_cells > 0)
+                .then(|| (self.squares / (2.0 * self.resting_cells as f64)).sqrt()),
             flicker: (self.resting > 0 && cells > 0)
                 .then(|| self.flickers as f64 / self.resting as f64),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photographs_have_no_noise() {
+        let cell = CellRow {
+            algorithm: "v3".into(),
+            verdict: Verdict::Right,
+            distance_m: Some(1.0),
+            true_distance_m: Some(1.0),
+            state: Some(CellState::Known),
+            ..CellRow::default()
+        };
+        let resting = |stamps: [Option<u64>; 2]| {
+            let mut tally = AccuracyTally::new(CellRule::default());
+            for stamp_ns in stamps {
+                tally.add(stamp_ns, std::slice::from_ref(&cell));
+            }
+            let row = tally.into_rows(&["v3"]).remove(0);
+            (row.frames, row.resting_cells, row.noise_m, row.flicker)
+        };
+        assert_eq!(resting([Some(0), Some(9)]), (2, 1, Some(0.0), Some(0.0)));
+        assert_eq!(resting([None, None]), (0, 0, None, None));
     }
 }

@@ -7,6 +7,7 @@ use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
 use super::samples::{RunKey, resamples, run_key, sample};
+use super::words::ms;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::joined;
@@ -204,7 +205,7 @@ impl Results {
         };
         let marks = certainties.iter().map(|certainty| match certainty {
             Certainty::Clear => String::new(),
-            Certainty::NoDifference => " = not told apart from the best.".to_owned(),
+            Certainty::NotToldApart => " = not told apart from the best.".to_owned(),
             Certainty::TooFew => format!(" ? too few {items} to tell."),
             Certainty::NotComparable => {
                 " ! not comparable: failed on pairs, or answers far later than it reports."
@@ -225,9 +226,39 @@ impl Results {
         if self.basis.prior_test == PriorTest::TooFewPairs {
             sentences.push("Too few pairs to tell if they beat the prior.".to_owned());
         }
+        sentences.extend(self.time_words());
+        sentences.extend(self.choice_words());
         sentences
     }
 }
+
+impl Results {
+    /// Times that are not told apart although they are far from each other, with the reason.
+    fn time_words(&self) -> Option<String> {
+        let best = self.best.iter().find(|best| best.metric.name == "time")?;
+        let untold = best.others.iter();
+        let untold = untold.filter(|other| other.certainty == Certainty::NotToldApart);
+        let labels = [&best.algorithm]
+            .into_iter()
+            .chain(untold.map(|other| &other.algorithm));
+        let own = labels.filter_map(|label| Some((label, self.value(label, best.metric, None)?)));
+        let own: Vec<_> = own.collect();
+        let is_far = own.iter().any(|(_, ms)| *ms > MAX_ALIKE * best.value);
+        let busy = if self.is_disturbed() {
+            "; the machine was busy"
+        } else {
+            ""
+        };
+        is_far.then(|| {
+            let names = joined(own.iter().map(|(label, _)| label));
+            let times = joined(own.iter().map(|(_, time)| ms(*time)));
+            format!("By time {names} are not told apart ({times} ms{busy}).")
+        })
+    }
+}
+
+/// Times that differ by more than this factor do not look alike.
+const MAX_ALIKE: f64 = 1.2;
 
 /// The values of a metric in resamples; none for too few items.
 type Draws = Option<Vec<f64>>;
@@ -238,7 +269,7 @@ fn certainty(best: &Draws, other: &Draws) -> Certainty {
     match both.and_then(|(best, other)| difference_interval(best, other)) {
         None => Certainty::TooFew,
         Some((low, high)) if low > 0.0 || high < 0.0 => Certainty::Clear,
-        Some(_) => Certainty::NoDifference,
+        Some(_) => Certainty::NotToldApart,
     }
 }
 

@@ -1,4 +1,4 @@
-//! The best algorithm by a metric, and how sure that is.
+//! The best algorithm by a metric, and how sure that is; the best setting of a sweep.
 
 use serde::Serialize;
 use svl_score::judge::{AreaChoice, Metric};
@@ -31,7 +31,7 @@ pub enum Certainty {
     /// The interval excludes 0.
     Clear,
     /// The interval contains 0.
-    NoDifference,
+    NotToldApart,
     /// Too few blocks of pairs, or too few courses, for an interval.
     TooFew,
     /// It failed on pairs, or its time is not believable.
@@ -46,7 +46,7 @@ impl Certainty {
     fn mark(self) -> &'static str {
         match self {
             Self::Clear => "",
-            Self::NoDifference => "=",
+            Self::NotToldApart => "=",
             Self::TooFew => "?",
             Self::NotComparable => "!",
         }
@@ -63,6 +63,24 @@ impl Best {
             None => "",
         }
     }
+}
+
+/// The setting of a swept algorithm to use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SweepChoice {
+    /// The kind of the algorithm, and the number of its settings.
+    pub algorithm: String,
+    pub settings: usize,
+    /// The metric that chose; absent for right minus wrong cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metric: Option<&'static Metric>,
+    /// Label of the best setting over all pairs, and its score on them, which chose it.
+    pub setting: String,
+    pub own_score: f64,
+    /// The best settings over every other block, and over the others.
+    pub halves: [String; 2],
+    /// The mean of the scores of these, each on the blocks that did not choose it.
+    pub score: f64,
 }
 
 /// The test of algorithms against the prior.

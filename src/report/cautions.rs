@@ -70,12 +70,16 @@ impl Results {
         words.collect()
     }
 
+    /// True if the machine disturbed times.
+    pub(super) fn is_disturbed(&self) -> bool {
+        self.algorithms.iter().any(|a| a.outliers > Some(0))
+    }
+
     /// Caution about times that the machine disturbed.
     fn outliers(&self) -> Option<String> {
         // Otherwise svl's own reading and writing causes them, or the times are not used.
         let counts = self.basis.is_measured && self.basis.slow_profile.is_none();
-        let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
-        (counts && is_disturbed).then(|| {
+        (counts && self.is_disturbed()).then(|| {
             "the machine was busy, so times are uncertain; use an idle one, or --repeat 5, for \
              better ones"
                 .to_owned()

@@ -141,7 +141,7 @@ mod tests {
                     ("right", right),
                     ("wrong", wrong),
                     ("unknown", 10.0 - right - wrong),
-                    ("missed", 0.0),
+                    ("false", 0.0),
                 ];
                 for (name, value) in cells {
                     row.metrics.set(name, Some(value));

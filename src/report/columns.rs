@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use svl_core::stereo::CellRule;
-use svl_score::judge::{AreaChoice, Better, Metric, MetricOrigin, MetricUnit};
+use svl_score::judge::{AreaChoice, Better, Metric, MetricOrigin};
 
 /// A column of a table on disk.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -59,14 +59,7 @@ impl ColumnDescription {
         Self {
             name: metric.name,
             kind: "number",
-            unit: match metric.unit {
-                MetricUnit::Share => Some("%"),
-                MetricUnit::Count => None,
-                MetricUnit::Px => Some("px"),
-                MetricUnit::M => Some("m"),
-                MetricUnit::Ms => Some("ms"),
-                MetricUnit::Per100M => Some("1/100 m"),
-            },
+            unit: metric.unit.name(),
             heading: Some(heading),
             about: format!("{} ({better}{extent}{areas}){note}.", metric.words),
             area: None,

@@ -42,6 +42,7 @@ mod sources;
 mod speed;
 mod stress;
 mod summary_tables;
+mod sweep_choice;
 mod sweeps;
 pub mod table;
 mod table_writer;
@@ -52,7 +53,7 @@ mod words;
 
 pub use accuracy::AccuracyRow;
 pub use algorithm_parameters::write_algorithms;
-pub use best::{Best, Certainty, Other, PriorTest};
+pub use best::{Best, Certainty, Other, PriorTest, SweepChoice};
 pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};

@@ -5,7 +5,7 @@ use super::results::Results;
 use super::rows::Row;
 use super::samples::resamples;
 use std::collections::BTreeMap;
-use svl_score::bootstrap::Sample;
+use svl_score::bootstrap::{Sample, middle};
 use svl_score::judge::{Metric, TruthLevel};
 
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
@@ -34,7 +34,8 @@ impl Results {
             let samples = [&prior, &own].map(|rows| merit_sample(rows));
             let resamples = resamples(&own);
             let [base, other] = &samples;
-            match Sample::interval_between(base, other, |a, b| b - a, &resamples) {
+            let draws = Sample::draws_between(base, other, |a, b| b - a, &resamples);
+            match draws.and_then(middle) {
                 None => self.basis.prior_test = PriorTest::TooFewPairs,
                 Some((low, _)) if low > 0.0 => {}
                 Some(_) => self.basis.behind_prior.push(label.clone()),
@@ -57,7 +58,7 @@ impl Results {
 }
 
 /// Right minus wrong cells, of the scored ones.
-fn merit_sample(rows: &[&Row]) -> Sample {
+pub(super) fn merit_sample(rows: &[&Row]) -> Sample {
     let parts = |row: &&Row| {
         let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|n| row.metrics.get(n));
         let counts = right.zip(wrong).zip(unknown);
@@ -89,7 +90,7 @@ mod tests {
                         ("right", right),
                         ("wrong", 1.0 - right),
                         ("unknown", 0.0),
-                        ("missed", 0.0),
+                        ("false", 0.0),
                     ]),
                     ..row(1000, (64, 48), None)
                 }

@@ -1,10 +1,10 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::accuracy::AccuracyRow;
-use super::best::{Best, PriorTest};
+use super::best::{Best, PriorTest, SweepChoice};
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
 use super::reliability::ReliabilityRow;
-use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, metric_totals, record};
+use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, record};
 use super::samples::run_key;
 use super::sources::Sources;
 use super::speed::Speed;
@@ -16,7 +16,7 @@ use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_files::slow_profile;
 use svl_score::judge::{
-    AreaChoice, ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, TruthLevel,
+    AreaChoice, Cases, ColumnChoice, METRICS, Measured, Metric, MetricOrigin, TruthLevel,
 };
 use svl_score::losses::Ending;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
@@ -45,6 +45,9 @@ pub struct Results {
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub best: Vec<Best>,
+    /// The settings of swept algorithms to use.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<SweepChoice>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the report, in their order.
@@ -282,11 +285,10 @@ impl ResultScope {
 impl AlgorithmSummary {
     /// The results of the rows of an algorithm, at least one.
     fn new(rows: &[&Row]) -> Self {
-        let totals = metric_totals(rows).0.in_area(rows[0].metrics.area());
         let summary = Self {
             algorithm: rows[0].algorithm.clone(),
             pairs: rows.len() as u64,
-            totals: MetricTotals(totals),
+            totals: MetricTotals::new(rows),
             results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash))),
             ..Self::default()
         };
@@ -337,32 +339,20 @@ impl AlgorithmSummary {
 
     /// Number of scored cells of an area; `None` if it has none.
     pub fn cells_in(&self, area: AreaChoice) -> Option<u64> {
-        let parts = ["right", "wrong", "unknown"].iter();
-        let counts = parts.map(|name| self.totals.get_in(name, area));
-        counts.sum::<Option<f64>>().map(|cells| cells as u64)
+        let right = Metric::find("right")?;
+        self.totals.measured(right, area)?.cases.cells
     }
 
-    /// [`Self::scored`], with the number of the cells that a metric is of.
-    pub fn scored_for(&self, metric: &Metric, area: AreaChoice) -> Option<(u64, u64)> {
-        let (pairs, cells) = self.scored()?;
-        let of_area = || self.cells_in(area).unwrap_or_default();
-        Some((pairs, if metric.by_area { of_area() } else { cells }))
-    }
-
-    /// The value of a metric of frames, absent if the report does not measure it; for other metrics
-    /// see [`Results::value`].
+    /// The value of a metric, absent if it is not measured.
     pub fn value(&self, metric: &Metric) -> Option<f64> {
-        self.value_in(metric, self.totals.area())
+        metric.value_of(self.totals.measured(metric, self.totals.area())?)
     }
 
-    /// [`Self::value`] over the cells of an area.
-    pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
-        match metric.origin {
-            MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } => {
-                self.totals.value_in(metric, area)
-            }
-            MetricOrigin::Time => self.p50_ms,
-            MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+    /// Sets a metric of no area.
+    fn set(&mut self, name: &str, value: Option<f64>, cases: Cases) {
+        if let Some((metric, value)) = Metric::find(name).zip(value) {
+            let own = Measured { value, cases };
+            self.totals.set(metric, AreaChoice::default(), own);
         }
     }
 }
@@ -418,11 +408,11 @@ impl Results {
             shown,
             ..sums
         };
-        results.add_drives(&tables.drives);
         results.add_accuracy(&tables.accuracy);
         if let Some(manifest) = parts.manifest {
             results.add_manifest(manifest);
         }
+        results.add_drives(&tables.drives);
         // The order matters: the manifest has the algorithms that failed on every pair, which are
         // sorted, too, and those that may not be called best; the best is the first of equal ones,
         // and beats the prior.
@@ -431,6 +421,10 @@ impl Results {
         }
         results.test_prior(&tables.rows, &tables.prior);
         results.find_best(&tables.rows, &tables.drives);
+        let records = parts
+            .manifest
+            .map_or(&[][..], |manifest| &manifest.algorithms);
+        results.choose_settings(records, &tables.rows);
         Ok(results)
     }
 
@@ -443,7 +437,7 @@ impl Results {
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
         let area = rows.first().map(|row| row.metrics.area());
-        Self {
+        let mut results = Self {
             schema: SCHEMA,
             pairs_hash: pairs_hash(rows),
             truth: truths(rows),
@@ -455,7 +449,14 @@ impl Results {
             algorithms,
             checkpoints,
             ..Self::default()
+        };
+        for i in 0..results.algorithms.len() {
+            let passes = results.passes(&results.algorithms[i].algorithm, None);
+            if let Some(Measured { value, cases }) = share_passed(passes) {
+                results.algorithms[i].set("passed", Some(value), cases);
+            }
         }
+        results
     }
 
     /// Adds what only the manifest has.
@@ -491,7 +492,7 @@ impl Results {
                     ..AlgorithmSummary::default()
                 };
                 let scored = (!self.truth.is_empty()).then_some(0.0);
-                failed.totals.0.set("scored_pairs", scored);
+                failed.set("scored_pairs", scored, Cases::default());
                 self.algorithms.push(failed);
             }
         }
@@ -520,39 +521,26 @@ impl Results {
         self.are_times_comparable(self.algorithms.iter().map(|a| a.algorithm.as_str()))
     }
 
-    /// The value of any metric, absent if the report does not measure it. `checkpoint`: the only
-    /// one that counts, in place of all.
+    /// The value of any metric, absent if it is not measured. `checkpoint`: the only one that
+    /// counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
-        self.value_in(label, metric, checkpoint, self.basis.area)
+        metric.value_of(self.measurement(label, metric, checkpoint, self.basis.area)?)
     }
 
-    /// [`Self::value`] over the cells of an area.
-    pub fn value_in(
+    /// [`Self::value`] over the cells of an area with its cases, however few.
+    pub fn measurement(
         &self,
         label: &str,
         metric: &Metric,
         checkpoint: Option<u32>,
         area: AreaChoice,
-    ) -> Option<f64> {
-        match metric.origin {
-            MetricOrigin::Frame { .. } | MetricOrigin::Cells { .. } | MetricOrigin::Time => {
-                let mut all = self.algorithms.iter().chain(&self.prior);
-                all.find(|a| a.algorithm == label)?.value_in(metric, area)
-            }
-            MetricOrigin::Checkpoints => {
-                let (passed, frames) = self.passes(label, checkpoint);
-                (frames > 0).then(|| passed as f64 / frames as f64)
-            }
-            MetricOrigin::Drives(number) => {
-                let own = self.drives.iter().find(|d| d.algorithm == label)?;
-                match number {
-                    DriveNumber::Finished => Some(own.finished_share()),
-                    DriveNumber::Collisions => own.collisions_per_100m,
-                    DriveNumber::NearMisses => own.near_misses_per_100m,
-                    DriveNumber::Driven => Some(own.route_m),
-                }
-            }
+    ) -> Option<Measured> {
+        if checkpoint.is_some() {
+            return share_passed(self.passes(label, checkpoint));
         }
+        let mut all = self.algorithms.iter().chain(&self.prior);
+        let own = all.find(|a| a.algorithm == label)?;
+        own.totals.measured(metric, area)
     }
 
     /// Number of frames in which checkpoints pass, and of those that show one. `checkpoint`: the
@@ -572,9 +560,10 @@ impl Results {
             let own = self.algorithms.iter_mut();
             for summary in own.filter(|own| own.algorithm == row.algorithm) {
                 for metric in METRICS {
-                    if let MetricOrigin::Cells { number, .. } = metric.origin {
-                        let value = row.number(number);
-                        summary.totals.0.set_in(metric.name, row.area, value);
+                    if let MetricOrigin::Cells { number, .. } = metric.origin
+                        && let Some(own) = row.measured(number)
+                    {
+                        summary.totals.set(metric, row.area, own);
                     }
                 }
             }
@@ -584,6 +573,16 @@ impl Results {
     /// Adds the results of drives.
     fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows, None);
+        for drive in &self.drives {
+            let own = self.algorithms.iter_mut();
+            for summary in own.filter(|own| own.algorithm == drive.algorithm) {
+                let cases = Cases::items(drive.courses);
+                summary.set("finished", Some(drive.finished_share()), cases);
+                summary.set("collisions", drive.collisions_per_100m, cases);
+                summary.set("near_misses", drive.near_misses_per_100m, cases);
+                summary.set("driven", Some(drive.route_m), cases);
+            }
+        }
         // Each algorithm drives its own way and sees pairs of its own.
         if !rows.is_empty() {
             self.basis.scope.pairs = self.algorithms.iter().map(|a| a.pairs).sum();
@@ -593,17 +592,27 @@ impl Results {
 
     /// The kind of the report by what was measured.
     pub fn kind(&self) -> TruthLevel {
-        let has = |name: &str| self.algorithms.iter().any(|a| a.totals.get(name).is_some());
-        match self.drives[..] {
-            [] => TruthLevel::from_measured(has),
-            _ => TruthLevel::Courses,
+        if !self.drives.is_empty() {
+            return TruthLevel::Courses;
         }
+        TruthLevel::from_measured(|name| {
+            let mut algorithms = self.algorithms.iter();
+            algorithms.any(|a| a.totals.get(name).is_some())
+        })
     }
 
     /// Caveat above every table that needs a truth; absent if that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
     }
+}
+
+/// The fraction of the frames in which checkpoints pass.
+fn share_passed((passed, frames): (u64, u64)) -> Option<Measured> {
+    (frames > 0).then(|| Measured {
+        value: passed as f64 / frames as f64,
+        cases: Cases::items(frames),
+    })
 }
 
 /// Caveat beside numbers that come of these origins of truths.

@@ -10,11 +10,12 @@ use serde::ser::SerializeMap as _;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::LazyLock;
+use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellDepth, CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
-    AreaChoice, CellArea, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit, MetricValues,
-    Verdict,
+    AreaChoice, Cases, CellArea, METRICS, Measured, Metric, MetricOrigin, MetricTotal, MetricUnit,
+    MetricValues, Verdict,
 };
 
 /// A row of a table: named columns, each of one type.
@@ -122,18 +123,29 @@ macro_rules! record {
                 serializer: S,
             ) -> std::result::Result<S::Ok, S::Error> {
                 use $crate::rows::Record as _;
-                $crate::rows::serialize_record(&Self::columns(), self.values(), serializer)
+                let mut keys = $crate::rows::MetricKeys::default();
+                $($crate::rows::RowField::add_keys(&self.$field, &mut keys);)*
+                let (columns, values) = (Self::columns(), self.values());
+                $crate::rows::serialize_record(&columns, values, keys, serializer)
             }
         }
     };
 }
 pub(super) use record;
 
-/// Writes a row as JSON: a number per column, those of other areas than the headline's in `areas`,
-/// by the name of the area, which is absent where nothing is of it.
+/// Keys of a row in JSON besides its columns: the metrics by their names, and their cases.
+#[derive(Default)]
+pub(super) struct MetricKeys {
+    values: Vec<(&'static str, AreaChoice, f64)>,
+    cases: BTreeMap<&'static str, Cases>,
+}
+
+/// Writes a row as JSON: a number per column and per metric, those of other areas than the
+/// headline's in `areas`, by the name of the area, which is absent where nothing is of it.
 pub(super) fn serialize_record<S: Serializer>(
     columns: &[ColumnDescription],
     values: Vec<ColumnValue<'_>>,
+    keys: MetricKeys,
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     let mut map = serializer.serialize_map(None)?;
@@ -155,8 +167,20 @@ pub(super) fn serialize_record<S: Serializer>(
             own.insert(name.trim_start_matches('_'), value);
         }
     }
+    for (name, area, value) in keys.values {
+        let has_column = columns.iter().any(|column| column.name == name);
+        if area != AreaChoice::default() {
+            let own = areas.entry(area.name()).or_default();
+            own.insert(name, ColumnValue::Real(Some(value)));
+        } else if !has_column {
+            map.serialize_entry(name, &value)?;
+        }
+    }
     if !areas.is_empty() {
         map.serialize_entry("areas", &areas)?;
+    }
+    if !keys.cases.is_empty() {
+        map.serialize_entry("cases", &keys.cases)?;
     }
     map.end()
 }
@@ -249,6 +273,7 @@ impl Row {
 }
 
 record! {
+    #[derive(Default)]
     /// One cell of the obstacle grid in one pair through one algorithm.
     CellRow {
         /// Name of the scenario.
@@ -386,6 +411,8 @@ pub(super) trait RowField: Sized {
     fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String>;
 
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
+
+    fn add_keys(&self, _: &mut MetricKeys) {}
 }
 
 /// Types that are one column: their kind, their value, the value of a text, and that in polars.
@@ -537,21 +564,117 @@ impl MetricColumn {
     }
 }
 
-/// The metrics' columns of all frames of an algorithm.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MetricTotals(pub MetricValues);
+/// The metrics of all frames of an algorithm: their columns, and what they rest on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MetricTotals {
+    /// The columns; absent where the metric is not measured.
+    values: MetricValues,
+    measured: BTreeMap<(&'static str, AreaChoice), Measured>,
+}
 
 impl std::ops::Deref for MetricTotals {
     type Target = MetricValues;
 
     fn deref(&self) -> &MetricValues {
-        &self.0
+        &self.values
+    }
+}
+
+impl MetricTotals {
+    /// The totals of the columns of rows, added in their order, with the area that these select.
+    pub(super) fn new(rows: &[&Row]) -> Self {
+        let mut values = MetricValues::default();
+        for column in &*METRICS_IN_ROWS {
+            let MetricOrigin::Frame { total, .. } = column.metric.origin else {
+                continue;
+            };
+            let own = rows.iter().filter_map(|row| column.value(&row.metrics));
+            let (sum, count) = own.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+            let value = match total {
+                MetricTotal::Mean => sum / f64::from(count),
+                MetricTotal::Sum | MetricTotal::Share => sum,
+            };
+            let value = (count > 0).then_some(value);
+            values.set_in(column.metric.name, column.area, value);
+        }
+        values.add_up();
+        let area = rows.first().map(|row| row.metrics.area());
+        let mut totals = Self {
+            values: values.in_area(area.unwrap_or_default()),
+            measured: BTreeMap::new(),
+        };
+        for metric in METRICS.iter().filter(|metric| metric.column().is_some()) {
+            for area in AreaChoice::ALL
+                .into_iter()
+                .filter(|area| metric.has_area(*area))
+            {
+                let Some(value) = values.value_in(metric, area) else {
+                    totals.values.set_in(metric.name, area, None);
+                    continue;
+                };
+                let has_value = |row: &&&Row| row.metrics.get_in(metric.name, area).is_some();
+                let cases = Cases {
+                    items: rows.iter().filter(has_value).count() as u64,
+                    cells: values.whole_in(metric, area).map(|cells| cells as u64),
+                    possible: None,
+                };
+                totals.set(metric, area, Measured { value, cases });
+            }
+        }
+        let mut times: Vec<_> = rows.iter().filter_map(|row| row.total_us).collect();
+        times.sort_unstable();
+        if let Some((time, us)) = Metric::find("time").zip(nearest_rank(&times, 0.5)) {
+            let (value, cases) = (us as f64 / 1000.0, Cases::items(times.len() as u64));
+            totals.set(time, AreaChoice::default(), Measured { value, cases });
+        }
+        totals
+    }
+
+    /// Sets the value of a metric, and of its column unless it has too few cases.
+    pub(super) fn set(&mut self, metric: &'static Metric, area: AreaChoice, own: Measured) {
+        let is_share = matches!(metric.column(), Some((_, MetricTotal::Share)));
+        match metric.value_of(own) {
+            // The column of a share is its numerator.
+            Some(_) if is_share => {}
+            value => self.values.set_in(metric.name, area, value),
+        }
+        self.measured.insert((metric.name, area), own);
+    }
+
+    fn add_keys(&self, keys: &mut MetricKeys) {
+        for metric in METRICS {
+            for area in AreaChoice::ALL
+                .into_iter()
+                .filter(|area| metric.has_area(*area))
+            {
+                let Some(own) = self.measured(metric, area) else {
+                    continue;
+                };
+                let value = metric.value_of(own);
+                keys.values
+                    .extend(value.map(|value| (metric.name, area, value)));
+                if area == AreaChoice::default() {
+                    keys.cases.insert(metric.name, own.cases);
+                }
+            }
+        }
+    }
+
+    /// The value of a metric in an area with its cases, however few; that of a metric of no area in
+    /// all of them.
+    pub fn measured(&self, metric: &Metric, area: AreaChoice) -> Option<Measured> {
+        let area = if metric.by_area {
+            area
+        } else {
+            AreaChoice::default()
+        };
+        self.measured.get(&(metric.name, area)).copied()
     }
 }
 
 /// Fields of several columns: those of metrics.
 macro_rules! metric_fields {
-    ($($kind:ty: $columns:ident, |$field:ident| $metrics:expr, $parsed:expr;)*) => {$(
+    ($($kind:ty: $columns:ident, |$field:ident| $metrics:expr, $parsed:expr, $keys:expr;)*) => {$(
         impl RowField for $kind {
             const KIND: &'static str = "number?";
 
@@ -573,13 +696,21 @@ macro_rules! metric_fields {
                 let metrics: Vec<&MetricValues> = metrics.collect();
                 stored_metrics(&$columns, &metrics)
             }
+
+            fn add_keys(&self, keys: &mut MetricKeys) {
+                let add: fn(&Self, &mut MetricKeys) = $keys;
+                add(self, keys);
+            }
         }
     )*};
 }
 
 metric_fields! {
-    MetricValues: METRICS_IN_ROWS, |metrics| metrics, |metrics| metrics;
-    MetricTotals: METRICS_IN_SUMMARIES, |totals| &totals.0, Self;
+    MetricValues: METRICS_IN_ROWS, |metrics| metrics, |metrics| metrics, |_, _| {};
+    MetricTotals: METRICS_IN_SUMMARIES, |totals| &totals.values, |values| Self {
+        values,
+        measured: BTreeMap::new(),
+    }, Self::add_keys;
 }
 
 /// A value per column, whole where the metric counts.
@@ -621,26 +752,6 @@ fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) ->
     columns.iter().map(column).collect()
 }
 
-/// The totals of the columns of rows, added in their order.
-pub(super) fn metric_totals(rows: &[&Row]) -> MetricTotals {
-    let mut totals = MetricValues::default();
-    for column in &*METRICS_IN_ROWS {
-        let MetricOrigin::Frame { total, .. } = column.metric.origin else {
-            continue;
-        };
-        let values = rows.iter().filter_map(|row| column.value(&row.metrics));
-        let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
-        let value = match total {
-            MetricTotal::Mean => sum / f64::from(count),
-            MetricTotal::Sum | MetricTotal::ShareOf(_) => sum,
-        };
-        let value = (count > 0).then_some(value);
-        totals.set_in(column.metric.name, column.area, value);
-    }
-    totals.add_up();
-    MetricTotals(totals)
-}
-
 /// The column of a metric of frames.
 fn metric_column(metric: &Metric) -> ColumnDescription {
     let name = metric.summary_column().expect("a metric with a column");
@@ -651,15 +762,17 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
             "A fraction; totals are means over pairs."
         }
         Some((_, MetricTotal::Mean)) => "Totals are means over pairs.",
-        Some((_, MetricTotal::Sum | MetricTotal::ShareOf(_))) => "Totals are sums over pairs.",
+        Some((_, MetricTotal::Sum | MetricTotal::Share)) => "Totals are sums over pairs.",
     };
     let note = metric.note.map(|note| note.text(CellRule::default()));
     let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
-    let parts = [
-        Some(format!("{}.", capitalized(metric.words))),
-        meaning,
-        Some(total.to_owned()),
-    ];
+    // The column of a share is its numerator.
+    let words = if metric.counts() {
+        format!("Number of {}.", metric.words)
+    } else {
+        format!("{}.", capitalized(metric.words))
+    };
+    let parts = [Some(words), meaning, Some(total.to_owned())];
     let unit = match metric.unit {
         MetricUnit::Px => Some("px"),
         MetricUnit::M => Some("m"),

@@ -17,6 +17,11 @@ pub(super) fn is_scene(row: &Row) -> bool {
     !row.name.is_empty() && row.run.is_none()
 }
 
+/// The stamp of a row; a photograph has none, and follows no other.
+pub(super) fn time_ns(row: &Row) -> Option<u64> {
+    (!is_scene(row)).then_some(row.stamp_ns)
+}
+
 /// The values of a metric in the area that is selected; absent if no pair has it.
 pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
     let area = rows.first().map(|row| row.metrics.area());
@@ -34,7 +39,7 @@ pub(super) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
             MetricTotal::Sum => values()
                 .any(|v| v.is_some())
                 .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
-            MetricTotal::ShareOf(_) => {
+            MetricTotal::Share => {
                 let part = |row: &&Row| {
                     let part = row.metrics.get_in(metric.name, area);
                     let both = part.zip(row.metrics.whole_in(metric, area));

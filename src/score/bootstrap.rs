@@ -15,6 +15,9 @@ const SEED: u64 = 2007;
 /// Fewest blocks for an interval.
 const MIN_BLOCKS: usize = 8;
 
+/// The level of all intervals and tests.
+pub const LEVEL: &str = "95 %";
+
 /// The method that tells a change from chance, for reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct TestMethod {
@@ -33,7 +36,7 @@ pub const METHOD: TestMethod = TestMethod {
     name: "circular block bootstrap, percentile intervals",
     resamples: Some(DRAWS),
     seed: Some(SEED),
-    level: "95 %",
+    level: LEVEL,
     block_length: Some("ceil(2 n^(1/3))"),
     fewest_blocks: MIN_BLOCKS,
 };
@@ -100,15 +103,32 @@ impl Resamples {
     /// The interval of a statistic of the items; `None` for too few blocks, or if it is undefined
     /// for some resample.
     pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
-        self.interval_of(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))
+        middle(self.values(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))?)
     }
 
-    fn interval_of(&self, statistic: &dyn Fn(&[Range<usize>]) -> Option<f64>) -> Option<Interval> {
-        if self.blocks < MIN_BLOCKS {
-            return None;
-        }
+    /// A statistic in each resample; `None` for too few blocks, or if it is undefined for one.
+    fn values(&self, statistic: &dyn Fn(&[Range<usize>]) -> Option<f64>) -> Option<Vec<f64>> {
         let values = self.draws.iter().map(|ranges| statistic(ranges));
-        middle(values.collect::<Option<_>>()?)
+        (self.blocks >= MIN_BLOCKS).then(|| values.collect())?
+    }
+
+    /// The probability that a difference from 0 is as large by chance, two-sided: Student's t of
+    /// the difference over its standard error in the resamples. Of few blocks that is nearer to the
+    /// truth than the share of the resamples beyond 0, and tells small probabilities apart.
+    pub fn p_value(&self, difference: f64, draws: &[f64]) -> f64 {
+        let (count, blocks) = (draws.len() as f64, self.blocks as f64);
+        let mean = draws.iter().sum::<f64>() / count;
+        let squares = draws
+            .iter()
+            .map(|value| (value - mean).powi(2))
+            .sum::<f64>();
+        // Resamples vary as the sample does, without the correction by a degree of freedom.
+        let error = (squares / count * blocks / (blocks - 1.0)).sqrt();
+        if difference == 0.0 {
+            1.0
+        } else {
+            two_sided_t(difference / error, self.blocks - 1)
+        }
     }
 }
 
@@ -172,41 +192,40 @@ impl Sample {
 
     /// The interval of the metric.
     pub fn interval(&self, resamples: &Resamples) -> Option<Interval> {
-        resamples.interval_of(&|ranges| self.value(ranges))
+        middle(self.draws(resamples)?)
     }
 
     /// The metric in each resample; `None` for too few blocks, or if it is undefined for one.
     pub fn draws(&self, resamples: &Resamples) -> Option<Vec<f64>> {
-        let draws = resamples.draws.iter().map(|ranges| self.value(ranges));
-        (resamples.blocks >= MIN_BLOCKS).then(|| draws.collect())?
+        resamples.values(&|ranges| self.value(ranges))
     }
 
-    /// The interval of `difference(base, other)`, both from the same resample.
-    pub fn interval_between(
+    /// `difference(base, other)` in each resample.
+    pub fn draws_between(
         base: &Self,
         other: &Self,
         difference: fn(f64, f64) -> f64,
         resamples: &Resamples,
-    ) -> Option<Interval> {
+    ) -> Option<Vec<f64>> {
         // Sums wait for their last addition: both together take the time of one.
         match (base, other) {
             (Self::Ratio(a), Self::Ratio(b)) => {
                 let both = a.iter().zip(b).map(|(&[a, b], &[c, d])| [a, b, c, d]);
                 let both: Vec<_> = both.collect();
-                resamples.interval_of(&|ranges| {
+                resamples.values(&|ranges| {
                     let [a, b, c, d] = sums(&both, ranges);
                     Some(difference(ratio([a, b])?, ratio([c, d])?))
                 })
             }
             (Self::Count(a), Self::Count(b)) => {
                 let both: Vec<_> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
-                resamples.interval_of(&|ranges| {
+                resamples.values(&|ranges| {
                     let [a, b] = sums(&both, ranges);
                     Some(difference(a, b))
                 })
             }
             _ => resamples
-                .interval_of(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
+                .values(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
         }
     }
 }
@@ -237,7 +256,27 @@ pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
         .and_then(middle)
 }
 
-fn middle(mut values: Vec<f64>) -> Option<Interval> {
+/// The probability of Student's t beyond `t` on either side, of that many degrees of freedom:
+/// Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.3 and 26.7.4.
+fn two_sided_t(t: f64, freedom: usize) -> f64 {
+    let angle = (t.abs() / (freedom as f64).sqrt()).atan();
+    let (sine, cosine) = angle.sin_cos();
+    let is_odd = freedom % 2 == 1;
+    let (mut sum, mut term) = (0.0, if is_odd { cosine } else { 1.0 });
+    for i in (1 + usize::from(is_odd)..freedom).step_by(2) {
+        sum += term;
+        term *= i as f64 / (i + 1) as f64 * cosine * cosine;
+    }
+    let within = if is_odd {
+        (angle + sine * sum) * std::f64::consts::FRAC_2_PI
+    } else {
+        sine * sum
+    };
+    (1.0 - within).max(0.0)
+}
+
+/// The middle 95 % of the values in resamples.
+pub fn middle(mut values: Vec<f64>) -> Option<Interval> {
     values.sort_by(f64::total_cmp);
     Some((upper_rank(&values, 0.025)?, upper_rank(&values, 0.975)?))
 }
@@ -294,6 +333,42 @@ mod tests {
         let median = Sample::Median(vec![vec![5.0, 1.0], vec![], vec![2.0]]);
         assert_eq!((median.items(), median.total()), (3, Some(2.0)));
         assert_eq!(Sample::Median(vec![vec![]]).total(), None);
+    }
+
+    #[test]
+    fn t_is_as_tables_say() {
+        let tables = [
+            (12.706, 1, 0.05),
+            (4.303, 2, 0.05),
+            (3.182, 3, 0.05),
+            (2.365, 7, 0.05),
+            (2.093, 19, 0.05),
+            (2.845, 20, 0.01),
+            (3.883, 19, 0.001),
+            (1.96, 100_000, 0.05),
+        ];
+        for (t, freedom, p) in tables {
+            let own = two_sided_t(t, freedom);
+            assert!((own / p - 1.0).abs() < 2e-3, "{t} {freedom}: {own}");
+        }
+        assert_eq!(
+            (two_sided_t(0.0, 5), two_sided_t(f64::INFINITY, 4)),
+            (1.0, 0.0)
+        );
+    }
+
+    #[test]
+    fn a_difference_is_as_probable_as_the_t_test_of_its_values() {
+        // 40 independent values of mean 0.3: the t test has 0.3 / (1.0198 / √40) = 1.86.
+        let values: Vec<f64> = (0..40)
+            .map(|i| 0.3 + if i % 2 == 0 { 1.0 } else { -1.0 })
+            .collect();
+        let resamples = Resamples::draw(&[40], true);
+        let sample = Sample::Ratio(values.iter().map(|value| [*value, 1.0]).collect());
+        let draws = sample.draws(&resamples).unwrap();
+        let p = resamples.p_value(0.3, &draws);
+        assert!((p - two_sided_t(1.873, 39)).abs() < 0.01, "{p}");
+        assert_eq!(resamples.p_value(0.0, &draws), 1.0);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod agreement;
 pub mod bootstrap;
 pub mod drive;
+pub mod holm;
 pub mod judge;
 pub mod losses;
 pub mod manifest;

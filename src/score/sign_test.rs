@@ -1,31 +1,31 @@
 //! The exact sign test of paired results: of the pairs that differ, each direction is as likely if
 //! nothing changed (Dixon and Mood, "The Statistical Sign Test", 1946).
 
-use crate::bootstrap::TestMethod;
+use crate::bootstrap::{LEVEL, TestMethod};
+use crate::holm::MAX_P;
 
-/// Limit of the probability below which a difference is called real.
-const MAX_P: f64 = 0.05;
-/// With fewer courses that differ, even if all do so in one direction, it may be chance: 2 / 2⁵ is
-/// above the limit.
-const MIN_COURSES: usize = 6;
+/// The test of drives over the courses of both reports, as one of so many.
+pub fn method(tests: usize) -> TestMethod {
+    TestMethod {
+        name: "two-sided exact sign test over the courses that differ",
+        resamples: None,
+        seed: None,
+        level: LEVEL,
+        block_length: None,
+        fewest_blocks: fewest_changes(tests),
+    }
+}
 
-/// The test of drives over the courses of both reports.
-pub const METHOD: TestMethod = TestMethod {
-    name: "two-sided exact sign test over the courses that differ",
-    resamples: None,
-    seed: None,
-    level: "95 %",
-    block_length: None,
-    fewest_blocks: MIN_COURSES,
-};
-
-/// True if so many changes in one direction and in the other are more than chance.
-pub fn is_real(changes: [usize; 2]) -> bool {
-    p_value(changes) < MAX_P
+/// The fewest courses that differ, of one of so many tests: of fewer, even if all do so in one
+/// direction, that may be chance.
+pub fn fewest_changes(tests: usize) -> usize {
+    let limit = MAX_P / tests.max(1) as f64;
+    let is_enough = |changes: &usize| p_value([*changes, 0]) <= limit;
+    (1..).find(is_enough).unwrap_or(usize::MAX)
 }
 
 /// The probability of changes as uneven as these, or more so, if either direction is as likely.
-fn p_value([up, down]: [usize; 2]) -> f64 {
+pub fn p_value([up, down]: [usize; 2]) -> f64 {
     let changes = up + down;
     let mut term = 0.5_f64.powi(changes as i32);
     let mut tail = 0.0;
@@ -54,6 +54,6 @@ mod tests {
         for (changes, p) in expected {
             assert!((p_value(changes) - p).abs() < 1e-8, "{changes:?}");
         }
-        assert!(is_real([MIN_COURSES, 0]) && !is_real([MIN_COURSES - 1, 0]));
+        assert_eq!([1, 3, 6, 12].map(fewest_changes), [6, 7, 8, 9]);
     }
 }

@@ -113,7 +113,7 @@ fn a_pull_request_is_gated_and_compared_with_its_base() {
     let scenario = |min: &str| format!("{SCENARIO}{GATE}{min}\n");
     // The base breaks its own limit, which does not matter.
     job.fixture.write(".svl-base/two.toml", scenario("1.0"));
-    job.fixture.write("two.toml", scenario("0.0"));
+    job.fixture.write("two.toml", scenario("0.01"));
     job.ends("score the base branch", 0);
     job.ends("score", 0);
     job.ends("summary", 0);
@@ -141,6 +141,31 @@ fn a_pull_request_is_gated_and_compared_with_its_base() {
     job.fixture.write("two.toml", scenario("1.0"));
     job.ends("score", 3);
     job.ends("summary", 0);
+}
+
+#[test]
+fn a_parameter_that_a_pull_request_changes_is_compared() {
+    let job = Job::new(&[
+        ("scenario", "two.toml"),
+        ("prepare", "svl -q record --frames 60 -o run.mcap --force"),
+        ("arguments", "--rerun none"),
+    ]);
+    let scenario = |v3: &str| {
+        let gate = format!("{GATE}0.01\n");
+        SCENARIO.replace("[\"v3\"]", &format!("[\"{v3}\", \"bm\"]")) + &gate
+    };
+    job.fixture.write(".svl-base/two.toml", scenario("v3"));
+    job.fixture
+        .write("two.toml", scenario("v3:max_disparity=8"));
+    for step in ["score the base branch", "score", "summary"] {
+        job.ends(step, 0);
+    }
+    let comment = job.fixture.text("svl-reports/compare.md");
+    let first = comment.lines().next().unwrap();
+    assert!(
+        first.starts_with("**mixed**: worse: v3 → v3:max\\_disparity=8 right cells "),
+        "{comment}"
+    );
 }
 
 #[test]

@@ -715,6 +715,13 @@ class Examples(InFolder):
         ran = subprocess.run(line, capture_output=True, text=True, cwd=self.folder, env=environment)
         self.assertEqual(ran.returncode, 0, ran.stderr)
         self.assertIn("<iframe srcdoc=", ran.stdout)
+        # Shares stand under the names of their metrics, counts under those of the columns.
+        for total in svl.report(self.folder / "reports/run").data["algorithms"]:
+            cells = sum(total[f"cells_{state}"] for state in ("right", "wrong", "unknown"))
+            self.assertEqual(total["cases"]["right"], {"items": 60, "cells": cells})
+            for state in ("right", "wrong", "unknown"):
+                self.assertAlmostEqual(total[state], total[f"cells_{state}"] / cells)
+            self.assertAlmostEqual(total["found"], total["found_obstacles"] / total["near"])
         for file in ["run.mcap", "reports/run/index.html", "cells.svg", "distances.svg"]:
             self.assertTrue((self.folder / file).is_file(), file)
         # The change is that of the program.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use svl::files;
 use svl::losses::Incomplete;
 use svl::outputs::{Outputs, write};
-use svl::report::compare::{Comparison, Join, ScoredRun, page};
+use svl::report::compare::{Comparison, Join, ScoredRun, Trend, page};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{Better, ColumnChoice, Metric};
 use svl::sink::find_left;
@@ -16,22 +16,25 @@ use svl::sink::find_left;
 /// Compare reports: changes of metrics, with confidence intervals
 ///
 /// Every report is compared with the first, algorithm by algorithm, over the pairs of both, without
-/// stress. The first line is the verdict, by the headline metrics. A change has a 95 % bootstrap
-/// interval over the pairs, drawn in blocks, as neighbouring pairs are correlated. It is called
-/// better or worse only where the interval excludes 0, and never for fewer than eight blocks or
-/// scenes. Times are shown as ratios and never called better or worse, as the machine may have been
-/// slower that day. Drives are compared course by course, by an exact sign test.
+/// stress; an algorithm with other parameters is compared with its namesake. The first line is the
+/// verdict, by the headline metrics but checkpoints: right, wrong, missed, false, found and floor.
+/// They are tested at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are
+/// correlated; never for fewer than eight blocks or scenes. Any other change is called better or
+/// worse where its 95 % bootstrap interval excludes 0. Times are shown as ratios and never called
+/// better or worse, as the machine may have been slower that day. Drives are compared course by
+/// course, by an exact sign test.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl compare reports/before reports/after
   svl compare reports/before reports/after -o compare.html
+  svl compare reports/1 reports/2 reports/3 -o trend.html
   svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
-      for a CI: exit 3 when a metric of any algorithm became worse, when one
+      for a CI: exit 3 when a metric of the verdict became worse, when one
       failed on pairs that it had results of, or when too few pairs or an
-      absent algorithm leave that open
+      absent algorithm leave that open; others by name, as worse:passed
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
@@ -47,13 +50,23 @@ pub(crate) struct Args {
     /// names are compared, too
     #[arg(long, value_name = "BASE=OTHER", help_heading = "Input")]
     map: Vec<String>,
-    /// Write the page of two reports: changes, and the frames or courses that changed most
-    #[arg(short, long, value_name = "FILE.html", help_heading = "Output")]
+    /// Write a page: the changes, and the frames or courses that changed most; of three reports or
+    /// more, and as .json, the headline metrics, the newest last
+    #[arg(
+        short, long, value_name = "FILE.html",
+        value_parser = usage::ending(&["html", "json"]), help_heading = "Output"
+    )]
     output: Option<PathBuf>,
-    /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
-    /// not in the first report, always count as worse
+    /// Fail if a metric became worse: one of the verdict, or those named. Pairs on which an
+    /// algorithm failed, but not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on, help_heading = "Scoring")]
     fail_on: Vec<FailOn>,
+    /// The least share of the first report's pairs that a verdict needs
+    #[arg(
+        long, value_name = "P%", default_value = "90%", value_parser = percent,
+        help_heading = "Scoring", hide_short_help = true
+    )]
+    min_common: f64,
     #[command(flatten)]
     area: AreaArgs,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
@@ -68,6 +81,7 @@ pub(crate) struct Args {
     #[arg(
         long,
         value_name = "FILE.xml",
+        value_parser = usage::ending(&["xml"]),
         requires = "fail_on",
         help_heading = "Output",
         hide_short_help = true
@@ -84,14 +98,26 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Metrics that must not become worse; `None`: any.
+/// A share, written as `90%`.
+fn percent(text: &str) -> Result<f64, String> {
+    let number = text
+        .strip_suffix('%')
+        .and_then(|number| number.trim().parse().ok());
+    let share = number.map(|percent: f64| percent / 100.0);
+    let is_share = |share: &f64| (0.0..=1.0).contains(share);
+    share
+        .filter(is_share)
+        .ok_or_else(|| "expected a percentage, as 90%".to_owned())
+}
+
+/// Metrics that must not become worse; `None`: those of the verdict.
 type FailOn = Option<&'static Metric>;
 
 fn fail_on(text: &str) -> Result<FailOn, String> {
     match text.split_once(':') {
         None if text == "worse" => Ok(None),
         Some(("worse", name)) => {
-            let metric = Metric::named(name, |_| true)?;
+            let metric = Metric::named(name)?;
             if metric.better == Better::Neither {
                 let cure = "name one that has, as `svl columns metrics` says";
                 return Err(format!("'{name}' has no better direction; {cure}"));
@@ -122,12 +148,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             },
         }
     }
-    let comparisons = joins.iter().map(Comparison::new);
+    let comparisons = joins.iter();
+    let comparisons = comparisons.map(|join| Comparison::new(join, args.min_common));
     let comparisons = comparisons.collect::<Result<Vec<_>, _>>()?;
     let cases = gate_cases(&comparisons, &args.fail_on)?;
     let page = match (&comparisons[..], &args.output) {
-        ([comparison], Some(_)) => Some(page(comparison, &joins[0], &find_left)?),
-        _ => None,
+        ([], _) | (_, None) => None,
+        (_, Some(path)) if files::has_ending(path, "json") => {
+            Some(serde_json::to_string_pretty(&Trend::new(&runs)?)? + "\n")
+        }
+        ([comparison], Some(_)) if runs.len() == 2 => {
+            Some(page(comparison, &joins[0], &find_left)?)
+        }
+        _ => Some(Trend::new(&runs)?.page()?),
     };
     // Nothing replaces an earlier page if nothing was compared.
     if args.output.is_some() == page.is_some() {
@@ -190,12 +223,8 @@ fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<
 
 /// Claims the page and the file of the cases.
 fn claim(args: &Args) -> anyhow::Result<Outputs> {
-    for (path, ending) in [(&args.output, "html"), (&args.junit, "xml")] {
-        let Some(path) = path else { continue };
+    for path in [&args.output, &args.junit].into_iter().flatten() {
         let shown = path.display();
-        if !files::has_ending(path, ending) {
-            return Err(usage::wrong(format!("{shown}: must end in .{ending}")));
-        }
         let folder = path.parent().unwrap_or(Path::new(""));
         if folder.join("manifest.json").is_file() {
             return Err(usage::wrong(format!(
@@ -203,10 +232,6 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
                  place"
             )));
         }
-    }
-    if args.output.is_some() && args.reports.len() != 2 {
-        let words = "-o: the page is of two reports; call svl once for each other report";
-        return Err(usage::wrong(words));
     }
     let outputs = [&args.output, &args.junit].into_iter().flatten();
     Ok(Outputs::claim(

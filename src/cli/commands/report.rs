@@ -45,7 +45,7 @@ pub(in crate::cli) struct Args {
     #[command(flatten)]
     area: AreaArgs,
     /// Sort the algorithms by a metric, the best first
-    #[arg(long, value_name = "METRIC", value_parser = metric, help_heading = "Output")]
+    #[arg(long, value_name = "METRIC", value_parser = Metric::named, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Fail if a limit of the scenario's [[gate]] fails or is not measured
     #[arg(long, help_heading = "Scoring")]
@@ -73,10 +73,6 @@ pub(in crate::cli) struct Args {
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
-}
-
-fn metric(name: &str) -> Result<&'static Metric, String> {
-    Metric::named(name, Metric::is_of_frames)
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {

@@ -1,30 +1,40 @@
 //! A comparison as test cases: which metrics must not become worse.
 
-use super::{AlgorithmChange, Change, Comparison, Judgement};
+use super::text::is_ranked;
+use super::{AlgorithmChange, Change, Comparison, Judgement, NotMeasured};
 use crate::junit::{TestCase, TestResult};
-use svl_score::judge::{Metric, MetricUnit};
+use svl_score::judge::{Cases, ColumnChoice, Metric, MetricUnit};
 
 impl Comparison {
     /// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for
     /// every metric, and one for each metric that is tested. `fail_on`: those metrics; `None` is
-    /// any but times, as the machine varies between runs.
+    /// those that decide.
     pub fn cases(&self, fail_on: &[Option<&Metric>]) -> Vec<TestCase> {
         let mut cases = Vec::new();
         for own in &self.algorithms {
+            let few = own.few_in_common(self.min_common);
             let compared = match (own.failures(), own.pairs) {
                 (Some(words), _) => TestResult::Failed(words),
                 (None, 0) => TestResult::Skipped(format!("no {} in common", own.things())),
-                _ => TestResult::Passed(own.extent()),
+                _ => few.map_or_else(
+                    || TestResult::Passed(own.extent()),
+                    |words| TestResult::Failed(format!("{words} (--min-common)")),
+                ),
             };
-            let name = format!("{}: {}s", own.labels(), own.things());
-            cases.push(TestCase {
-                name,
-                result: compared,
-            });
-            cases.extend(own.tested(fail_on).map(|change| TestCase {
-                name: format!("{}: {}", own.labels(), change.name()),
-                result: change.test(own.blocks, self.method.fewest_blocks),
-            }));
+            let mut add = |name: &str, result| {
+                let name = format!("{}: {name}", own.labels());
+                cases.push(TestCase { name, result });
+            };
+            add(&format!("{}s", own.things()), compared);
+            for change in own.tested(fail_on) {
+                add(
+                    &change.name(),
+                    change.test(own.blocks, self.method.fewest_blocks),
+                );
+            }
+            for metric in own.untested(fail_on) {
+                add(metric.metric.words, TestResult::Skipped(metric.words()));
+            }
         }
         let things = self.algorithms.first();
         let things = things.map_or("pair", AlgorithmChange::things);
@@ -40,10 +50,43 @@ impl Comparison {
 impl AlgorithmChange {
     /// The changes that [`Comparison::cases`] tests.
     pub fn tested(&self, fail_on: &[Option<&Metric>]) -> impl Iterator<Item = &Change> {
+        let deciding: Vec<_> = self.deciding().map(|change| change.metric).collect();
         self.changes().filter(move |change| {
-            let are_all = fail_on.contains(&None) && change.metric.unit != MetricUnit::Ms;
-            are_all || fail_on.contains(&Some(change.metric))
+            let is_deciding = fail_on.contains(&None) && deciding.contains(&change.metric);
+            is_deciding || fail_on.contains(&Some(change.metric))
         })
+    }
+
+    /// The metrics that it cannot test: those that are named, and those that decide and that the
+    /// base measures.
+    fn untested(&self, fail_on: &[Option<&Metric>]) -> impl Iterator<Item = &NotMeasured> {
+        let headline = self.metrics(&ColumnChoice::Headline);
+        self.not_measured.iter().filter(move |own| {
+            let is_deciding = headline.contains(&own.metric) && is_ranked(own.metric);
+            let is_asked = fail_on.contains(&None) && is_deciding && own.is_measured(0);
+            is_asked || fail_on.contains(&Some(own.metric))
+        })
+    }
+}
+
+impl NotMeasured {
+    /// True if that report measures it.
+    fn is_measured(&self, side: usize) -> bool {
+        let is_measured = |cases| self.metric.is_measured(&cases, self.metric.minimum);
+        self.cases[side].is_some_and(is_measured)
+    }
+
+    fn words(&self) -> String {
+        let cases = |side: usize| {
+            let own = self.cases[side].unwrap_or_else(Cases::none);
+            self.metric.cases_words(&own)
+        };
+        let minimum = self.metric.minimum_words(self.metric.minimum);
+        format!(
+            "is not measured: it rests on {} and {}, and needs {minimum}",
+            cases(0),
+            cases(1)
+        )
     }
 }
 

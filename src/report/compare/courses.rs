@@ -5,7 +5,8 @@ use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
-use svl_score::judge::{Better, DriveNumber, METRICS, Metric, MetricOrigin};
+use svl_score::holm::MAX_P;
+use svl_score::judge::{Better, Cases, DriveNumber, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
 
 /// Limit of the courses in a line and in a table.
@@ -39,14 +40,16 @@ impl AlgorithmChange {
     /// Adds changes that are real by an exact sign test over the courses of both reports: of the
     /// courses on which a number differs, as many become better as worse if nothing changed. How
     /// much it differs does not count, so that one bad course is one course.
-    pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]]) -> Self {
+    /// `tests`: the number of tests at once.
+    pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]], tests: usize) -> Self {
         let alike = courses.iter().filter(|[a, b]| a.track_hash == b.track_hash);
         let alike = alike.count();
+        let fewest = sign_test::fewest_changes(tests);
         let metrics = METRICS.iter().filter_map(|metric| {
             let MetricOrigin::Drives(number) = metric.origin else {
                 return None;
             };
-            Change::from_drives(metric, number, courses, alike == courses.len())
+            Change::from_drives(metric, number, courses, alike == courses.len(), fewest)
         });
         Self {
             blocks: courses.len(),
@@ -64,6 +67,7 @@ impl Change {
         number: DriveNumber,
         courses: &[[&DriveRow; 2]],
         are_alike: bool,
+        fewest: usize,
     ) -> Option<Self> {
         let value = |row: &DriveRow| drive_parts(number, row)[0];
         let changed = |is: fn(f64, f64) -> bool| {
@@ -74,12 +78,16 @@ impl Change {
         let rows = |side: usize| courses.iter().map(move |pair| pair[side]);
         let base = drive_sample(number, rows(0)).total()?;
         let other = drive_sample(number, rows(1)).total()?;
-        let fewest = sign_test::METHOD.fewest_blocks;
         // Even if all that differ do so in one direction, it may be chance.
         let is_tested = courses.len() >= fewest && !(1..fewest).contains(&(up + down));
         // A robot that stands hits nothing.
         let stands = metric.better == Better::Less && up < down && !has_driven(rows(1));
-        let is_real = is_tested.then(|| sign_test::is_real([up, down]) && !stands);
+        let p = if stands {
+            1.0
+        } else {
+            sign_test::p_value([up, down])
+        };
+        let is_real = is_tested.then_some(p <= MAX_P);
         Some(Self {
             checkpoint: None,
             metric,
@@ -87,6 +95,8 @@ impl Change {
             other,
             difference: other - base,
             interval: None,
+            p: Some(p),
+            cases: Some([Cases::items(courses.len() as u64); 2]),
             judgement: if are_alike {
                 Judgement::Equal
             } else {
@@ -225,7 +235,7 @@ mod tests {
         let MetricOrigin::Drives(number) = metric.origin else {
             panic!("{name}");
         };
-        let change = Change::from_drives(metric, number, &pairs, alike);
+        let change = Change::from_drives(metric, number, &pairs, alike, 6);
         change.unwrap().judgement
     }
 

@@ -7,7 +7,7 @@ use crate::samples::{RunKey, is_scene, run_key};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use svl_core::{Error, Result};
 use svl_score::losses::Incomplete;
-use svl_score::manifest::Manifest;
+use svl_score::manifest::{AlgorithmRecord, Manifest};
 
 /// The cure for algorithms that only one report has.
 pub(super) const MAP: &str = "--map BASE=OTHER compares algorithms of other names";
@@ -17,6 +17,8 @@ pub struct Join<'a> {
     pub(super) runs: [&'a ScoredRun; 2],
     pub(super) is_driven: bool,
     pub(super) algorithms: Vec<JoinedAlgorithm<'a>>,
+    /// Algorithms of the first report with several namesakes, each in words.
+    pub(super) ambiguous: Vec<String>,
 }
 
 /// An algorithm of the first report with one of the second.
@@ -27,6 +29,8 @@ pub(super) struct JoinedAlgorithm<'a> {
     pub pairs: Vec<[&'a Row; 2]>,
     /// The drives through equal courses.
     pub courses: Vec<[&'a DriveRow; 2]>,
+    /// Number of pairs or courses of the first report.
+    pub base_pairs: usize,
     /// Pairs or courses of either report without a partner.
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
@@ -44,7 +48,8 @@ type PairRows<'a> = BTreeMap<PairKey<'a>, &'a Row>;
 
 impl<'a> Join<'a> {
     /// Joins the algorithms that `map` names, as `BASE=OTHER`, and of the others those of equal
-    /// labels; without a map, where each report has just one, these two.
+    /// labels, and of those left the only ones of a kind, whatever their parameters; without a map,
+    /// where each report has just one, these two.
     ///
     /// # Errors
     /// [`Incomplete`] when the reports have no algorithm or no pair in common;
@@ -59,7 +64,8 @@ impl<'a> Join<'a> {
             )));
         }
         let alignment = AlignedRuns::new(base, other);
-        let labels = matched_labels(&base.manifest, &other.manifest, map)?;
+        let mut labels = matched_labels(&base.manifest, &other.manifest, map)?;
+        let ambiguous = add_namesakes([&base.manifest, &other.manifest], &mut labels);
         let algorithms = labels.into_iter().map(|labels| {
             if is_driven {
                 JoinedAlgorithm::from_courses(runs, labels)
@@ -71,6 +77,7 @@ impl<'a> Join<'a> {
             runs,
             is_driven,
             algorithms: algorithms.collect(),
+            ambiguous,
         };
         let shown = || format!("{} and {}", base.name.display(), other.name.display());
         let has_any = |own: &JoinedAlgorithm<'_>| own.compared() > 0 || own.newly_failed > 0;
@@ -95,6 +102,11 @@ impl<'a> Join<'a> {
     /// True if the label of that report is compared.
     fn is_joined(&self, side: usize, label: &str) -> bool {
         self.algorithms.iter().any(|own| own.labels[side] == label)
+    }
+
+    /// The most tests of drives at once: three metrics of each algorithm decide.
+    pub(super) fn tests(&self) -> usize {
+        3 * self.algorithms.len()
     }
 
     /// Labels that only this report has, and that are not compared.
@@ -139,8 +151,6 @@ fn matched_labels<'a>(
     match (&ours[..], &theirs[..]) {
         // With one algorithm each, two different algorithms can be compared: v1 with v3.
         ([one], [another]) if both.is_empty() => both.push([one, another]),
-        // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where their
-        // parameters are equal.
         _ => {
             let is_free = |label: &&&str| both.iter().all(|pair| !pair.contains(label));
             let equal = ours.iter().filter(|label| theirs.contains(label));
@@ -150,6 +160,39 @@ fn matched_labels<'a>(
         }
     }
     Ok(both)
+}
+
+/// Adds algorithms of other parameters: of each kind the one that is left in each report. Returns
+/// those of the first report that have several namesakes, or are one of several, in words.
+fn add_namesakes<'a>(manifests: [&'a Manifest; 2], both: &mut Vec<[&'a str; 2]>) -> Vec<String> {
+    let left = |side: usize| {
+        let records = manifests[side].algorithms.iter();
+        // One that the user named is not of another name.
+        let is_plain = |own: &&AlgorithmRecord| {
+            let parameters = own.label.strip_prefix(own.name.as_str());
+            parameters.is_some_and(|rest| rest.is_empty() || rest.starts_with(':'))
+        };
+        let is_left = |own: &&AlgorithmRecord| both.iter().all(|pair| pair[side] != own.label);
+        records.filter(is_plain).filter(is_left).collect::<Vec<_>>()
+    };
+    let sides = [left(0), left(1)];
+    let mut ambiguous = Vec::new();
+    for own in &sides[0] {
+        let [ours, theirs] = sides.each_ref().map(|side| {
+            let kin = side.iter().filter(|other| other.name == own.name);
+            kin.map(|other| other.label.as_str()).collect::<Vec<_>>()
+        });
+        match (&ours[..], &theirs[..]) {
+            (_, []) => {}
+            ([one], [other]) => both.push([one, other]),
+            _ => ambiguous.push(format!(
+                "{} was not compared: of {} any may be it; {MAP}",
+                own.label,
+                theirs.join(", ")
+            )),
+        }
+    }
+    ambiguous
 }
 
 /// The second report's runs by the names, and its scenes by the numbers, that the first has them
@@ -262,6 +305,7 @@ impl<'a> JoinedAlgorithm<'a> {
         };
         Self {
             labels,
+            base_pairs: ours.len(),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             newly_failed: failures.count(),
             other_past,
@@ -286,6 +330,7 @@ impl<'a> JoinedAlgorithm<'a> {
             .collect();
         Self {
             labels,
+            base_pairs: ours.len(),
             unmatched: ours.len() + theirs.len() - 2 * courses.len(),
             courses,
             ..Self::default()

@@ -7,9 +7,10 @@ mod join;
 mod page;
 mod scored_run;
 mod text;
+mod trend;
 
 use super::accuracy::{PairErrors, RangeErrors};
-use super::rows::Row;
+use super::rows::{MetricTotals, Row};
 use super::samples::{resamples, sample_in};
 use courses::CourseChanges;
 pub use frames::FindLeft;
@@ -22,13 +23,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
 use svl_core::counted;
-use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod};
+use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
+use svl_score::holm;
 use svl_score::judge::{
-    AreaChoice, Better, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
 };
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::sign_test;
 pub use text::signed;
+pub use trend::{Trend, TrendLine, TrendPoint};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,10 +56,17 @@ pub struct Comparison {
     /// Algorithms that both reports have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
     /// Method that tells changes from chance. Each change is of one metric: of twenty metrics that
-    /// did not change, one is called better or worse by chance.
+    /// did not change, one is called better or worse by chance, but for those that decide.
     pub method: TestMethod,
-    /// Number of metrics and checkpoints of all algorithms, which are tested at once.
+    /// Number of the metrics that decide, of all algorithms: they are tested at once, with Holm's
+    /// correction.
     pub tested: usize,
+    /// The share of the base's pairs below which nothing is said of all of them.
+    pub min_common: f64,
+    /// The algorithms of which fewer are compared, in words.
+    pub few_in_common: Vec<String>,
+    /// Algorithms of the first report that several of the second may be, in words.
+    pub ambiguous: Vec<String>,
     /// Algorithms that only one report has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
@@ -74,7 +84,11 @@ pub enum Conclusion {
     Worse,
     /// Some metrics are better, others worse.
     Mixed,
+    /// All results are equal.
     NoChange,
+    NotToldApart,
+    /// Too few of the base's pairs are compared.
+    FewInCommon,
     /// There is no interval.
     TooFewPairs,
     /// The same of drives.
@@ -90,6 +104,8 @@ pub struct AlgorithmChange {
     pub other_algorithm: String,
     pub same_parameters: bool,
     pub pairs: usize,
+    /// Pairs or courses of the first report.
+    pub base_pairs: usize,
     /// Pairs of either report that the other does not have, or not with the same pixels.
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
@@ -104,6 +120,9 @@ pub struct AlgorithmChange {
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
     pub metrics: Vec<Change>,
+    /// Metrics that one of the reports does not measure, or neither.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_measured: Vec<NotMeasured>,
     /// The metrics of the other areas, by the names of the areas.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub areas: BTreeMap<&'static str, Vec<Change>>,
@@ -129,7 +148,20 @@ pub struct Change {
     pub difference: f64,
     /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
     pub interval: Option<Interval>,
+    /// The probability of a difference as large by chance, where there is an interval or a test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub p: Option<f64>,
+    /// The cases that the two numbers rest on.
+    pub cases: Option<[Cases; 2]>,
     pub judgement: Judgement,
+}
+
+/// A metric with too few cases in a report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotMeasured {
+    pub metric: &'static Metric,
+    /// The cases in the two reports; `None` without a value.
+    pub cases: [Option<Cases>; 2],
 }
 
 /// The checkpoint of a change.
@@ -158,16 +190,20 @@ pub enum Judgement {
 }
 
 impl Comparison {
-    /// The changes between joined reports.
+    /// The changes between joined reports. `min_common`: the share of the base's pairs below which
+    /// nothing is said of all of them.
     ///
     /// # Errors
     /// The errors of reading the tables of cells; [`svl_core::Error::Invalid`] for a manifest that
     /// is not what svl writes.
-    pub fn new(join: &Join<'_>) -> Result<Self> {
+    pub fn new(join: &Join<'_>, min_common: f64) -> Result<Self> {
         let [base, other] = join.runs;
         let algorithms = join.algorithms.iter();
         let algorithms = algorithms.map(|own| AlgorithmChange::new(join, own));
-        let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
+        let mut algorithms = algorithms.collect::<Result<Vec<_>>>()?;
+        let tested = correct(&mut algorithms);
+        let few_in_common = algorithms.iter();
+        let few_in_common = few_in_common.filter_map(|own| own.few_in_common(min_common));
         let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
         let mut comparison = Self {
             conclusion: Conclusion::NotComparable,
@@ -181,11 +217,14 @@ impl Comparison {
             origins: join.runs.map(|run| origin(&run.manifest)),
             incomplete: join.runs.iter().filter_map(incomplete).collect(),
             method: if join.is_driven {
-                sign_test::METHOD
+                sign_test::method(join.tests())
             } else {
                 bootstrap::METHOD
             },
-            tested: algorithms.iter().map(|own| own.changes().count()).sum(),
+            tested,
+            min_common,
+            few_in_common: few_in_common.collect(),
+            ambiguous: join.ambiguous.clone(),
             only_in_base: join.only_in(0),
             only_in_other: join.only_in(1),
             not_compared: Vec::new(),
@@ -203,6 +242,12 @@ impl Comparison {
         comparison.cautions = comparison.doubts(join);
         comparison.conclusion = comparison.conclude();
         comparison.verdict = comparison.sentence();
+        if !comparison.few_in_common.is_empty() && comparison.is_judged() {
+            comparison.conclusion = Conclusion::FewInCommon;
+            let few = comparison.few_in_common.join("; ");
+            let (word, verdict) = (comparison.conclusion.word(), &comparison.verdict);
+            comparison.verdict = format!("{word}: {few} (--min-common); of these {verdict}");
+        }
         Ok(comparison)
     }
 
@@ -222,11 +267,9 @@ impl Comparison {
         self.algorithms.iter().any(|own| own.courses.is_some())
     }
 
-    /// The headline metrics with a better direction, but times, with their names.
+    /// The changes that decide, with their names.
     fn ranked(&self) -> Vec<(String, &Change)> {
-        let mut changes = self.named(|own| own.shown(&ColumnChoice::Headline));
-        changes.retain(|(_, change)| text::is_ranked(change.metric));
-        changes
+        self.named(|own| own.deciding().collect())
     }
 
     /// A pair that the second report alone failed on is worse.
@@ -243,11 +286,32 @@ impl Comparison {
             (true, false) => Conclusion::Worse,
             (false, true) => Conclusion::Better,
             _ if ranked.is_empty() => Conclusion::NotComparable,
-            _ if !is(Judgement::TooFew) || judgements.any(is_tested) => Conclusion::NoChange,
+            _ if self.are_equal() => Conclusion::NoChange,
+            _ if !is(Judgement::TooFew) || judgements.any(is_tested) => Conclusion::NotToldApart,
             _ if self.is_driven() => Conclusion::TooFewCourses,
             _ => Conclusion::TooFewPairs,
         }
     }
+}
+
+/// Judges the metrics that decide, all at once; returns their number.
+fn correct(algorithms: &mut [AlgorithmChange]) -> usize {
+    let mut tests = Vec::new();
+    for own in algorithms {
+        let deciding: Vec<_> = own.deciding().map(|change| change.metric).collect();
+        let is_test = |change: &&mut Change| {
+            let has_no_test = [Judgement::Equal, Judgement::TooFew].contains(&change.judgement);
+            deciding.contains(&change.metric) && !has_no_test
+        };
+        let changes = own.metrics.iter_mut().filter(is_test);
+        tests.extend(changes.filter_map(|change| Some((change.p?, change))));
+    }
+    let probabilities: Vec<_> = tests.iter().map(|(p, _)| *p).collect();
+    for ((_, change), is_real) in tests.iter_mut().zip(holm::are_real(&probabilities)) {
+        let is_more = change.difference > 0.0;
+        change.judgement = Judgement::new(change.metric.better, Some(is_real), is_more);
+    }
+    tests.len()
 }
 
 /// The program and the machine that made a report.
@@ -285,31 +349,60 @@ fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<St
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
     let area = base.first().map(|row| row.metrics.area());
     let resamples = resamples(base);
-    changes_over([base, other], None, area.unwrap_or_default(), &resamples)
+    Changes::over([base, other], None, area.unwrap_or_default(), &resamples).measured
 }
 
-/// The changes of the metrics in an area; none of metrics that no pair has. `errors`: those of
-/// distances in the pairs of both, if both have cells.
-fn changes_over(
-    rows: [&[&Row]; 2],
-    errors: Option<&[Vec<PairErrors>; 2]>,
-    area: AreaChoice,
-    resamples: &Resamples,
-) -> Vec<Change> {
-    let change = |metric: &'static Metric| {
-        let samples = match metric.origin {
-            MetricOrigin::Cells { number, .. } => {
-                let sample = |pairs: &Vec<PairErrors>| RangeErrors::sample(number, pairs, area);
-                errors?.each_ref().map(|pairs| Some(sample(pairs)))
+/// The changes of the metrics in an area, and the metrics that one of the two does not measure.
+#[derive(Default)]
+struct Changes {
+    measured: Vec<Change>,
+    not_measured: Vec<NotMeasured>,
+}
+
+impl Changes {
+    /// `errors`: those of distances in the pairs of both, if both have cells.
+    fn over(
+        rows: [&[&Row]; 2],
+        errors: Option<&[Vec<PairErrors>; 2]>,
+        area: AreaChoice,
+        resamples: &Resamples,
+    ) -> Self {
+        let totals = rows.map(MetricTotals::new);
+        let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
+        let mut changes = Self::default();
+        for metric in METRICS {
+            let number = match metric.origin {
+                MetricOrigin::Cells { number, .. } => Some(number),
+                _ => None,
+            };
+            let measured = [0, 1].map(|side| match number {
+                Some(number) => accuracy.as_ref()?[side].measured(number),
+                None => totals[side].measured(metric, area),
+            });
+            let values = measured.map(|own| metric.value_of(own?));
+            let cases = measured.map(|own| own.map(|own| own.cases));
+            let ([Some(base), Some(other)], [Some(a), Some(b)]) = (values, cases) else {
+                if cases != [None; 2] {
+                    changes.not_measured.push(NotMeasured { metric, cases });
+                }
+                continue;
+            };
+            let samples = match number {
+                Some(number) => {
+                    let sample = |own: &Vec<_>| Some(RangeErrors::sample(number, own, area));
+                    errors.map_or([None, None], |both| both.each_ref().map(sample))
+                }
+                None => rows.map(|rows| sample_in(metric, rows, area)),
+            };
+            if let [Some(before), Some(after)] = &samples {
+                let change =
+                    Change::from_samples(metric, [base, other], [before, after], resamples);
+                let cases = Some([a, b]);
+                changes.measured.push(Change { cases, ..change });
             }
-            _ => rows.map(|rows| sample_in(metric, rows, area)),
-        };
-        let [Some(base), Some(other)] = samples else {
-            return None;
-        };
-        Change::from_samples(metric, [&base, &other], resamples)
-    };
-    METRICS.iter().filter_map(change).collect()
+        }
+        changes
+    }
 }
 
 impl AlgorithmChange {
@@ -321,13 +414,14 @@ impl AlgorithmChange {
             other_algorithm: own.labels[1].to_owned(),
             same_parameters: hashes[0] == hashes[1],
             pairs: own.compared(),
+            base_pairs: own.base_pairs,
             unmatched: own.unmatched,
             newly_failed: own.newly_failed,
             other_past: own.other_past,
             ..Self::default()
         };
         if join.is_driven {
-            Ok(change.with_courses(&own.courses))
+            Ok(change.with_courses(&own.courses, join.tests()))
         } else {
             change.with_pairs(join, own)
         }
@@ -343,14 +437,17 @@ impl AlgorithmChange {
         } else {
             None
         };
-        let changes = |area| changes_over([&a, &b], errors.as_ref(), area, &resamples);
-        let mut metrics = changes(base.area);
+        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples);
+        let Changes {
+            measured: mut metrics,
+            not_measured,
+        } = changes(base.area);
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
         let areas = AreaChoice::ALL.into_iter();
         let areas = areas.filter(|area| *area != base.area).map(|area| {
-            let mut own = changes(area);
+            let mut own = changes(area).measured;
             own.retain(|change| change.metric.by_area);
             (area.name(), own)
         });
@@ -362,6 +459,7 @@ impl AlgorithmChange {
             other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
             metrics,
+            not_measured,
             areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
             has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
@@ -381,6 +479,25 @@ impl AlgorithmChange {
     /// All changes of the area.
     pub fn changes(&self) -> impl Iterator<Item = &Change> {
         self.metrics.iter().chain(&self.checkpoints)
+    }
+
+    /// The changes of the metrics that decide if it became better or worse: those of the headline
+    /// with a better direction, but checkpoints and times.
+    pub fn deciding(&self) -> impl Iterator<Item = &Change> {
+        let headline = self.metrics(&ColumnChoice::Headline);
+        let metrics = self.metrics.iter();
+        metrics.filter(move |own| headline.contains(&own.metric) && text::is_ranked(own.metric))
+    }
+
+    /// The pairs of the base that are compared, in words, if they are too few.
+    fn few_in_common(&self, min_common: f64) -> Option<String> {
+        let (common, all) = (self.pairs + self.newly_failed, self.base_pairs);
+        let percent = 100.0 * min_common;
+        ((common as f64) < min_common * all as f64).then(|| {
+            let things = counted(all, self.things());
+            let own = &self.algorithm;
+            format!("{common} of the base's {things} of {own}, fewer than {percent} %")
+        })
     }
 
     /// All changes, those of other areas included.
@@ -404,6 +521,7 @@ fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<C
         let passed = Metric::find("passed")?;
         Some(Change {
             checkpoint: Some(CheckpointName { checkpoint, name }),
+            cases: Some([a, b].map(|(_, frames)| Cases::items(frames))),
             ..Change::new(passed, values, values[1] - values[0], interval)
         })
     };
@@ -434,19 +552,23 @@ impl Change {
 
     fn from_samples(
         metric: &'static Metric,
+        values: [f64; 2],
         [base, other]: [&Sample; 2],
         resamples: &Resamples,
-    ) -> Option<Self> {
+    ) -> Self {
         let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
             // Times scale with the machine, so their change is a factor.
             (MetricUnit::Ms, _) => |a, b| b / a,
             (_, Better::Zero) => |a, b| b.abs() - a.abs(),
             _ => |a, b| b - a,
         };
-        let values = [base.total()?, other.total()?];
-        let interval = Sample::interval_between(base, other, difference, resamples);
+        let draws = Sample::draws_between(base, other, difference, resamples);
         let change = difference(values[0], values[1]);
-        Some(Self::new(metric, values, change, interval))
+        let p = draws.as_ref().map(|draws| resamples.p_value(change, draws));
+        Self {
+            p: p.filter(|_| metric.unit != MetricUnit::Ms),
+            ..Self::new(metric, values, change, draws.and_then(middle))
+        }
     }
 
     fn new(
@@ -470,6 +592,8 @@ impl Change {
             other,
             difference,
             interval,
+            p: None,
+            cases: None,
             judgement,
         }
     }
@@ -499,5 +623,95 @@ impl Judgement {
             (_, Better::More, true) | (_, Better::Less | Better::Zero, false) => Self::Better,
             _ => Self::Worse,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::speed::tests::row;
+    use svl_score::judge::MetricValues;
+
+    const COMPARISONS: u64 = 60;
+
+    /// A run of 280 pairs, in 20 blocks, scored by two programs that are exchangeable: each pair's
+    /// two results go to one and to the other by a coin. The second has `loss` of its right cells
+    /// wrong besides.
+    fn coin(seed: u64, loss: f64) -> [Vec<Row>; 2] {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let mut sides = [Vec::new(), Vec::new()];
+        let mut drift = 0.0;
+        for sequence in 0..280 {
+            // Neighbouring pairs are about as hard.
+            drift = 0.9 * drift + random.f64() - 0.5;
+            let mut result = |loss: f64| {
+                let share = 0.8 + 0.1 * drift - loss;
+                let right = (0..60).filter(|_| random.f64() < share).count() as f64;
+                let missed = (0..4).filter(|_| random.f64() < 0.2 - 0.1 * drift).count() as f64;
+                let falsely = f64::from(u8::from(random.f64() < 0.05));
+                let floor = f64::from(u8::from(random.f64() < 0.05));
+                let metrics = MetricValues::from([
+                    ("right", right),
+                    ("wrong", ((60.0 - right) / 2.0).floor()),
+                    ("unknown", ((60.0 - right) / 2.0).ceil()),
+                    ("near", 4.0),
+                    ("missed", missed),
+                    ("found", 4.0 - missed),
+                    ("false", falsely),
+                    ("floor", floor),
+                ]);
+                Row {
+                    sequence,
+                    metrics,
+                    result_hash: random.u64(..).to_string(),
+                    ..row(1000, (64, 48), None)
+                }
+            };
+            let mut both = [result(0.0), result(0.0)];
+            if loss > 0.0 {
+                both[1] = result(loss);
+            } else if random.bool() {
+                both.swap(0, 1);
+            }
+            for (side, own) in sides.iter_mut().zip(both) {
+                side.push(own);
+            }
+        }
+        sides
+    }
+
+    /// The numbers of comparisons in which a metric that decides became worse, with Holm's
+    /// correction and without.
+    fn worse(loss: f64) -> [usize; 2] {
+        let judged = (0..COMPARISONS).map(|seed| {
+            let rows = coin(seed, loss);
+            let [base, other] = rows.each_ref().map(|rows| rows.iter().collect::<Vec<_>>());
+            let mut own = [AlgorithmChange {
+                metrics: changes(&base, &other),
+                ..AlgorithmChange::default()
+            }];
+            let is_worse = |own: &AlgorithmChange| {
+                let mut all = own.deciding().map(|change| change.judgement);
+                all.any(|judgement| judgement == Judgement::Worse)
+            };
+            let alone = is_worse(&own[0]);
+            assert!(correct(&mut own) <= 6);
+            [is_worse(&own[0]), alone]
+        });
+        judged.fold([0; 2], |[a, b], [own, alone]| {
+            [a + usize::from(own), b + usize::from(alone)]
+        })
+    }
+
+    #[test]
+    fn exchangeable_programs_are_hardly_ever_worse() {
+        let [corrected, alone] = worse(0.0);
+        assert!(corrected <= 4 && alone > corrected, "{corrected} {alone}");
+    }
+
+    #[test]
+    fn a_loss_of_three_points_is_found() {
+        let [found, _] = worse(0.03);
+        assert!(found >= 57, "{found}");
     }
 }

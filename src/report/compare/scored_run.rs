@@ -6,7 +6,7 @@ use crate::csv_rows::{RowReader, read_rows};
 use crate::drives::{CoursePlan, DriveRow};
 use crate::prior::PRIOR;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use crate::samples::{RunKey, run_key};
+use crate::samples::{RunKey, run_key, time_ns};
 use crate::sources::Sources;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -201,7 +201,7 @@ impl ScoredRun {
             if last_run.replace(run) != Some(run) {
                 tally.begin_pass();
             }
-            errors[i] = tally.take_pair(pairs[i].stamp_ns, cells);
+            errors[i] = tally.take_pair(time_ns(pairs[i]), cells);
         })?;
         Ok(errors)
     }

@@ -19,6 +19,8 @@ impl Conclusion {
             Self::Worse => "worse",
             Self::Mixed => "mixed",
             Self::NoChange => "no change",
+            Self::NotToldApart => "not told apart",
+            Self::FewInCommon => "few in common",
             Self::TooFewPairs => "too few pairs",
             Self::TooFewCourses => "too few courses",
             Self::NotComparable => "not comparable",
@@ -30,13 +32,19 @@ impl Comparison {
     /// The verdict: its word, then what changed, by how much, and whether that is real.
     pub(super) fn sentence(&self) -> String {
         let (pairs, ranked) = (self.pairs_words(), self.ranked());
-        let (fewest, level) = (self.method.fewest_blocks, self.method.level);
+        let fewest = self.method.fewest_blocks;
+        let level = match self.tested {
+            0 | 1 => self.method.level.to_owned(),
+            _ => format!("{} (Holm)", self.method.level),
+        };
         let differences = self.differences.join("; ");
         let reason = match self.conclusion {
             Conclusion::NotComparable if !self.is_judged() => {
                 format!("scored differently ({differences}): nothing is called better or worse")
             }
-            Conclusion::NotComparable => "they have no headline metric in common".to_owned(),
+            Conclusion::NotComparable | Conclusion::FewInCommon => {
+                "they have no headline metric in common".to_owned()
+            }
             Conclusion::TooFewPairs => format!(
                 "{pairs} are in fewer than {fewest} independent blocks, so there is no interval; \
                  score more pairs"
@@ -44,12 +52,10 @@ impl Comparison {
             Conclusion::TooFewCourses => {
                 format!("fewer than {fewest} of {pairs} differ; drive more, as with --seeds 1..100")
             }
-            Conclusion::NoChange if self.are_equal() => {
-                format!("the results of {pairs} are equal to the bit")
-            }
-            Conclusion::NoChange => {
+            Conclusion::NoChange => format!("the results of {pairs} are equal to the bit"),
+            Conclusion::NotToldApart => {
                 let metrics = counted(ranked.len(), "headline metric");
-                format!("none of {metrics} differs at {level} over {pairs}")
+                format!("none of {metrics} is told from chance at {level} over {pairs}")
             }
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {
                 let (limit, words) = match self.conclusion {
@@ -72,8 +78,10 @@ impl Comparison {
         };
         let besides = self.named(AlgorithmChange::besides);
         let besides = listed(&besides, Judgement::Worse, 1);
-        let besides = besides.map_or_else(String::new, |list| format!("; worse besides: {list}"));
-        format!("{}: {reason}{besides}", self.conclusion.word())
+        let besides = besides.map(|list| format!("worse besides: {list}"));
+        let more = besides.into_iter().chain(self.ambiguous.iter().cloned());
+        let parts: Vec<_> = [reason].into_iter().chain(more).collect();
+        format!("{}: {}", self.conclusion.word(), parts.join("; "))
     }
 
     /// The reasons why algorithms, pairs and metrics are not compared.
@@ -239,6 +247,7 @@ impl Comparison {
         changes.truncate(MAX_LINES + 1 - said.len());
         let all = || self.algorithms.iter().flat_map(AlgorithmChange::changes);
         let count = |judgement| all().filter(|own| own.judgement == judgement).count();
+        let tested = all().count();
         let things = if self.is_driven() {
             "courses"
         } else {
@@ -254,7 +263,7 @@ impl Comparison {
             self.other.display(),
             count(Judgement::Better),
             count(Judgement::Worse),
-            self.tested,
+            tested,
             caution.map_or_else(String::new, |line| escape(&format!("; {line}"))),
         )
     }
@@ -276,7 +285,7 @@ impl Comparison {
     }
 
     /// True if all pairs have equal results.
-    fn are_equal(&self) -> bool {
+    pub(super) fn are_equal(&self) -> bool {
         let mut algorithms = self.algorithms.iter();
         algorithms.all(|own| own.equal_results == own.pairs)
     }
@@ -294,9 +303,11 @@ impl Comparison {
     }
 }
 
-/// True for a metric that decides: it has a better direction, and is tested.
+/// True for a metric that decides where it is in the headline: it has a better direction, and is of
+/// the pairs that are resampled.
 pub(super) fn is_ranked(metric: &Metric) -> bool {
-    metric.better != Better::Neither && metric.unit != MetricUnit::Ms
+    let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
+    metric.better != Better::Neither && metric.unit != MetricUnit::Ms && !is_of_checkpoints
 }
 
 /// The changes of that judgement, the first of them with their values: the surest change, but more
@@ -332,7 +343,7 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
 
 impl AlgorithmChange {
     /// The headline metrics, or those of a choice.
-    fn metrics(&self, columns: &ColumnChoice) -> Vec<&'static Metric> {
+    pub(super) fn metrics(&self, columns: &ColumnChoice) -> Vec<&'static Metric> {
         let has = |name: &str| self.metrics.iter().any(|change| change.metric.name == name);
         columns.metrics(TruthLevel::from_measured(has))
     }
@@ -355,7 +366,7 @@ impl AlgorithmChange {
         let headline = self.metrics(&ColumnChoice::Headline);
         let worse = self.changes();
         let worse = worse.filter(|change| change.judgement == Judgement::Worse);
-        let worse = worse.filter(|change| !headline.contains(&change.metric));
+        let worse = worse.filter(|own| !headline.contains(&own.metric) || !is_ranked(own.metric));
         worse.collect()
     }
 
@@ -364,7 +375,9 @@ impl AlgorithmChange {
     fn rows(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let mut rows = self.shown(columns);
         if *columns == ColumnChoice::Headline {
-            rows.extend(self.besides());
+            let mut besides = self.besides();
+            besides.retain(|own| !rows.iter().any(|row| std::ptr::eq(*row, *own)));
+            rows.extend(besides);
         }
         rows
     }
@@ -441,6 +454,10 @@ impl Judgement {
 fn change_table(changes: &[(String, &Change)]) -> Table {
     let table = Table::new("", "metric").with_columns(["before", "after", "change"]);
     let mut table = table.with_texts(["95 % interval", "real?"]);
+    table.columns.push(TableColumn {
+        is_optional: true,
+        ..TableColumn::text("", "over")
+    });
     for (name, change) in changes {
         let metric = change.metric;
         let is_magnitude = metric.is_signed();
@@ -459,6 +476,7 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
             signed(metric, change.difference),
             bounds.unwrap_or_else(|| no_bounds.to_owned()),
             word.to_owned(),
+            change.cases_words(),
         ];
         table.push(
             name.clone() + if is_magnitude { ", magnitude" } else { "" },
@@ -481,6 +499,18 @@ impl Change {
             (Judgement::Worse, word) => TableCell::Alert(format!("{difference} {word}")),
             (own, word) if own.is_told() => TableCell::Text(format!("{difference} {word}")),
             _ => TableCell::Text(difference),
+        }
+    }
+
+    /// The cases that the two numbers rest on.
+    fn cases_words(&self) -> String {
+        let words = self
+            .cases
+            .map(|both| both.map(|own| self.metric.cases_words(&own)));
+        match words {
+            None => NONE.to_owned(),
+            Some([base, other]) if base == other => base,
+            Some([base, other]) => format!("{base} → {other}"),
         }
     }
 

@@ -100,7 +100,7 @@ fn mark_view(
 pub(super) fn cells(row: &Row) -> String {
     let group = Metric::find("right").map(|metric| metric.group);
     let is_share = |metric: &&Metric| {
-        Some(metric.group) == group && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
+        Some(metric.group) == group && matches!(metric.column(), Some((_, MetricTotal::Share)))
     };
     let count = |metric: &Metric| {
         let cells = row.metrics.get_in(metric.name, AreaChoice::All)?;

@@ -13,6 +13,7 @@ use crate::prior::{PRIOR, PriorTally};
 use crate::reliability::ReliabilityTallies;
 use crate::results::ReportTables;
 use crate::rows::{CellRow, CheckpointRow, FailureRow, Row};
+use crate::samples::time_ns;
 use crate::table_writer::{TableWriter, write_table};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
@@ -131,7 +132,7 @@ pub fn collect_tables(
             if let Some(pair) = pair {
                 rule.add_agreed(&mut rows.rows, &rows.cells, pair.infinity_px);
                 if let Some(row) = rows.rows.first() {
-                    accuracy.add(row.stamp_ns, &rows.cells);
+                    accuracy.add(time_ns(row), &rows.cells);
                     reliability.add(&rows.cells);
                     prior.add(row, std::mem::take(&mut rows.truths));
                 }

@@ -4,7 +4,7 @@ use super::{AreaChoice, CellArea};
 use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid};
 
 /// The score of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Right,
@@ -12,6 +12,7 @@ pub enum Verdict {
     /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
     Unknown,
     /// The truth is unknown there, or its points do not determine the cell's median.
+    #[default]
     NoTruth,
 }
 

@@ -44,8 +44,10 @@ impl ColumnChoice {
         if names.contains(&"all") {
             return Err("'all' stands alone: it names every column".to_owned());
         }
-        let find = |name: &&str| Metric::named(name, |_| true);
-        let metrics = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let metrics = names
+            .iter()
+            .map(|name| Metric::named(name))
+            .collect::<Result<Vec<_>, _>>()?;
         let is_repeated = |i: usize| metrics[..i].contains(&metrics[i]);
         if let Some(i) = (0..metrics.len()).find(|&i| is_repeated(i)) {
             return Err(format!("the column {} is named twice", names[i]));

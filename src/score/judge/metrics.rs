@@ -4,6 +4,7 @@
 //! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
+use super::measured::{CaseKind, Cases, Measured, Minimum, counted};
 use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
 use Better::{Less, More, Neither, Zero};
 use MetricUnit::{Count, M, Ms, Per100M, Px, Share};
@@ -111,6 +112,9 @@ pub struct Metric {
     /// True if it has a value for each area: it is of scored cells. Others are of all cells.
     pub by_area: bool,
     pub origin: MetricOrigin,
+    /// The cases that its value rests on, and the fewest of them.
+    pub cases: CaseKind,
+    pub minimum: Minimum,
     /// Path of its plot per frame in Rerun, below the algorithm.
     pub plot: Option<&'static str>,
     /// Term and meaning, on demand.
@@ -150,7 +154,7 @@ impl TruthLevel {
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
         // Only distances tell what is near, or nearer than the range.
-        if has("missed") || has("blind") {
+        if has("false") || has("blind") || has("close") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities
@@ -173,6 +177,20 @@ pub enum MetricUnit {
     Ms,
     /// Number per 100 m driven.
     Per100M,
+}
+
+impl MetricUnit {
+    /// The unit as columns show it; counts have none.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Share => Some("%"),
+            Count => None,
+            Px => Some("px"),
+            M => Some("m"),
+            Ms => Some("ms"),
+            Per100M => Some("1/100 m"),
+        }
+    }
 }
 
 /// Direction in which a metric improves.
@@ -241,11 +259,9 @@ pub enum DriveNumber {
 pub enum MetricTotal {
     Mean,
     Sum,
-    /// The sum, divided by the sum of these metrics.
-    ShareOf(&'static [&'static str]),
+    /// The sum, divided by the number of its cases.
+    Share,
 }
-
-const SCORED_CELLS: &[&str] = &["right", "wrong", "unknown"];
 
 /// The value of a frame.
 type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
@@ -275,13 +291,9 @@ const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin 
     MetricOrigin::Cells { column, number }
 }
 
-/// A metric of frames whose sum is a part of the sums of others.
-const fn part(
-    whole: &'static [&'static str],
-    column: &'static str,
-    value: FrameValue,
-) -> MetricOrigin {
-    let total = MetricTotal::ShareOf(whole);
+/// A metric of frames whose sum is a part of its cases.
+const fn part(column: &'static str, value: FrameValue) -> MetricOrigin {
+    let total = MetricTotal::Share;
     MetricOrigin::Frame {
         column,
         value,
@@ -307,6 +319,8 @@ const fn metric(
         against_truth: true,
         by_area: false,
         origin: MetricOrigin::Time,
+        cases: CaseKind::Items("pair*"),
+        minimum: Minimum::ONE,
         plot: None,
         note: None,
         level: MetricLevel::Detail,
@@ -324,6 +338,15 @@ impl Metric {
 
     const fn origin(self, origin: MetricOrigin) -> Self {
         Self { origin, ..self }
+    }
+
+    const fn over(self, cases: CaseKind) -> Self {
+        Self { cases, ..self }
+    }
+
+    const fn at_least(self, cases: u64, share: Option<f64>) -> Self {
+        let minimum = Minimum { cases, share };
+        Self { minimum, ..self }
     }
 
     const fn by_area(self) -> Self {
@@ -369,6 +392,16 @@ impl Metric {
     }
 }
 
+const SCORED_CELLS: CaseKind = CaseKind::Sum(&["right", "wrong", "unknown"], "cell*");
+const NEAR: CaseKind = CaseKind::Sum(&["near"], "near obstacle*");
+const BEHIND_FILTERS: CaseKind =
+    CaseKind::Sum(&["kept", "lost"], "obstacle* right without filters");
+const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
+const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
+const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
+/// Fewest of the cells that errors and noise are of: those without a finite report are left out.
+const MIN_SHARE: Option<f64> = Some(0.95);
+
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 
@@ -376,32 +409,34 @@ const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 pub const METRICS: &[Metric] = &[
     metric("right", "right cells", "cells, %", "right")
         .unit(Share, More)
-        .origin(part(SCORED_CELLS, "cells_right", |facts| {
+        .origin(part("cells_right", |facts| {
             facts.cells(|cells| cells.right)
         }))
+        .over(SCORED_CELLS)
         .by_area()
         .note_by_rule(|rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
             let words = format!(
-                "fractions of the cells with truth; right: {right}, far up to {far_px} px; unknown \
-                 is not wrong"
+                "those with truth; right: {right}, far up to {far_px} px; unknown is not wrong"
             );
             ("cells", words)
         })
         .headline(&[Distances]),
     metric("wrong", "wrong cells", "cells, %", "wrong")
         .unit(Share, Less)
-        .origin(part(SCORED_CELLS, "cells_wrong", |facts| {
+        .origin(part("cells_wrong", |facts| {
             facts.cells(|cells| cells.wrong)
         }))
+        .over(SCORED_CELLS)
         .by_area()
         .plotted_at("wrong_cells")
         .headline(&[Distances]),
     metric("unknown", "unknown cells", "cells, %", "unknown")
         .unit(Share, Neither)
-        .origin(part(SCORED_CELLS, "cells_unknown", |facts| {
+        .origin(part("cells_unknown", |facts| {
             facts.cells(|cells| cells.unknown)
         }))
+        .over(SCORED_CELLS)
         .by_area()
         .headline(&[Distances]),
     metric("known", "known cells", "cells, %", "known")
@@ -424,9 +459,10 @@ pub const METRICS: &[Metric] = &[
         "right",
     )
     .unit(Share, More)
-    .origin(part(SCORED_CELLS, "cells_right_surface", |facts| {
+    .origin(part("cells_right_surface", |facts| {
         facts.cells(|cells| cells.right_surface)
     }))
+    .over(SCORED_CELLS)
     .by_area()
     .note(
         "by surface",
@@ -440,9 +476,10 @@ pub const METRICS: &[Metric] = &[
         "wrong",
     )
     .unit(Share, Less)
-    .origin(part(SCORED_CELLS, "cells_wrong_surface", |facts| {
+    .origin(part("cells_wrong_surface", |facts| {
         facts.cells(|cells| cells.wrong_surface)
     }))
+    .over(SCORED_CELLS)
     .by_area(),
     metric(
         "missed",
@@ -454,6 +491,7 @@ pub const METRICS: &[Metric] = &[
     .origin(sum("missed", |facts| {
         facts.near_obstacles(|cells| cells.missed)
     }))
+    .over(NEAR)
     .note_by_rule(|rule| {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let words = format!(
@@ -469,12 +507,14 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("false", |facts| {
             facts.near_obstacles(|cells| cells.falsely)
         }))
+        .over(SCORED_CELLS)
         .headline(&[Distances]),
     metric("found", "found near obstacles", "near obstacles", "found %")
         .unit(Share, More)
-        .origin(part(&["near"], "found", |facts| {
+        .origin(part("found_obstacles", |facts| {
             facts.near_obstacles(|cells| cells.found)
         }))
+        .over(NEAR)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -491,6 +531,7 @@ pub const METRICS: &[Metric] = &[
             let floor = facts.near_obstacles(|cells| cells.floor);
             floor.filter(|_| facts.knows_floor())
         }))
+        .over(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -506,11 +547,12 @@ pub const METRICS: &[Metric] = &[
         .origin(sum("near", |facts| {
             facts.near_obstacles(|cells| cells.near)
         }))
+        .over(SCORED_CELLS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
                 "near obstacles: cells of which a quarter is nearer than {obstacle_m} m and not \
-                 floor (all), and the fraction of them in which nothing is reported (unknown)"
+                 floor (all), and those of them in which nothing is reported (unknown)"
             );
             ("all, unknown", words)
         }),
@@ -521,9 +563,10 @@ pub const METRICS: &[Metric] = &[
         "unknown, %",
     )
     .unit(Share, Less)
-    .origin(part(&["near"], "near_unknown", |facts| {
+    .origin(part("unknown_obstacles", |facts| {
         facts.near_obstacles(|cells| cells.near_unknown)
-    })),
+    }))
+    .over(NEAR),
     metric("coverage", "coverage", "pixels, %", "cover")
         .unit(Share, Neither)
         .origin(mean("coverage", |facts| {
@@ -618,12 +661,14 @@ pub const METRICS: &[Metric] = &[
         .unit(Count, More)
         .origin(sum("kept_obstacles", |facts| {
             facts.filtered(|cells| cells.kept)
-        })),
+        }))
+        .over(BEHIND_FILTERS),
     metric("lost", "obstacles lost to filters", "filters", "lost %")
         .unit(Share, Less)
-        .origin(part(&["kept", "lost"], "lost_obstacles", |facts| {
+        .origin(part("lost_obstacles", |facts| {
             facts.filtered(|cells| cells.lost)
         }))
+        .over(BEHIND_FILTERS)
         .note_by_rule(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -639,9 +684,10 @@ pub const METRICS: &[Metric] = &[
         "close %",
     )
     .unit(Share, More)
-    .origin(part(&["close", "blind"], "close_cells", |facts| {
+    .origin(part("close_cells", |facts| {
         facts.filtered(|cells| cells.close)
     }))
+    .over(OUT_OF_RANGE)
     .note(
         "close, blind",
         "cells truly nearer than the range of disparities: reported as too close, \
@@ -656,7 +702,8 @@ pub const METRICS: &[Metric] = &[
     .unit(Count, Less)
     .origin(sum("blind_cells", |facts| {
         facts.filtered(|cells| cells.blind)
-    })),
+    }))
+    .over(OUT_OF_RANGE),
     metric(
         "alarms",
         "frames with a false alarm of too close",
@@ -678,6 +725,8 @@ pub const METRICS: &[Metric] = &[
     metric("bias", "bias of distances", "distance error", "bias m")
         .unit(M, Zero)
         .origin(error_number("bias_m", CellNumber::Bias))
+        .over(ERRORS)
+        .at_least(1, MIN_SHARE)
         .by_area()
         .note(
             "distance error",
@@ -689,6 +738,8 @@ pub const METRICS: &[Metric] = &[
     metric("rmse", "RMSE of distances", "distance error", "RMSE m")
         .unit(M, Less)
         .origin(error_number("rmse_m", CellNumber::Rmse))
+        .over(ERRORS)
+        .at_least(1, MIN_SHARE)
         .by_area(),
     metric(
         "median_error",
@@ -698,6 +749,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("median_error_m", CellNumber::MedianError))
+    .over(ERRORS)
+    .at_least(1, MIN_SHARE)
     .by_area(),
     metric(
         "abs_rel",
@@ -707,6 +760,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Share, Less)
     .origin(error_number("abs_rel", CellNumber::AbsRel))
+    .over(ERRORS)
+    .at_least(1, MIN_SHARE)
     .by_area(),
     metric(
         "error_cells",
@@ -716,6 +771,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Count, Neither)
     .origin(error_number("error_cells", CellNumber::ErrorCells))
+    .at_least(0, None)
     .by_area(),
     metric(
         "noise",
@@ -725,6 +781,8 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(M, Less)
     .origin(error_number("noise_m", CellNumber::Noise))
+    .over(CHANGES)
+    .at_least(2, MIN_SHARE)
     .by_area()
     .note(
         "over time",
@@ -735,10 +793,13 @@ pub const METRICS: &[Metric] = &[
     metric("flicker", "flickering cells", "over time", "flicker %")
         .unit(Share, Less)
         .origin(error_number("flicker", CellNumber::Flicker))
+        .over(CHANGES)
+        .at_least(2, None)
         .by_area(),
     metric("resting_cells", "cells at rest", "over time", "resting")
         .unit(Count, Neither)
         .origin(error_number("resting_cells", CellNumber::RestingCells))
+        .at_least(0, None)
         .by_area(),
     metric("scored_pairs", "scored pairs", "scored", "scored pairs")
         .unit(Count, Neither)
@@ -747,6 +808,7 @@ pub const METRICS: &[Metric] = &[
                 facts.scored()? > 0 || facts.has_scored_pixels(),
             )))
         }))
+        .at_least(0, None)
         .note(
             "scored",
             "pairs and cells with enough of a truth: all other numbers against truth \
@@ -756,10 +818,12 @@ pub const METRICS: &[Metric] = &[
         .unit(Count, Neither)
         .origin(sum("scored_cells", |facts| {
             facts.scored().map(|cells| cells as f64)
-        })),
+        }))
+        .at_least(0, None),
     metric("passed", "frames passed", "", "passed")
         .unit(Share, More)
         .origin(MetricOrigin::Checkpoints)
+        .over(CaseKind::Items("frame*"))
         .without_truth()
         .headline(SCORED),
     metric("time", "median time", "ms per pair", "p50")
@@ -770,6 +834,7 @@ pub const METRICS: &[Metric] = &[
     metric("finished", "courses finished", "", "finished")
         .unit(Share, More)
         .origin(MetricOrigin::Drives(DriveNumber::Finished))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "finished",
@@ -779,6 +844,7 @@ pub const METRICS: &[Metric] = &[
     metric("collisions", "collisions", "", "hits/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::Collisions))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "hits/100 m",
@@ -788,6 +854,7 @@ pub const METRICS: &[Metric] = &[
     metric("near_misses", "near misses", "", "near/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "near/100 m",
@@ -797,6 +864,7 @@ pub const METRICS: &[Metric] = &[
     metric("driven", "metres driven", "", "driven m")
         .unit(M, Neither)
         .origin(MetricOrigin::Drives(DriveNumber::Driven))
+        .over(CaseKind::Items("course*"))
         .without_truth()
         .note(
             "driven m",
@@ -811,12 +879,11 @@ impl Metric {
         METRICS.iter().find(|metric| metric.name == name)
     }
 
-    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is
-    /// true.
+    /// The metric of that name, or of that heading in a table, `%` or not.
     ///
     /// # Errors
     /// One line with the nearest name, or those of the metrics that share the heading.
-    pub fn named(name: &str, fits: impl Fn(&Self) -> bool) -> Result<&'static Self, String> {
+    pub fn named(name: &str) -> Result<&'static Self, String> {
         let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
         let is_headed = |metric: &&Self| {
             let has = |head: &str| plain(head) == plain(name);
@@ -827,21 +894,17 @@ impl Metric {
             let names: Vec<_> = metrics.iter().map(|metric| metric.name).collect();
             names.join(", ")
         };
-        let all: Vec<_> = METRICS.iter().filter(|metric| fits(metric)).collect();
-        if let Some(found) = all.iter().find(|metric| metric.name == name) {
+        if let Some(found) = Self::find(name) {
             return Ok(found);
         }
         // `unknown, %` is a heading of its own, and `unknown` the name of another metric.
-        let mut exact = all.iter().filter(|metric| metric.head == name);
+        let mut exact = METRICS.iter().filter(|metric| metric.head == name);
         if let (Some(found), None) = (exact.next(), exact.next()) {
             return Ok(found);
         }
-        let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
+        let headed: Vec<_> = METRICS.iter().filter(is_headed).collect();
         match headed[..] {
             [found] => Ok(found),
-            [] if Self::find(name).is_some() => Err(format!(
-                "'{name}' is not measured per pair; name a metric that is"
-            )),
             [] => Err(Self::unknown(name)),
             _ => Err(format!(
                 "'{name}' heads several columns; which of {}?",
@@ -889,7 +952,7 @@ impl Metric {
 
     /// True if its column contains whole numbers.
     pub fn counts(&self) -> bool {
-        let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
+        let share = |(_, total)| total == MetricTotal::Share;
         self.unit == Count || self.column().is_some_and(share)
     }
 
@@ -919,6 +982,53 @@ impl Metric {
             Ms => format!("{value:.2}x"),
             _ => self.show(value),
         }
+    }
+}
+
+impl Metric {
+    /// True if a value that rests on these cases counts as measured.
+    pub fn is_measured(&self, cases: &Cases, minimum: Minimum) -> bool {
+        let has_share = |share: f64| {
+            let cells = cases.cells.unwrap_or_default() as f64;
+            let possible = cases.possible.unwrap_or_default() as f64;
+            cells >= share * possible
+        };
+        cases.count(self.cases) >= minimum.cases && minimum.share.is_none_or(has_share)
+    }
+
+    /// The value, if it counts as measured.
+    pub fn value_of(&self, own: Measured) -> Option<f64> {
+        self.is_measured(&own.cases, self.minimum)
+            .then_some(own.value)
+    }
+
+    /// The cases in words.
+    pub fn cases_words(&self, cases: &Cases) -> String {
+        let cells = cases.cells.unwrap_or_default();
+        let possible = cases.possible.filter(|possible| *possible != cells);
+        let cells = |words| match possible {
+            Some(possible) => format!("{cells} of {}", counted(possible, words)),
+            None => counted(cells, words),
+        };
+        match self.cases {
+            CaseKind::Items(words) => counted(cases.items, words),
+            CaseKind::Sum(_, words) | CaseKind::Errors(words) => cells(words),
+            CaseKind::Changes(words) => {
+                format!("{}, {}", counted(cases.items, "frame*"), cells(words))
+            }
+        }
+    }
+
+    /// A minimum in words.
+    pub fn minimum_words(&self, minimum: Minimum) -> String {
+        let words = match self.cases {
+            CaseKind::Changes(_) => "frame*",
+            CaseKind::Items(words) | CaseKind::Sum(_, words) | CaseKind::Errors(words) => words,
+        };
+        let share = minimum.share.map(|share| format!("{:.0} %", 100.0 * share));
+        let count = (minimum.cases > 1 || share.is_none()).then(|| counted(minimum.cases, words));
+        let parts: Vec<_> = count.into_iter().chain(share).collect();
+        parts.join(" and ")
     }
 }
 
@@ -1050,10 +1160,16 @@ impl MetricValues {
         }
     }
 
-    /// The denominator of a metric that is a fraction of others, in an area.
+    /// The number of the cases of a metric that counts them, in an area; those of a metric of no
+    /// area are of all.
     pub fn whole_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
-        match metric.column()?.1 {
-            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get_in(part, area)).sum(),
+        let area = if metric.by_area {
+            area
+        } else {
+            AreaChoice::All
+        };
+        match metric.cases {
+            CaseKind::Sum(parts, _) => parts.iter().map(|part| self.get_in(part, area)).sum(),
             _ => None,
         }
     }
@@ -1067,7 +1183,7 @@ impl MetricValues {
     pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let value = self.get_in(metric.name, area)?;
         match metric.column() {
-            Some((_, MetricTotal::ShareOf(_))) => {
+            Some((_, MetricTotal::Share)) => {
                 let whole = self.whole_in(metric, area);
                 // A frame with only unknown truths has cells, but none that could be right.
                 Some(value / whole.filter(|whole| *whole > 0.0)?)
@@ -1117,16 +1233,20 @@ mod tests {
         assert_eq!(distinct.len(), columns.len());
         let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
         assert_eq!(names.len(), METRICS.len());
-        for (_, total) in columns {
-            if let MetricTotal::ShareOf(parts) = total {
+        for metric in METRICS {
+            if let CaseKind::Sum(parts, _) = metric.cases {
                 assert!(parts.iter().all(|part| Metric::find(part).is_some()));
             }
+            let is_share = |(_, total)| total == MetricTotal::Share;
+            assert!(
+                !metric.column().is_some_and(is_share) || matches!(metric.cases, CaseKind::Sum(..))
+            );
         }
     }
 
     #[test]
     fn every_heading_names_its_metric() {
-        let named = |text: &str| Metric::named(text, |_| true);
+        let named = Metric::named;
         for metric in METRICS {
             assert_eq!(named(metric.name), Ok(metric));
             let alike = METRICS.iter().filter(|other| other.head == metric.head);
@@ -1157,11 +1277,6 @@ mod tests {
         let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` \
                        lists them";
         assert_eq!(named("rigth"), Err(unknown.to_owned()));
-        let unfit = Metric::named("collisions", Metric::is_of_frames);
-        assert!(unfit.unwrap_err().contains("is not measured per pair"));
-        // Without the one of that name, the heading is that of two.
-        let others = Metric::named("right", |metric| metric.name != "right");
-        assert_eq!(others.map(|metric| metric.name), Ok("right_surface"));
     }
 
     #[test]
@@ -1190,5 +1305,61 @@ mod tests {
         );
         let none = MetricValues::from([("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)]);
         assert_eq!(none.value(metric("right")), None);
+    }
+
+    fn metric(name: &str) -> &'static Metric {
+        Metric::find(name).unwrap()
+    }
+
+    #[test]
+    fn fewer_cases_than_the_minimum_are_no_measurement() {
+        let is_measured = |name: &str, items, cells, possible| {
+            let cases = Cases {
+                items,
+                cells,
+                possible,
+            };
+            metric(name).is_measured(&cases, metric(name).minimum)
+        };
+        for name in ["missed", "blind", "found", "right", "kept"] {
+            assert!(!is_measured(name, 9, Some(0), None), "{name}");
+            assert!(is_measured(name, 9, Some(1), None), "{name}");
+        }
+        for name in ["bias", "rmse", "median_error", "abs_rel"] {
+            assert!(!is_measured(name, 9, Some(94), Some(100)), "{name}");
+            assert!(is_measured(name, 9, Some(95), Some(100)), "{name}");
+            assert!(!is_measured(name, 9, Some(0), Some(0)), "{name}");
+        }
+        for name in ["noise", "flicker"] {
+            assert!(!is_measured(name, 1, Some(50), None), "{name}");
+            assert!(is_measured(name, 2, Some(50), None), "{name}");
+        }
+        assert!(!is_measured("noise", 2, Some(9), Some(10)));
+        assert!(!is_measured("coverage", 0, None, None) && is_measured("time", 1, None, None));
+    }
+
+    #[test]
+    fn cases_have_words() {
+        let words = |name: &str, items, cells, possible| {
+            metric(name).cases_words(&Cases {
+                items,
+                cells,
+                possible,
+            })
+        };
+        assert_eq!(words("missed", 9, Some(1), None), "1 near obstacle");
+        assert_eq!(words("right", 9, Some(20), None), "20 cells");
+        assert_eq!(words("time", 9, None, None), "9 pairs");
+        let known = "19 of 20 known cells with a finite truth";
+        assert_eq!(words("rmse", 9, Some(19), Some(20)), known);
+        assert_eq!(
+            words("noise", 9, Some(20), Some(20)),
+            "9 frames, 20 cells at rest"
+        );
+        let minimum = |name| metric(name).minimum_words(metric(name).minimum);
+        assert_eq!(
+            ["missed", "rmse", "flicker", "noise"].map(minimum),
+            ["1 near obstacle", "95 %", "2 frames", "2 frames and 95 %"]
+        );
     }
 }

@@ -8,6 +8,7 @@ mod columns;
 mod disparity;
 mod filtered;
 mod judged;
+mod measured;
 mod metrics;
 mod photometric;
 pub mod protocol;
@@ -27,6 +28,7 @@ pub use columns::ColumnChoice;
 pub use disparity::DisparityScore;
 pub use filtered::FilterTally;
 pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
+pub use measured::{CaseKind, Cases, Measured, Minimum};
 pub use metrics::{
     Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel,
     MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,

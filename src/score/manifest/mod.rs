@@ -22,7 +22,7 @@ use svl_files::BuildInfo;
 ///
 /// Within one version, columns and keys keep their names, units and meanings; new ones may be
 /// added anywhere. Renaming, removing or redefining one increments it.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
 /// `svl.run`).

@@ -1,6 +1,6 @@
 //! A limit of a run's metrics: an entry of `[[gate]]`.
 
-use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit};
+use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit, Minimum};
 use serde::{Deserialize, Deserializer, Serialize};
 use svl_core::{Error, Result};
 
@@ -25,6 +25,12 @@ pub struct Limit {
     pub min: Option<f64>,
     /// Upper limit.
     pub max: Option<f64>,
+    /// Upper limit of the magnitude, of a metric that may be negative.
+    pub max_magnitude: Option<f64>,
+    /// The fewest cases, in place of the metric's.
+    pub min_cases: Option<u64>,
+    /// The smallest share of the cells that could have had a value, in place of the metric's.
+    pub min_share: Option<f64>,
     /// Line of the scenario file.
     #[serde(skip)]
     pub line: usize,
@@ -51,9 +57,87 @@ impl Limit {
         }
     }
 
-    /// True if its numbers may be negative: a bias, or the difference to the prior.
-    fn is_signed(&self) -> bool {
-        self.metric.is_signed() || self.relative_to.as_deref() == Some(PRIOR)
+    /// The lower and the upper limit.
+    pub fn bounds(&self) -> [Option<f64>; 2] {
+        match self.max_magnitude {
+            Some(most) => [Some(-most), Some(most)],
+            None => [self.min, self.max],
+        }
+    }
+
+    /// The fewest cases; with fewer the metric is not measured.
+    pub fn minimum(&self) -> Minimum {
+        let Minimum { cases, share } = self.metric.minimum;
+        Minimum {
+            cases: self.min_cases.unwrap_or(cases),
+            share: self.min_share.or(share),
+        }
+    }
+
+    /// The least and the largest number that is possible.
+    fn range(&self) -> [f64; 2] {
+        let most = match self.metric.unit {
+            MetricUnit::Share => 1.0,
+            _ => f64::INFINITY,
+        };
+        let is_signed = self.metric.is_signed() || self.relative_to.as_deref() == Some(PRIOR);
+        [if is_signed { -most } else { 0.0 }, most]
+    }
+
+    /// The fault of a bound that means nothing: one outside the range, or one that cannot fail.
+    fn fault(&self) -> Option<String> {
+        let [least, most] = self.range();
+        let is_share = self.metric.unit == MetricUnit::Share;
+        let range = if is_share {
+            format!("a share, {least} to {most}")
+        } else if least == 0.0 {
+            "a number, 0 or more".to_owned()
+        } else {
+            "a number".to_owned()
+        };
+        let [min, max] = [("min", self.min), ("max", self.max)];
+        let magnitude = ("max_magnitude", self.max_magnitude);
+        let kept = [(min, least), (max, most), (magnitude, most)];
+        kept.into_iter().find_map(|((key, bound), end)| {
+            let bound = bound?;
+            let is_outside = !bound.is_finite() || bound < least || bound > most;
+            let percent = if !is_share {
+                String::new()
+            } else if is_outside {
+                ", so 5 % is 0.05".to_owned()
+            } else {
+                ", 1 % is 0.01".to_owned()
+            };
+            if is_outside || key == magnitude.0 && bound < 0.0 {
+                Some(format!("{key} = {bound}: expected {range}{percent}"))
+            } else {
+                let words = format!("{key} = {bound}: {range}: {bound} is always kept{percent}");
+                (bound == end).then_some(words)
+            }
+        })
+    }
+
+    /// The fault of a minimum of cases that means nothing.
+    fn minimum_fault(&self) -> Option<String> {
+        let is_share = |share: f64| share > 0.0 && share <= 1.0;
+        if self.min_cases == Some(0) {
+            Some("min_cases = 0: expected 1 or more, or nothing is measured and passes".to_owned())
+        } else if let Some(share) = self.min_share.filter(|share| !is_share(*share)) {
+            Some(format!(
+                "min_share = {share}: expected a share, above 0 and up to 1"
+            ))
+        } else if self.min_share.is_some() && self.metric.minimum.share.is_none() {
+            let own = METRICS
+                .iter()
+                .filter(|metric| metric.minimum.share.is_some());
+            let own: Vec<_> = own.map(|metric| metric.name).collect();
+            Some(format!(
+                "min_share belongs to {}; here give min_cases",
+                own.join(", ")
+            ))
+        } else {
+            None
+        }
     }
 
     /// # Errors
@@ -65,21 +149,38 @@ impl Limit {
                 self.line
             )))
         };
-        let bounds = [self.min, self.max];
+        if let Some(fault) = self.fault().or_else(|| self.minimum_fault()) {
+            return wrong(&fault);
+        }
         match self {
-            _ if bounds == [None, None] => wrong("needs min or max"),
-            _ if bounds
-                .iter()
-                .flatten()
-                .any(|bound| !bound.is_finite() || *bound < 0.0 && !self.is_signed()) =>
-            {
-                wrong("min and max are numbers, 0 or more")
+            _ if self.bounds() == [None, None] => wrong("needs min or max"),
+            Self {
+                max_magnitude: Some(_),
+                metric,
+                ..
+            } if !metric.is_signed() => wrong("max_magnitude belongs to bias; here give max"),
+            Self {
+                max_magnitude: Some(_),
+                min,
+                max,
+                ..
+            } if min.or(*max).is_some() => {
+                wrong("max_magnitude stands alone: leave min and max out")
             }
-            _ if self.metric.unit == MetricUnit::Share
-                && bounds.iter().flatten().any(|bound| *bound > 1.0) =>
-            {
-                wrong("a fraction is 0..=1, so 5 % is 0.05")
-            }
+            Self {
+                metric,
+                relative_to: None,
+                min: None,
+                max_magnitude: None,
+                ..
+            } if metric.is_signed() => wrong("max alone: give min too, or max_magnitude"),
+            Self {
+                metric,
+                relative_to: None,
+                max: None,
+                max_magnitude: None,
+                ..
+            } if metric.is_signed() => wrong("min alone: give max too, or max_magnitude"),
             Self {
                 min: Some(min),
                 max: Some(max),

@@ -214,15 +214,79 @@ fn limits_are_checked_and_know_their_lines() {
     let floor = gate("metric = \"right\"\nmin = 0.5\narea = \"floor\"").unwrap();
     assert_eq!(floor.gate[0].area, Some(AreaChoice::Floor));
     // A bias has a sign.
-    assert!(gate("metric = \"bias\"\nmin = -0.1\nmax = 0.1").is_ok());
+    for bias in ["min = -0.1\nmax = 0.1", "max_magnitude = 0.1"] {
+        let limit = &gate(&format!("metric = \"bias\"\n{bias}")).unwrap().gate[0];
+        assert_eq!(limit.bounds(), [Some(-0.1), Some(0.1)]);
+    }
+    let minimum = |keys: &str| {
+        let limit = &gate(&format!("metric = \"rmse\"\nmax = 1\n{keys}"))
+            .unwrap()
+            .gate[0];
+        (limit.minimum().cases, limit.minimum().share)
+    };
+    assert_eq!(minimum(""), (1, Some(0.95)));
+    assert_eq!(minimum("min_cases = 50\nmin_share = 0.5"), (50, Some(0.5)));
+    assert!(gate("metric = \"right\"\nrelative_to = \"prior\"\nmin = 0").is_ok());
     for (limit, word) in [
         ("metric = \"wrong\"", "gate in line 8: needs min or max"),
         (
             "metric = \"rmse\"\nmin = -0.1",
-            "gate in line 8: min and max are numbers, 0 or more",
+            "gate in line 8: min = -0.1: expected a number, 0 or more",
         ),
         ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
-        ("metric = \"wrong\"\nmax = nan", "0 or more"),
+        (
+            "metric = \"wrong\"\nmax = nan",
+            "max = NaN: expected a share, 0 to 1",
+        ),
+        (
+            "metric = \"bias\"\nmax = 0.1",
+            "give min too, or max_magnitude",
+        ),
+        (
+            "metric = \"bias\"\nmin = -0.1",
+            "give max too, or max_magnitude",
+        ),
+        (
+            "metric = \"bias\"\nmax_magnitude = -1",
+            "max_magnitude = -1",
+        ),
+        (
+            "metric = \"bias\"\nmax_magnitude = 1\nmin = 0",
+            "stands alone",
+        ),
+        ("metric = \"rmse\"\nmax_magnitude = 1", "belongs to bias"),
+        (
+            "metric = \"wrong\"\nmax = 1",
+            "a share, 0 to 1: 1 is always kept, 1 % is 0.01",
+        ),
+        (
+            "metric = \"right\"\nmin = 0",
+            "0 is always kept, 1 % is 0.01",
+        ),
+        (
+            "metric = \"missed\"\nmin = 0",
+            "min = 0: a number, 0 or more: 0 is always kept",
+        ),
+        (
+            "metric = \"right\"\nrelative_to = \"prior\"\nmin = -1",
+            "a share, -1 to 1: -1 is always kept",
+        ),
+        (
+            "metric = \"missed\"\nmax = 1\nmin_cases = 0",
+            "min_cases = 0: expected 1 or more",
+        ),
+        (
+            "metric = \"rmse\"\nmax = 1\nmin_share = 0",
+            "min_share = 0: expected a share, above 0",
+        ),
+        (
+            "metric = \"rmse\"\nmax = 1\nmin_share = 2",
+            "min_share = 2: expected a share",
+        ),
+        (
+            "metric = \"missed\"\nmax = 1\nmin_share = 0.5",
+            "belongs to bias, rmse",
+        ),
         (
             "metric = \"wrong\"\nmin = 0.2\nmax = 0.1",
             "min is above max",

@@ -217,21 +217,8 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
     let text = fixture.run("compare 0#v3 0#bm");
     assert_says(&text, &["v3 → bm: ", "before 0#v3", "thread"]);
     assert!(!text.contains("Different:"), "{text}");
-    // A map is proposed, and adds to the algorithms of equal names.
-    let cure = "--map BASE=OTHER compares algorithms of other names";
-    let map = "--map v3=v3:smoothing_sigma=0";
-    let json = fixture.json("compare 0 1 --json");
-    let expected = serde_json::json!(["v3, only in 0", "v3:smoothing_sigma=0, only in 1", cure,]);
-    assert_eq!(json[0]["not_compared"], expected);
+    // Other parameters change the label, and not what it is compared with.
     let text = fixture.run("compare 0 1");
-    assert_says(
-        &text,
-        &[
-            "no change: the results of 80 pairs are equal",
-            "\nnot compared: v3, only in 0; v3:smoothing_sigma=0, only in 1; --map",
-        ],
-    );
-    let text = fixture.run(&format!("compare 0 1 {map}"));
     assert_says(&text, &["v3 → v3:smoothing_sigma=0 ", "\nbm  "]);
     assert!(!text.contains("not compared"), "{text}");
     // One that is mapped away from its namesake is not dropped in silence.
@@ -244,12 +231,6 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
         page.starts_with("**") && page.lines().count() <= 10,
         "{page}"
     );
-    let page = fixture.run("compare 0 1 --markdown");
-    assert_says(
-        &page,
-        &["**no change**", "  \nnot compared: v3, only in 0", cure],
-    );
-    assert!(page.lines().count() <= 10, "{page}");
     fixture.fails(
         "
         compare 0#v3 1#bm 1#v3:smoothing_sigma=0 --map v3=v3 => 1: --map v3=v3: expected BASE=OTHER
@@ -366,14 +347,13 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
 #[test]
 fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     let fixture = scored(&["v3 --algo bm", "v3:max_disparity=4 --algo bm"]);
-    let map = "--map v3=v3:max_disparity=4";
-    let shown = fixture.run(&format!("compare 0 1 {map} -o page.html"));
+    let shown = fixture.run("compare 0 1 -o page.html");
     assert_says(&shown, &["page   page.html\n"]);
     let page = fixture.text("page.html");
     let words = [
-        "<strong class=\"mixed\">mixed</strong>: worse: v3 → v3:max_disparity=4 right cells ",
+        "<strong class=\"worse\">worse</strong>: v3 → v3:max_disparity=4 right cells ",
         "v3 → v3:max_disparity=4",
-        "real at 95\u{a0}% over 80 pairs",
+        "real at 95\u{a0}% (Holm) over 80 pairs",
         "<td class=\"bad\">WORSE</td>",
         "Frames that changed most",
         "<p class=\"label\">truth</p>",
@@ -398,15 +378,167 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     assert!(!page.contains("stand alone"));
     assert!(!page.contains("<script") && !page.contains("http"));
     // Algorithms that are not compared come before all else, with the cure.
-    fixture.run("compare 0 1 -o page.html --force");
+    fixture.run("score short.toml -q --algo v3:max_disparity=4 --algo sgm -o 2 --rerun none");
+    fixture.run("compare 0 2 -o page.html --force");
     let page = fixture.text("page.html");
-    let [verdict, not_compared, table] = ["no change</strong>", "not compared: v3", "<table>"]
+    let [verdict, not_compared, table] = ["</strong>", "not compared: bm", "<table>"]
         .map(|text| page.find(text).unwrap_or_else(|| panic!("{text}")));
     assert!(verdict < not_compared && not_compared < table);
     assert_says(
         &page,
         &["--map BASE=OTHER compares algorithms of other names"],
     );
+}
+
+#[test]
+fn several_namesakes_are_not_compared_and_the_first_line_says_so() {
+    let fixture = scored(&[
+        "v3 --algo bm",
+        "v3:max_disparity=4 --algo v3:max_disparity=8 --algo bm",
+    ]);
+    let words = "v3 was not compared: of v3:max_disparity=4, v3:max_disparity=8 any may be it; \
+                 --map BASE=OTHER";
+    for (more, first) in [("", "no change: "), (" --markdown", "**no change**: ")] {
+        let text = fixture.run(&format!("compare 0 1{more}"));
+        let text: Vec<_> = text.split_whitespace().collect();
+        let text = text.join(" ");
+        assert!(text.starts_with(first), "{text}");
+        assert!(
+            text.find(words) < text.find("not compared: v3, only in 0"),
+            "{text}"
+        );
+    }
+    let failing = fixture.svl("compare 0 1 --fail-on worse");
+    failing.failed(3, &["v3: pairs: is not in 1"]);
+}
+
+#[test]
+fn few_pairs_in_common_are_the_first_line_and_fail() {
+    let fixture = scored(&["v3"]);
+    // 1 of 80 pairs, and one of two recordings.
+    fixture.run("score short.toml -q --algo v3 -o one --rerun none --seeds 1 --every 40");
+    fixture.run("score short.toml -q --algo v3 -o half --rerun none --seeds 1");
+    for (other, pairs) in [("one", "1"), ("half", "40")] {
+        let words = format!(
+            "few in common: {pairs} of the base's 80 pairs of v3, fewer than 90 % (--min-common); \
+             of these no change: the results of {pairs} pair"
+        );
+        let text = fixture.run(&format!("compare 0 {other}"));
+        let text: Vec<_> = text.split_whitespace().collect();
+        assert!(text.join(" ").starts_with(&words), "{text:?}");
+        let markdown = fixture.run(&format!("compare 0 {other} --markdown"));
+        assert!(markdown.starts_with("**few in common**: "), "{markdown}");
+        let failing = fixture.svl(&format!("compare 0 {other} --fail-on worse"));
+        failing.failed(3, &["v3: pairs: ", " (--min-common)"]);
+        // More pairs than those of the base are no loss.
+        fixture.run(&format!("compare {other} 0"));
+    }
+    fixture.run("compare 0 half --fail-on worse --min-common 50%");
+    fixture.fails("compare 0 half --min-common 0.9 => 2: expected a percentage, as 90%");
+}
+
+#[test]
+fn checkpoints_are_tested_by_name_alone() {
+    let fixture = scored(&["v3", "v3:max_disparity=4"]);
+    let cases = |fail_on: &str| {
+        let line = format!("compare 0 1 --fail-on {fail_on} --junit j.xml --force");
+        let _ = fixture.svl(&line);
+        let xml = fixture.text("j.xml");
+        let names = xml.split("name=\"").skip(2);
+        let names = names.filter_map(|rest| rest.split('"').next()?.split_once(": "));
+        names.map(|(_, name)| name.to_owned()).collect::<Vec<_>>()
+    };
+    let deciding = [
+        "pairs",
+        "right cells",
+        "wrong cells",
+        "missed near obstacles",
+        "false near obstacles",
+        "found near obstacles",
+        "floor obstacles",
+    ];
+    assert_eq!(cases("worse"), deciding);
+    let passed = cases("worse:passed");
+    assert!(
+        passed[1..]
+            .iter()
+            .all(|name| name.starts_with("checkpoint ")),
+        "{passed:?}"
+    );
+    let json = fixture.json("compare 0 1 --json");
+    assert_eq!(json[0]["tested"], 6);
+}
+
+#[test]
+fn a_metric_that_the_other_report_does_not_measure_fails() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 40);
+    let text = fixture.text("short.toml");
+    let limits = text.split("[[gate]]").next().unwrap();
+    let gate = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"missed\"\nmax = 0\n";
+    let near = |near: &str| {
+        let cells = format!("[cells]\nobstacle_m = {near}\nclear_m = 0.3\n");
+        limits.replace("[cells]\n", &cells) + gate
+    };
+    // Nothing is nearer than a centimetre: nothing is missed, and that is no result.
+    fixture.write("none.toml", near("0.01"));
+    let ran = fixture.svl("score none.toml -q --gate --algo v3 --rerun none -o 0 --json");
+    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(json["gate"][0]["state"], "not-measured", "{json}");
+    let v3 = &json["algorithms"][0];
+    assert_eq!(
+        (&v3["missed"], &v3["cases"]["missed"]["cells"]),
+        (&serde_json::Value::Null, &0.into())
+    );
+    // The share stands under the name of its metric, with its cells.
+    let [right, cells] =
+        [&v3["right"], &v3["cases"]["right"]["cells"]].map(|n| n.as_f64().unwrap());
+    assert_eq!(right * cells, v3["cells_right"].as_f64().unwrap());
+    ran.failed(3, &["rests on 0 near obstacles, and needs 1 near obstacle"]);
+    let failing = fixture.svl("compare 0 0 --fail-on worse:missed");
+    failing.failed(
+        3,
+        &["missed near obstacles: is not measured: it rests on 0 near obstacles"],
+    );
+    fixture.run("compare 0 0 --fail-on worse");
+}
+
+#[test]
+fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
+    let fixture = scored(&["v3", "v3 --algo bm", "v3:max_disparity=4 --algo v3"]);
+    fixture.run("compare 0 1 2 -o trend.html");
+    let page = fixture.text("trend.html");
+    let words = [
+        "3 reports, the newest last",
+        "over 80 pairs",
+        "<h2>Reports</h2>",
+        "<li>2</li>",
+    ];
+    assert_says(&page, &words);
+    assert!(
+        page.matches("<svg class=\"plot\"").count() >= 6 && !page.contains("<script"),
+        "{page}"
+    );
+    fixture.run("compare 0 1 2 -o trend.json");
+    let trend: serde_json::Value = serde_json::from_str(&fixture.text("trend.json")).unwrap();
+    assert_eq!(trend["reports"], serde_json::json!(["0", "1", "2"]));
+    let lines = trend["lines"].as_array().unwrap();
+    let line = |metric: &str, label: &str| {
+        let own = lines
+            .iter()
+            .find(|line| line["metric"] == metric && line["algorithm"] == label);
+        own.unwrap()["points"].clone()
+    };
+    assert_eq!(
+        (line("right", "v3")[0].clone(), &line("right", "bm")[0]),
+        (line("right", "v3")[2].clone(), &serde_json::Value::Null)
+    );
+    let summary: serde_json::Value = serde_json::from_str(&fixture.text("0/summary.json")).unwrap();
+    let point = &line("right", "v3")[0];
+    assert_eq!(point["value"], summary["algorithms"][0]["right"]);
+    assert_eq!(point["cases"], summary["algorithms"][0]["cases"]["right"]);
+    let [low, high] = [0, 1].map(|i| point["interval"][i].as_f64().unwrap());
+    assert!((low..high).contains(&point["value"].as_f64().unwrap()));
 }
 
 #[test]
@@ -535,7 +667,12 @@ fn checkpoints_over_other_pairs_are_not_compared_and_said_to_be() {
         fixture.run(&format!("score short.toml {options}"));
     }
     let words = ["not compared: checkpoints, which are counted over whole runs"];
-    assert_says(&fixture.run("compare 0 1"), &words);
+    let text = fixture
+        .run("compare 0 1")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
+    assert_says(&text, &words);
     assert!(!fixture.run("compare 0 0").contains(words[0]));
     fixture
         .svl("compare 0 1 --fail-on worse:unknown")
@@ -556,9 +693,9 @@ fn the_page_replaces_nothing_unasked() {
     let wrong = "
         compare 0 1 -o own.html => 1: own.html: exists already | --force
         compare 0 1 -o page.txt => 2: page.txt: must end in .html
+        compare 0 1 --junit x.txt --fail-on worse => 2: x.txt: must end in .xml
         compare 0 1 -o missing/page.html => 1: missing: no such folder; create it first
         compare 0 1 -o 0/index.html --force => 2: 0/index.html: is in the folder of a report
-        compare 0 1 1 -o page.html => 2: -o: the page is of two reports
         compare 0 2 -o own.html --force => 4: nothing was compared
     ";
     fixture.fails(wrong);

@@ -2,6 +2,7 @@
 
 use super::drive::driven;
 use super::fixture::{Fixture, assert_says};
+use crate::common::python;
 use svl::report::{DriveRow, read_rows};
 
 /// Four pairs of noise in the folder `p`, the third of them with a true disparity of 5 pixels.
@@ -120,4 +121,16 @@ fn the_table_is_sorted_by_a_metric() {
         };
         assert!(is_sorted && values.len() == 4, "{metric}: {values:?}");
     }
+}
+
+#[test]
+fn shares_cases_and_gates_of_random_bags_are_those_of_their_cells() {
+    let fixture = Fixture::new();
+    let svl = env!("CARGO_BIN_EXE_svl").into();
+    let Some(output) = python("recompute.py", "csv", [svl, fixture.path("")]) else {
+        return;
+    };
+    let output = String::from_utf8(output).unwrap();
+    let states = ["'fail': ", "'not-measured': ", "'pass': "];
+    assert_says(&output, &[&["60 gates equal: "][..], &states].concat());
 }

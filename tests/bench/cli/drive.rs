@@ -158,7 +158,7 @@ fn drives_are_compared_course_by_course() {
     assert_eq!(changed[0]["finished"], serde_json::json!([true, false]));
     assert_eq!(json[0]["conclusion"], "too-few-courses");
     // Few courses are said to be few, and collisions come first.
-    let few = "too few courses: fewer than 6 of 2 courses differ; drive more";
+    let few = "too few courses: fewer than 7 of 2 courses differ; drive more";
     let sums = format!("collisions 0 → {hits}, courses finished 2 → 0");
     let lost = "not finished any more: courses ";
     assert_says(json[0]["verdict"].as_str().unwrap(), &[few]);
@@ -262,16 +262,27 @@ fn collisions_have_limits() {
     assert_says(
         &text,
         &[
-            "pass          truth: courses finished 100.0000 %, at least 99.99 %",
-            "per 100 m, at most 500.0 per 100 m",
+            "pass          truth: courses finished 100.0000 % over 1 course, at least 99.99 %",
+            "per 100 m over 1 course, at most 500.0 per 100 m",
         ],
     );
     fixture.write("broken.toml", courses(&limits(1)));
     fixture.fails(
         "
         score broken.toml --gate -q --drives none --seeds 1 => 3: blind: collisions | at most 1.0
-        score broken.toml --sort collisions => 2: 'collisions' is not measured per pair
         ",
+    );
+    let text = fixture.run("score kept.toml -q --drives none --seeds 1 --sort collisions --json");
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let algorithms = json["algorithms"].as_array().unwrap();
+    let own = |i: usize, key: &str| algorithms[i][key].as_f64();
+    assert!(own(0, "collisions") <= own(1, "collisions"));
+    assert_eq!(
+        (
+            own(0, "finished"),
+            &algorithms[0]["cases"]["finished"]["items"]
+        ),
+        (Some(1.0), &1.into())
     );
 }
 

@@ -235,7 +235,7 @@ fn an_algorithm_that_failed_on_every_pair_is_not_measured() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 4);
     let text = fixture.text("short.toml");
-    let gate = "\n[[gate]]\nalgorithm = \"never\"\nmetric = \"wrong\"\nmax = 1.0\n\
+    let gate = "\n[[gate]]\nalgorithm = \"never\"\nmetric = \"wrong\"\nmax = 0.99\n\
                 [[gate]]\nalgorithm = \"v3\"\nmetric = \"time\"\nrelative_to = \"never\"\n\
                 max = 1000.0\n";
     let text = text.split("[[gate]]").next().unwrap();

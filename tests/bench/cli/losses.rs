@@ -333,7 +333,7 @@ fn missing_pairs_are_a_test_of_junits_xml() {
         let limit = "[[gate]]\nalgorithm = \"v3:max_disparity=8\"\nmetric = \"coverage\"\n";
         fixture.write("two.toml", format!("{text}{limit}min = {min}\n"))
     };
-    gated("0.0");
+    gated("0.01");
     let line = "score two.toml --rerun none -q --gate --junit j.xml";
     // The name of a test has no values, so that it is the same test in every run.
     let says = |counts: &str, inside: &str| {

@@ -74,7 +74,7 @@ fn stored(row: &serde_json::Value) -> Counts {
         counts(row, cells),
         counts(&row["areas"]["floor"], cells),
         counts(&row["areas"]["beyond"], cells),
-        counts(row, ["near", "found", "missed"]),
+        counts(row, ["near", "found_obstacles", "missed"]),
     ]
 }
 

@@ -364,7 +364,7 @@ fn other_seeds_are_scored_and_said() {
 fn a_limit_names_an_algorithm_by_its_label() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 4);
-    let gate = "[[gate]]\nalgorithm = \"fast\"\nmetric = \"wrong\"\nmax = 1.0\n";
+    let gate = "[[gate]]\nalgorithm = \"fast\"\nmetric = \"wrong\"\nmax = 0.99\n";
     let text = fixture.text("short.toml");
     let is_own = |line: &&str| !line.starts_with("algorithms = ");
     let rest: Vec<_> = text

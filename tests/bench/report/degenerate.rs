@@ -8,7 +8,9 @@ use svl::arena::Arena;
 use svl::depth;
 use svl::manifest::{AlgorithmRecord, Manifest};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::report::{GateState, ReportTables, ResultParts, Results, Row, Shown, limit_results};
+use svl::report::{
+    AccuracyRow, GateState, ReportTables, ResultParts, Results, Row, Shown, limit_results,
+};
 use svl::scenario::{Limit, Scenario, ScenarioSource};
 use svl::score::{CellArea, Judge, TrueCells};
 use svl::stereo::{Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Frame, Rig};
@@ -176,20 +178,23 @@ fn limits(text: &str) -> Vec<Limit> {
 fn programs_that_look_at_nothing_win_nothing() {
     let scenario = Scenario::arena().unwrap();
     let (rows, errors) = rows(&scenario);
+    let accuracy = errors.iter().map(|(label, (sum, count))| AccuracyRow {
+        algorithm: label.clone(),
+        cells: *count as u64,
+        known: *count as u64,
+        rmse_m: (*count > 0.0).then(|| (sum / count).sqrt()),
+        ..AccuracyRow::default()
+    });
     let tables = ReportTables {
         rows,
+        accuracy: accuracy.collect(),
         ..ReportTables::default()
     };
     let shown = Shown {
         rule: scenario.cells,
         ..Shown::default()
     };
-    let mut summary = Results::new(&tables, ResultParts::default(), shown).unwrap();
-    for own in &mut summary.algorithms {
-        let (sum, count) = errors[&own.algorithm];
-        let rmse = (count > 0.0).then(|| (sum / count).sqrt());
-        own.totals.0.set("rmse", rmse);
-    }
+    let summary = Results::new(&tables, ResultParts::default(), shown).unwrap();
     let sentences = summary.answer();
     println!("{}\n{sentences:#?}", summary.markdown("arena"));
     let is_matcher = |label: &str| MATCHERS.contains(&label);

@@ -273,8 +273,8 @@ fn the_best_is_as_sure_as_its_intervals() {
     let two = run(&[("v3", 6.0, 1.0, [1, 1, 1]), ("bm", 5.0, 1.0, [1, 1, 1])]);
     let expected = [
         best("right", "v3", "bm", Certainty::Clear),
-        best("wrong", "v3", "bm", Certainty::NoDifference),
-        best("missed", "v3", "bm", Certainty::NoDifference),
+        best("wrong", "v3", "bm", Certainty::NotToldApart),
+        best("missed", "v3", "bm", Certainty::NotToldApart),
     ];
     assert_eq!(others(&two), expected);
     // Five pairs are too few blocks.
@@ -328,7 +328,7 @@ fn marks_tell_the_best_from_those_that_are_not_told_apart() {
     let fastest = equal.best.last().unwrap();
     assert_eq!(
         (fastest.metric.name, fastest.others[0].certainty),
-        ("time", Certainty::NoDifference)
+        ("time", Certainty::NotToldApart)
     );
 }
 

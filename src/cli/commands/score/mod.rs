@@ -137,7 +137,7 @@ pub(crate) struct Args {
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
-    #[arg(long, value_name = "METRIC", value_parser = metric, help_heading = "Output")]
+    #[arg(long, value_name = "METRIC", value_parser = Metric::named, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Metrics that the table shows: all or NAME,…
     ///
@@ -473,10 +473,6 @@ fn pass_check(summary: &Results) -> anyhow::Result<()> {
             failed.join(", ")
         ))),
     }
-}
-
-fn metric(name: &str) -> Result<&'static Metric, String> {
-    Metric::named(name, Metric::is_of_frames)
 }
 
 /// Pairs that are missing, as a test beside the limits; `why` the run is not complete.

@@ -1,0 +1,203 @@
+//! The headline metrics over several reports, the newest last: `svl compare R1 R2 -o trend.json`.
+
+use super::scored_run::ScoredRun;
+use crate::drives;
+use crate::page::{PlotView, fill};
+use crate::plot::{AlgorithmColors, Axis, Chart, Series, SeriesStyle};
+use crate::rows::{MetricTotals, Row};
+use crate::samples::{resamples, run_key, sample_in};
+use minijinja::context;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use svl_core::{Result, counted, joined};
+use svl_score::bootstrap::{Interval, Resamples};
+use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
+use svl_score::manifest::Purpose;
+
+/// The headline metrics of reports over the pairs of all of them.
+#[derive(Debug, Serialize)]
+pub struct Trend {
+    pub scenario: String,
+    /// The reports as they were named, the newest last.
+    pub reports: Vec<String>,
+    /// Number of pairs or courses that all of them have.
+    pub pairs: usize,
+    /// Reports that were scored otherwise or are incomplete, and pairs that are left out.
+    pub cautions: Vec<String>,
+    pub lines: Vec<TrendLine>,
+}
+
+/// A metric of an algorithm in each report.
+#[derive(Debug, Serialize)]
+pub struct TrendLine {
+    pub metric: &'static Metric,
+    pub algorithm: String,
+    /// `None` where a report does not measure it.
+    pub points: Vec<Option<TrendPoint>>,
+}
+
+/// A metric in a report.
+#[derive(Debug, Serialize)]
+pub struct TrendPoint {
+    pub value: f64,
+    /// 95 % bootstrap interval; absent for too few blocks.
+    pub interval: Option<Interval>,
+    pub cases: Cases,
+}
+
+/// A pair by its place and pixels.
+fn pair(row: &Row) -> String {
+    let key = (run_key(row), row.sequence, &row.name, &row.pair_hash);
+    format!("{key:?}")
+}
+
+impl Trend {
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
+    pub fn new(runs: &[ScoredRun]) -> Result<Self> {
+        let is_driven = runs.iter().any(|run| !run.drives.is_empty());
+        let kinds = [
+            (Purpose::Compare, "pair"),
+            (Purpose::CompareDrives, "course"),
+        ];
+        let (purpose, noun) = kinds[usize::from(is_driven)];
+        let mut cautions = Vec::new();
+        for run in runs {
+            let name = run.name.display();
+            let differences = runs[0].manifest.differences(&run.manifest, purpose)?;
+            if !differences.is_empty() {
+                let differences = differences.join("; ");
+                cautions.push(format!("{name} was scored differently ({differences})"));
+            }
+            let why = run.incomplete.iter();
+            cautions.extend(why.map(|why| format!("{name} is incomplete: {why}")));
+        }
+        let keys = |run: &ScoredRun| -> BTreeSet<_> {
+            let courses = run.drives.iter().map(|row| row.seed.to_string());
+            let pairs = run.rows.iter().filter(|_| !is_driven).map(pair);
+            pairs.chain(courses).collect()
+        };
+        let sets: Vec<_> = runs.iter().map(keys).collect();
+        let both = sets.iter().cloned().reduce(|a, b| &a & &b);
+        let common = both.unwrap_or_default();
+        let most = sets.iter().map(BTreeSet::len).max().unwrap_or_default();
+        if common.len() < most {
+            let left = counted(most - common.len(), noun);
+            cautions.push(format!("{left} that some reports lack are left out"));
+        }
+        let labels: BTreeSet<_> = runs.iter().flat_map(ScoredRun::labels).collect();
+        let rows = || runs.iter().flat_map(|run| &run.rows);
+        let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
+        let driven = Some(TruthLevel::Courses).filter(|_| is_driven);
+        let kind = driven.unwrap_or_else(|| TruthLevel::from_measured(has));
+        let metrics = ColumnChoice::Headline.metrics(kind);
+        let lines = metrics.iter().flat_map(|metric| {
+            labels.iter().map(|label| {
+                let points = runs.iter();
+                let points = points.map(|run| point(run, label, metric, &common));
+                TrendLine {
+                    metric,
+                    algorithm: (*label).to_owned(),
+                    points: points.collect(),
+                }
+            })
+        });
+        let lines = lines.filter(|line| line.points.iter().any(Option::is_some));
+        let reports = runs.iter().map(|run| run.name.display().to_string());
+        Ok(Self {
+            scenario: runs[0].manifest.scenario.clone(),
+            reports: reports.collect(),
+            pairs: common.len(),
+            cautions,
+            lines: lines.collect(),
+        })
+    }
+
+    /// The page: a plot per metric, a line per algorithm.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with the error of the template engine.
+    pub fn page(&self) -> Result<String> {
+        let labels: BTreeSet<_> = self.lines.iter().map(|line| &*line.algorithm).collect();
+        let colors = AlgorithmColors::new(labels);
+        let metrics = self.lines.chunk_by(|a, b| a.metric == b.metric);
+        let charts: Vec<_> = metrics
+            .map(|lines| {
+                let metric = lines[0].metric;
+                let unit = metric.unit.name().map(|unit| format!(", {unit}"));
+                let words = metric.words.to_owned() + &unit.unwrap_or_default();
+                let shown = |value: f64| match metric.unit {
+                    MetricUnit::Share => 100.0 * value,
+                    _ => value,
+                };
+                let series = lines.iter().flat_map(|line| {
+                    let points = (1..).zip(&line.points);
+                    let points = points.filter_map(|(i, own)| Some((f64::from(i), own.as_ref()?)));
+                    let points: Vec<_> = points.collect();
+                    let values = points
+                        .iter()
+                        .map(|(i, own)| (*i, shown(own.value)))
+                        .collect();
+                    let bars = points.iter().filter_map(|(i, own)| {
+                        let ends = own.interval?;
+                        let ends = [ends.0, ends.1].map(|end| (*i, shown(end))).to_vec();
+                        Some(Series::new(&line.algorithm, SeriesStyle::Joined, ends))
+                    });
+                    let values = Series::new(&line.algorithm, SeriesStyle::Both, values);
+                    bars.chain([values]).collect::<Vec<_>>()
+                });
+                let y = Axis::new(words.clone());
+                let svg = Chart::untitled(Axis::new("report"), y, series).svg_in(&colors);
+                PlotView::new(&words, "", svg)
+            })
+            .collect();
+        let cautions = joined(&self.cautions);
+        let view = context! {
+            title => counted(self.reports.len(), "report"), scenario => self.scenario,
+            reports => self.reports, pairs => self.pairs, cautions, charts, images => [(); 0],
+        };
+        fill(
+            include_str!("trend.html"),
+            "body { max-width: 76rem; }",
+            &[],
+            view,
+        )
+    }
+}
+
+/// A metric of an algorithm in a report, over the pairs or courses of all reports.
+fn point(
+    run: &ScoredRun,
+    label: &str,
+    metric: &'static Metric,
+    common: &BTreeSet<String>,
+) -> Option<TrendPoint> {
+    let rows = run.rows.iter().filter(|row| row.algorithm == label);
+    let rows: Vec<_> = rows.filter(|row| common.contains(&pair(row))).collect();
+    let drives = run
+        .drives
+        .iter()
+        .filter(|row| common.contains(&row.seed.to_string()));
+    let drives: Vec<_> = drives.cloned().collect();
+    let driven = drives::sample(metric, label, &drives);
+    // Times vary with the machine, and checkpoints are of whole runs.
+    let sample = driven.or_else(|| {
+        let sample = sample_in(metric, &rows, run.area)?;
+        (metric.unit != MetricUnit::Ms).then_some(sample)
+    })?;
+    let (own, resamples) = if drives.is_empty() {
+        let totals = MetricTotals::new(&rows);
+        (totals.measured(metric, run.area)?, resamples(&rows))
+    } else {
+        let (value, cases) = (sample.total()?, Cases::items(sample.items() as u64));
+        (
+            Measured { value, cases },
+            Resamples::draw(&[sample.items()], true),
+        )
+    };
+    Some(TrendPoint {
+        value: metric.value_of(own)?,
+        interval: sample.interval(&resamples),
+        cases: own.cases,
+    })
+}

@@ -1,0 +1,238 @@
+//! The setting of a swept algorithm to use, with a score from pairs that did not choose it.
+//!
+//! The best of many settings is the luckiest, too: its score on the pairs that chose it is too
+//! good. So each half of the blocks of neighbouring pairs chooses, and the other half scores the
+//! choice.
+
+use super::best::SweepChoice;
+use super::choice::better_first;
+use super::prior_test::merit_sample;
+use super::results::Results;
+use super::rows::Row;
+use super::samples::{is_scene, run_key, sample};
+use std::collections::{BTreeMap, BTreeSet};
+use svl_core::counted;
+use svl_score::bootstrap::{METHOD, block_length};
+use svl_score::judge::{Metric, TruthLevel};
+use svl_score::manifest::AlgorithmRecord;
+
+/// The scores that rank settings.
+#[derive(Clone, Copy)]
+struct Ranking {
+    /// The metric with its direction.
+    metric: &'static Metric,
+    /// True for right minus wrong cells.
+    is_merit: bool,
+}
+
+impl Ranking {
+    fn score(self, rows: &[&Row]) -> Option<f64> {
+        if self.is_merit {
+            merit_sample(rows).total()
+        } else {
+            sample(self.metric, rows)?.total()
+        }
+    }
+
+    /// The setting that is best on these rows.
+    fn best<'a>(self, settings: &BTreeMap<&'a str, Vec<&Row>>) -> Option<&'a str> {
+        let scored = settings
+            .iter()
+            .map(|(label, rows)| (*label, self.score(rows)));
+        let scored = scored.filter(|(_, score)| score.is_some());
+        let best = scored.min_by(|(_, a), (_, b)| better_first(self.metric, *a, *b));
+        best.map(|(label, _)| label)
+    }
+}
+
+impl Results {
+    /// Finds the settings to use, of each kind of algorithm with several. `rows`: those that the
+    /// results are of.
+    pub(super) fn choose_settings(&mut self, records: &[AlgorithmRecord], rows: &[Row]) {
+        let first = match self.kind() {
+            TruthLevel::Distances => Metric::find("right"),
+            _ => self.first_metric(),
+        };
+        let Some(metric) = self.shown.sort.or(first) else {
+            return;
+        };
+        let ranking = Ranking {
+            metric,
+            is_merit: self.shown.sort.is_none() && self.kind() == TruthLevel::Distances,
+        };
+        let candidates = self.candidate_labels();
+        let kinds = records.iter().map(|own| (&own.name, &own.filters));
+        let mut seen = BTreeSet::new();
+        let kinds = kinds.filter(|(name, filters)| seen.insert(format!("{name} {filters:?}")));
+        let choices = kinds.filter_map(|(name, filters)| {
+            let kin = records
+                .iter()
+                .filter(|own| own.name == *name && own.filters == *filters);
+            let labels = kin.map(|own| own.label.as_str());
+            let labels: Vec<_> = labels.filter(|label| candidates.contains(label)).collect();
+            SweepChoice::new(name, &labels, rows, ranking)
+        });
+        self.choices = choices.collect();
+    }
+
+    /// The choices in sentences.
+    pub(super) fn choice_words(&self) -> Vec<String> {
+        self.choices.iter().map(SweepChoice::words).collect()
+    }
+}
+
+impl SweepChoice {
+    fn new<'a>(name: &str, labels: &[&'a str], rows: &'a [Row], ranking: Ranking) -> Option<Self> {
+        if labels.len() < 2 {
+            return None;
+        }
+        let rows_of = |label: &str| -> Vec<_> {
+            let rows = rows.iter();
+            let own = rows.filter(|row| row.algorithm == label && row.stress.is_none());
+            own.collect()
+        };
+        let all = labels.iter().map(|label| (*label, rows_of(label)));
+        let all: BTreeMap<_, Vec<&Row>> = all.collect();
+        let blocks = blocks(all.values().next()?);
+        let is_equal = |own: &Vec<&Row>| own.len() == blocks.len();
+        if blocks.last()? + 1 < METHOD.fewest_blocks || !all.values().all(is_equal) {
+            return None;
+        }
+        let half = |side: usize| -> BTreeMap<_, Vec<&Row>> {
+            let own_half = |(label, rows): (&&'a str, &Vec<&'a Row>)| {
+                let own = rows
+                    .iter()
+                    .zip(&blocks)
+                    .filter(|(_, block)| *block % 2 == side);
+                (*label, own.map(|(row, _)| *row).collect())
+            };
+            all.iter().map(own_half).collect()
+        };
+        let halves = [half(0), half(1)];
+        let [even, odd] = [ranking.best(&halves[0])?, ranking.best(&halves[1])?];
+        let others = [
+            ranking.score(&halves[1][even])?,
+            ranking.score(&halves[0][odd])?,
+        ];
+        let setting = ranking.best(&all)?;
+        Some(Self {
+            algorithm: name.to_owned(),
+            settings: labels.len(),
+            metric: (!ranking.is_merit).then_some(ranking.metric),
+            setting: setting.to_owned(),
+            own_score: ranking.score(&all[setting])?,
+            halves: [even, odd].map(str::to_owned),
+            score: others.iter().sum::<f64>() / 2.0,
+        })
+    }
+
+    fn words(&self) -> String {
+        let (words, metric) = match self.metric {
+            Some(metric) => (metric.words, Some(metric)),
+            None => ("right minus wrong", Metric::find("right")),
+        };
+        let show = |score: f64| metric.map_or_else(String::new, |metric| metric.show(score));
+        let (settings, own) = (counted(self.settings, "setting"), show(self.own_score));
+        let [even, odd] = &self.halves;
+        let halves = if even == odd {
+            String::new()
+        } else {
+            format!("; the halves choose differently: {even} and {odd}")
+        };
+        format!(
+            "Of {settings} of {}, use {}: {words} {} on blocks of pairs that did not choose it, \
+             {own} on those that did{halves}.",
+            self.algorithm,
+            self.setting,
+            show(self.score)
+        )
+    }
+}
+
+/// The number of the block of each row, those of a run beside each other.
+fn blocks(rows: &[&Row]) -> Vec<usize> {
+    let mut blocks: Vec<usize> = Vec::new();
+    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
+        let length = if run.iter().all(|row| is_scene(row)) {
+            1
+        } else {
+            block_length(run.len())
+        };
+        let first = blocks.last().map_or(0, |last| last + 1);
+        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
+    }
+    blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::{ReportTables, ResultParts, Shown};
+    use crate::speed::tests::row;
+    use svl_score::judge::MetricValues;
+    use svl_score::manifest::Manifest;
+
+    /// 280 pairs in 20 blocks by 40 settings; `right`: cells of 100 that a setting has in a block.
+    fn chosen(right: impl Fn(usize, usize) -> f64) -> (SweepChoice, String) {
+        let labels: Vec<_> = (0..40).map(|i| format!("bm:uniqueness={i}")).collect();
+        let rows = labels.iter().enumerate().flat_map(|(setting, label)| {
+            let right = &right;
+            (0..280).map(move |sequence| {
+                let right = right(setting, sequence as usize / 14);
+                let cells = [("right", right), ("wrong", 0.0), ("unknown", 100.0 - right)];
+                let mut metrics = MetricValues::from(cells);
+                metrics.set("false", Some(0.0));
+                Row {
+                    sequence,
+                    algorithm: label.clone(),
+                    metrics,
+                    ..row(1000, (64, 48), None)
+                }
+            })
+        });
+        let tables = ReportTables {
+            rows: rows.collect(),
+            ..ReportTables::default()
+        };
+        let algorithms: Vec<_> = labels.iter().map(|label| label.parse().unwrap()).collect();
+        let manifest = Manifest::new("s", &algorithms).unwrap();
+        let parts = ResultParts {
+            manifest: Some(&manifest),
+            ..ResultParts::default()
+        };
+        let results = Results::new(&tables, parts, Shown::default()).unwrap();
+        let words = results.answer().join(" ");
+        (results.choices[0].clone(), words)
+    }
+
+    #[test]
+    fn settings_that_differ_by_luck_alone_score_as_all() {
+        // Each block is as good for a setting as a die says: 50 in the mean.
+        let mut random = fastrand::Rng::with_seed(5);
+        let dice: Vec<f64> = (0..40 * 20)
+            .map(|_| f64::from(random.u32(0..=100)))
+            .collect();
+        let (choice, words) = chosen(|setting, block| dice[20 * setting + block]);
+        assert!(
+            choice.own_score > 0.6 && (choice.score - 0.5).abs() < 0.08,
+            "{choice:?}"
+        );
+        assert_ne!(choice.halves[0], choice.halves[1]);
+        assert!(
+            words.contains("the halves choose differently: bm:uniqueness="),
+            "{words}"
+        );
+    }
+
+    #[test]
+    fn a_setting_that_is_better_is_chosen_by_all() {
+        let (choice, words) = chosen(|setting, block| {
+            let is_best = if setting == 7 { 20.0 } else { 0.0 };
+            50.0 + is_best + (setting * block % 3) as f64
+        });
+        assert_eq!(choice.setting, "bm:uniqueness=7");
+        let expected = "Of 40 settings of bm, use bm:uniqueness=7: right minus wrong 71.0 % on \
+                        blocks of pairs that did not choose it, 71.0 % on those that did.";
+        assert!(words.contains(expected), "{words}");
+    }
+}
