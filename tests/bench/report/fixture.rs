@@ -36,6 +36,7 @@ pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
             ("right", 12.0),
             ("wrong", 1.0),
             ("unknown", 2.0),
+            ("near", 3.0),
             ("missed", 1.0),
             ("false", 0.0),
         ]),

@@ -53,10 +53,10 @@ fn the_summary_is_two_tables() {
     let summary = example();
     summary.write_tables(folder.path()).unwrap();
     let file = |name: &str| folder.path().join(name);
-    assert_eq!(
-        read_rows::<AlgorithmSummary>(&file("summary.csv")).unwrap(),
-        summary.algorithms
-    );
+    // The cases of metrics have no columns.
+    let read: Vec<AlgorithmSummary> = read_rows(&file("summary.csv")).unwrap();
+    let [read, own] = [&read, &summary.algorithms].map(|rows| AlgorithmSummary::frame(rows));
+    assert!(read.unwrap().equals_missing(&own.unwrap()));
     assert_eq!(
         read_rows::<CheckpointSummary>(&file("verdicts.csv")).unwrap(),
         summary.checkpoints
