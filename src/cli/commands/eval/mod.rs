@@ -85,7 +85,7 @@ pub(crate) struct Args {
     /// that of the truth for 8-bit ones]
     #[arg(
         long, value_name = "S", value_parser = usage::within(0.001..=65536.0),
-        help_heading = "Input"
+        help_heading = "Input", hide_short_help = true
     )]
     estimate_scale: Option<f64>,
     /// Picture of the errors in KITTI's colours
