@@ -368,18 +368,15 @@ fn files_of_other_programs_have_the_same_values() {
     for estimate in &names {
         for truth in &names {
             // 16-bit images have 256 times the disparity, arrays of integers 16 times.
-            let scale = |name: &str| {
-                if name.starts_with("integers") {
-                    16
-                } else {
-                    256
-                }
+            let scale = |option: &str, name: &str| {
+                let is_array = name.starts_with("integers");
+                let scale = is_array.then(|| format!(" --{option} 16"));
+                scale.unwrap_or_default()
             };
             let found = fixture.json(&format!(
-                "eval {estimate} {truth} --protocol eth3d --json --estimate-scale {} \
-                 --disparity-scale {}",
-                scale(estimate),
-                scale(truth)
+                "eval {estimate} {truth} --protocol eth3d --json{}{}",
+                scale("estimate-scale", estimate),
+                scale("disparity-scale", truth)
             ));
             let numbers = ["avgerr", "invalid", "pixels"].map(|key| found[key].as_f64());
             assert_eq!(
