@@ -57,7 +57,7 @@ fn measure(
             if let FileEvent::Message(channel, log_ns, data) = event
                 && log_ns >= from_ns
             {
-                // What cannot be read is reported with the pairs.
+                // Messages that cannot be read are reported with the pairs.
                 drop(pairs.take_in(channel, log_ns, &data));
             }
             while let Some(pair) = pairs.pop() {
