@@ -134,6 +134,7 @@ fn is_zero(value: &Value) -> bool {
     match value {
         Value::Array(all) => all.iter().all(is_zero),
         Value::Object(fields) => fields.values().all(is_zero),
+        Value::String(text) => text == "0",
         value => value.as_f64() == Some(0.0),
     }
 }
@@ -151,7 +152,11 @@ fn words(key: &str, value: &Value) -> Option<String> {
         Value::Null | Value::Bool(false) => None,
         Value::Bool(true) => Some("yes".to_owned()),
         Value::Number(number) => Some(number_words(key, number)),
-        Value::String(text) => Some(text.clone()),
+        // Nanoseconds are text.
+        Value::String(text) => match text.parse() {
+            Ok(number) if key.ends_with("ns") => Some(number_words(key, &number)),
+            _ => Some(text.clone()),
+        },
         Value::Array(sides) if key == "size_px" => {
             let sides: Vec<_> = sides.iter().map(Value::to_string).collect();
             Some(sides.join("x") + " px")
@@ -228,9 +233,9 @@ mod tests {
     #[test]
     fn values_have_labels_and_units() {
         let data = json!({
-            "bytes": 2_500_000, "duration_ns": 3_900_000_000_u64, "drops": 0, "seed": 0,
+            "bytes": 2_500_000, "duration_ns": "3900000000", "drops": 0, "seed": 0,
             "damage": null, "is_intact": false, "size_px": [320, 240],
-            "skew": { "min_ns": -5000, "max_ns": 8000 },
+            "skew": { "min_ns": "-5000", "max_ns": "8000" },
             "truths": [{
                 "topic": "/truth_depth", "is_asked_for": true, "pairs": 3, "error": null,
                 "distance_m": { "min": 0.5, "max": 2.0 }
