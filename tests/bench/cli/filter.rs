@@ -254,7 +254,7 @@ fn a_person_labels_windows() {
     let table = fixture.text("run.too-close.csv");
     fixture.write(
         "run.too-close.csv",
-        table + &format!("9,0x0,clear,{:032}\n", 0),
+        table + &format!("9,0x0,clear,h{:032}\n", 0),
     );
     fixture.fails(
         "-q train filter run.mcap --kind too-close -o t.safetensors => 1: run.too-close.csv | \
