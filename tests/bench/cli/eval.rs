@@ -374,7 +374,7 @@ fn files_of_other_programs_have_the_same_values() {
                 scale.unwrap_or_default()
             };
             let found = fixture.json(&format!(
-                "eval {estimate} {truth} --protocol eth3d --json{}{}",
+                "eval {estimate} {truth} --protocol middeval3 --json{}{}",
                 scale("estimate-scale", estimate),
                 scale("disparity-scale", truth)
             ));
