@@ -183,6 +183,8 @@ svl match left.png right.png -o d.pfm
 cp d.pfm disparity.pfm; cp d.pfm disp0GT.pfm; cp d.png truth.png
 cp left.png disp2.png; cp right.png disp6.png
 mkdir results disp_occ_0 obj_map
+mkdir -p MiddEval3/trainingQ/Teddy results/Teddy
+cp disp0GT.pfm MiddEval3/trainingQ/Teddy/; cp d.pfm results/Teddy/disp0v5.pfm
 cp d.png results/0.png; cp d.png disp_occ_0/0.png; cp left.png obj_map/0.png
 svl score scenarios/arena.toml --algo v3 -o reports/before
 svl train v5 scenarios/arena.toml --seeds 1..2 --tables-only -o own.safetensors
