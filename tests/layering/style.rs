@@ -71,7 +71,7 @@ const LINES: [(&str, usize); 16] = [
     ("bench", 12485),
     ("c", 470),
     ("calibrate", 4909),
-    ("cli", 11559),
+    ("cli", 11563),
     ("core", 18579),
     ("files", 2142),
     ("grab", 5079),
