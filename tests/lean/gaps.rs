@@ -180,8 +180,8 @@ fn other_files_are_refused_before_a_pair_is_matched() {
         refused(&bytes)
     };
     for (from, to, reason) in [
-        ("\"v5\":\"2\"", "\"v5\":\"1\"", "version '1'"),
-        ("\"v5\":\"2\"", "\"v6\":\"2\"", "no 'v5'"),
+        ("\"v5\":\"3\"", "\"v5\":\"2\"", "version '2'"),
+        ("\"v5\":\"3\"", "\"v6\":\"3\"", "no 'v5'"),
         ("\"near\":", "\"neer\":", "no 'near'"),
         (
             "[[2500,452]",
@@ -202,6 +202,9 @@ fn other_files_are_refused_before_a_pair_is_matched() {
     for length in (0..good.len()).step_by(97) {
         refused(&good[..length]);
     }
+    let mut flipped = good.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    assert!(refused(&flipped).contains("is damaged, by its checksum"));
     // Too large for 16 bits; and all of a layer's at their limit.
     let data = good.len() - 4 * GAP_WEIGHTS;
     let mut wide = good.clone();
