@@ -22,14 +22,23 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         let Ok(recording) = Recording::open(path) else {
             return;
         };
-        let _ = (recording.summary(&Selection::default()), recording.header(), recording.results());
+        let _ = (
+            recording.summary(&Selection::default()),
+            recording.header(),
+            recording.results(),
+        );
         let _ = recording.attachment("scenario.toml");
         read(recording.clone());
         let saved = path.with_file_name("saved.mcap");
         let _ = std::fs::remove_file(&saved);
         if recording.recover(&saved).is_ok() {
             let saved = Recording::open(saved).expect("it was just written");
-            assert!(saved.summary(&Selection::default()).expect("it was just written").is_intact());
+            assert!(
+                saved
+                    .summary(&Selection::default())
+                    .expect("it was just written")
+                    .is_intact()
+            );
             read(saved);
         }
     });
