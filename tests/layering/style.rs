@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12485),
+    ("bench", 12489),
     ("c", 470),
     ("calibrate", 4909),
-    ("cli", 11563),
-    ("core", 18579),
+    ("cli", 11576),
+    ("core", 18580),
     ("files", 2142),
     ("grab", 5079),
     ("live", 419),
     ("python", 323),
     ("recording", 13766),
     ("report", 12364),
-    ("score", 8037),
+    ("score", 8038),
     ("sim", 3533),
     ("thesis", 3693),
     ("train", 3510),

@@ -1,6 +1,7 @@
 //! Cameras and truths that are stuck: what they give repeats, while the images change.
 
 use svl_core::stereo::{Frame, Plane};
+use svl_score::plausibility::sampling_step;
 
 /// Pixels that are compared, and known ones of a truth at least.
 const PIXELS: f64 = 2000.0;
@@ -34,6 +35,9 @@ struct Run {
 impl RepeatWatch {
     /// Adds a pair; what is stuck since some pairs, once.
     pub(super) fn take_in(&mut self, frame: &Frame) -> Option<String> {
+        if self.has_spoken {
+            return None;
+        }
         let begin_ns = *self.begin_ns.get_or_insert(frame.stamp_ns);
         let images = [frame.pair.left(), frame.pair.right()];
         let [left, right] = images.map(|image| sampled(image, f32::from));
@@ -64,7 +68,7 @@ impl RepeatWatch {
             let is_stuck = run.pairs >= MIN_PAIRS && is_changed(&run.other, other);
             stuck = stuck.or(is_stuck.then_some((place, run.since_ns)));
         }
-        let (place, since_ns) = stuck.filter(|_| !self.has_spoken)?;
+        let (place, since_ns) = stuck?;
         self.has_spoken = true;
         Some(words(place, since_ns.saturating_sub(begin_ns) as f64 / 1e9))
     }
@@ -92,7 +96,7 @@ fn words(place: usize, seconds: f64) -> String {
 /// Some pixels, all over a plane.
 fn sampled<T: Copy>(plane: &Plane<T>, value: impl Fn(T) -> f32) -> Vec<f32> {
     let (width, height) = plane.size();
-    let step = ((width * height) as f64 / PIXELS).sqrt().ceil() as usize;
+    let step = sampling_step((width, height), PIXELS);
     let rows = (step / 2..height).step_by(step);
     let places = rows.flat_map(|y| (step / 2..width).step_by(step).map(move |x| (x, y)));
     places.map(|(x, y)| value(plane.get(x, y))).collect()

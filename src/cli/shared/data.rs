@@ -154,7 +154,7 @@ fn words(key: &str, value: &Value) -> Option<String> {
         Value::Number(number) => Some(number_words(key, number)),
         // Nanoseconds are text.
         Value::String(text) => match text.parse() {
-            Ok(number) if key.ends_with("ns") => Some(number_words(key, &number)),
+            Ok(number) if key.rsplit('_').next() == Some("ns") => Some(number_words(key, &number)),
             _ => Some(text.clone()),
         },
         Value::Array(sides) if key == "size_px" => {

@@ -1,6 +1,6 @@
 //! A map of disparities beside its truth: the signs of another unit, sign or view.
 
-use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, constant, sampling_step};
+use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, PIXELS, constant, sampling_step};
 use super::unit::{rounded, usual};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::Plane;
@@ -18,7 +18,7 @@ pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
     if estimate.size() != (width, height) {
         return None;
     }
-    let step = sampling_step((width, height));
+    let step = sampling_step((width, height), PIXELS);
     let (mut factors, mut products) = (Vec::new(), Vec::new());
     let [mut of_left, mut of_right] = [const { Vec::new() }; 2];
     for y in (step / 2..height).step_by(step) {

@@ -1,5 +1,6 @@
 //! Two readings of a file of disparities, compared by the images of its pair.
 
+use super::scale::sampling_step;
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Plane, StereoPair};
 
@@ -23,7 +24,7 @@ pub fn is_better_match(pair: &StereoPair, one: &Plane<f32>, other: &Plane<f32>) 
     if one.size() != (width, height) || other.size() != (width, height) {
         return false;
     }
-    let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
+    let step = sampling_step((width, height), PIXELS);
     let mut differences = [const { Vec::new() }; 4];
     for y in (step / 2..height).step_by(step) {
         for x in (step / 2..width).step_by(step) {

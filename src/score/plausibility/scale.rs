@@ -11,7 +11,7 @@ use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
 
 /// Frames of a run that are compared, and pixels of each.
 pub const SCALE_FRAMES: u64 = 20;
-const PIXELS: f64 = 2000.0;
+pub(super) const PIXELS: f64 = 2000.0;
 /// Disparities below this say little about a factor, pixels.
 pub(super) const MIN_PX: f64 = 4.0;
 /// An algorithm with fewer pixels is not asked.
@@ -230,7 +230,7 @@ impl Ratios {
         let maps = frame.maps.iter().map(|map| &map.disparity);
         let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
-        let step = sampling_step((width, height));
+        let step = sampling_step((width, height), PIXELS);
         for y in (step / 2..height).step_by(step) {
             for x in (step / 2..width).step_by(step) {
                 let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
@@ -269,9 +269,9 @@ impl Ratios {
     }
 }
 
-/// The step between the pixels of an image that are compared.
-pub(super) fn sampling_step((width, height): (usize, usize)) -> usize {
-    ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize
+/// The step between the pixels of an image of which about `pixels` are compared.
+pub fn sampling_step((width, height): (usize, usize), pixels: f64) -> usize {
+    ((width * height) as f64 / pixels).sqrt().ceil().max(1.0) as usize
 }
 
 /// The median, if half of the values are near it.

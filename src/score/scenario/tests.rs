@@ -227,6 +227,11 @@ fn limits_are_checked_and_know_their_lines() {
     assert_eq!(minimum(""), (1, Some(0.95)));
     assert_eq!(minimum("min_cases = 50\nmin_share = 0.5"), (50, Some(0.5)));
     assert!(gate("metric = \"right\"\nrelative_to = \"prior\"\nmin = 0").is_ok());
+}
+
+#[test]
+fn limits_that_mean_nothing_are_refused() {
+    let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
     for (limit, word) in [
         ("metric = \"wrong\"", "gate in line 8: needs min or max"),
         (

@@ -222,7 +222,10 @@ fn scenes_of_middlebury_have_weights_masks_and_ranges() {
         &ran.stderr,
         &["not that of the benchmark: it lacks ArtL, Jadeplant, Motorcycle"],
     );
-    assert_says(&ran.done(), &["3 images, their weighted mean"]);
+    assert_says(
+        &ran.done(),
+        &["3 images, their weighted mean, by mask0nocc.png"],
+    );
     // Errors of 0, 4 (9 clipped to 8) and 4 px, of which the second counts half.
     let found = fixture.json(&format!("{args} --json"));
     assert_eq!(
@@ -231,6 +234,12 @@ fn scenes_of_middlebury_have_weights_masks_and_ranges() {
     );
     let wider = fixture.json(&format!("{args} --json --max-disparity 9"));
     assert_eq!(wider["images"]["PianoL"]["avgerr"], 5.0);
+    let mask = fixture.path("t/Teddy/mask0nocc.png");
+    std::fs::rename(&mask, fixture.path("mask")).unwrap();
+    fixture
+        .svl(args)
+        .failed(1, &["Adirondack has mask0nocc.png and Teddy has none"]);
+    std::fs::rename(fixture.path("mask"), &mask).unwrap();
     write_map(&fixture, "r/Teddy/disp0other.pfm", &[&[4.0]]);
     let wrong = "
         eval r t --protocol middeval3 => 1: disp0mine.pfm and | belong to the same scene; keep one

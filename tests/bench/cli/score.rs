@@ -208,6 +208,21 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
 }
 
 #[test]
+fn a_run_outside_of_what_v5_was_fitted_to_is_told() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 2 -o a.mcap");
+    let told = |options: &str| {
+        let ran = fixture.svl(&format!(
+            "score a.mcap --algo v5 --rerun none --force -o r {options}"
+        ));
+        ran.stderr
+            .contains("v5's probabilities are those of a tolerance of 20 %")
+    };
+    assert!(told("--tolerance 10%"));
+    assert!(!told(""));
+}
+
+#[test]
 fn unmeasured_numbers_are_not_zero() {
     let fixture = Fixture::new();
     fixture.write_pair("data/scene/im0.pgm", "data/scene/im1.pgm", (80, 60), 5);

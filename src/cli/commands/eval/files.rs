@@ -104,6 +104,18 @@ impl ImageFiles {
                 args.ground_truth.display()
             );
         }
+        // Some with a mask and some without would be a mean of two kinds.
+        let has_mask = |files: &&Self| !files.masks.is_empty();
+        if let (Some(with), Some(without)) = (
+            images.iter().find(has_mask),
+            images.iter().find(|files| !has_mask(files)),
+        ) {
+            bail!(
+                "{} has mask0nocc.png and {} has none; give it to all scenes, or to none",
+                with.name,
+                without.name
+            );
+        }
         if !missing.is_empty() {
             tracing::warn!(
                 "the average is not that of the benchmark: it lacks {}",

@@ -40,6 +40,8 @@ pub(super) fn print_scores(
             }
             (true, _) => format!("{} images, their mean", images.len()),
         };
+        let is_masked = args.mask.is_empty() && images.iter().any(|f| !f.masks.is_empty());
+        let what = what + ["", ", by mask0nocc.png"][usize::from(is_masked && folders)];
         let (protocol, table) = (args.protocol.name(), table(&labels, &columns));
         return print(&format!("{protocol}: {what}\n{}", table.terminal(style())));
     }

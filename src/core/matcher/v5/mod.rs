@@ -309,8 +309,9 @@ impl Matcher for V5 {
         self.is_outside.then(|| {
             format!(
                 "v5's probabilities are those of a tolerance of 20 % and 0.1 m or more, and of \
-                 cells as large as those of 24x12 at 320 px or larger, not of this run: {share:.0} \
-                 % of the cells are unknown, as the tolerance is finer there than a pixel can tell"
+                 cells as large as those of 24x12 at 320 px or larger, which this run has not; \
+                 where the tolerance is finer than a pixel can tell, {share:.0} % of the cells, \
+                 they are unknown"
             )
         })
     }
