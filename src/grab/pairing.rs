@@ -53,6 +53,11 @@ impl Unpaired {
         Unpaired::Unready,
     ];
 
+    /// True of images outside of the run: before both cameras were ready, and at its end.
+    pub fn is_outside(self) -> bool {
+        matches!(self, Unpaired::Unready | Unpaired::Unfinished)
+    }
+
     /// Name in the metadata of recordings.
     pub fn name(self) -> &'static str {
         match self {

@@ -61,6 +61,15 @@ impl Tally {
         self.unpaired.iter().sum::<u64>() + 2 * self.dropped
     }
 
+    /// Images that are unpaired for such reasons.
+    pub fn count(&self, is: impl Fn(Unpaired) -> bool) -> u64 {
+        let counts = Unpaired::ALL.into_iter().zip(self.unpaired);
+        counts
+            .filter(|(reason, _)| is(*reason))
+            .map(|(_, n)| n)
+            .sum()
+    }
+
     /// The counts by name, and all of them in one line as `counts`.
     pub fn facts(&self) -> BTreeMap<String, String> {
         let [left, right] = self.frames;

@@ -106,8 +106,7 @@ fn check_frames(path: &Path, labels: &FrameLabels, frames: &BTreeSet<u64>) -> Re
     let Some(sequence) = sequences.find(|sequence| !frames.contains(sequence)) else {
         return Ok(());
     };
-    let table = FrameLabels::path(path, labels.kind);
-    let (table, path) = (table.display(), path.display());
+    let (table, path) = (labels.path.display(), path.display());
     Err(Error::Invalid(format!(
         "{table}: labels frame {sequence}, which {path} does not have"
     )))

@@ -3,6 +3,7 @@
 
 use super::course::Course;
 use super::source::Drive;
+use serde_json::Value;
 use svl_core::depth::{GridSettings, grid};
 use svl_core::{Error, Result};
 use svl_score::drive::{DriveEvent, RobotState};
@@ -11,6 +12,93 @@ use svl_sim::arena::ArenaConfig;
 
 /// Largest number of layouts that are drawn for a course.
 const MAX_LAYOUTS: u32 = 30;
+
+/// Layouts that are drawn to find the option that is the cause.
+const RETRIES: u32 = 5;
+
+/// Everything that a course and its driver depend on, as in a scenario.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct CourseOptions {
+    drive: DriveConfig,
+    grid: GridSettings,
+    arena: ArenaConfig,
+}
+
+impl Default for CourseOptions {
+    /// As in `scenarios/drive.toml`.
+    fn default() -> Self {
+        Self {
+            arena: ArenaConfig {
+                frames: 400,
+                rate_hz: 6.0,
+                ..ArenaConfig::default()
+            },
+            drive: DriveConfig::default(),
+            grid: GridSettings::default(),
+        }
+    }
+}
+
+impl CourseOptions {
+    /// The first of that many layouts which can be passed.
+    fn passable(&self, seed: u64, layouts: u32) -> Result<Option<Course>> {
+        for attempt in 0..layouts {
+            let course = Course::draw(&self.arena, &self.drive, seed, attempt)?;
+            if let Some(route) = course.proof(self.grid)? {
+                return Ok(Some(course.with_route(route)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The option without which a layout can be passed, in words.
+    fn cause(&self, seed: u64) -> Result<String> {
+        let json = |options: &Self| {
+            serde_json::to_value(options).map_err(|error| Error::Invalid(error.to_string()))
+        };
+        let (given, usual) = (json(self)?, json(&Self::default())?);
+        let mut changed = Vec::new();
+        differences("", &given, &usual, &mut changed);
+        for pointer in &changed {
+            let mut options = given.clone();
+            // Without one that is usually left out.
+            let usual = usual.pointer(pointer).unwrap_or(&Value::Null);
+            let Some(value) = options.pointer_mut(pointer) else {
+                continue;
+            };
+            let found = std::mem::replace(value, usual.clone());
+            let Ok(options) = serde_json::from_value::<Self>(options) else {
+                continue;
+            };
+            if options.passable(seed, RETRIES)?.is_some() {
+                let name = key(pointer);
+                return Ok(format!("with {name} = {usual} in place of {found} one can"));
+            }
+        }
+        let keys: Vec<_> = changed.iter().map(|pointer| key(pointer)).collect();
+        Ok(format!(
+            "several of these together are the cause: {}",
+            keys.join(", ")
+        ))
+    }
+}
+
+/// The JSON pointers of the values that differ from usual ones.
+fn differences(at: &str, given: &Value, usual: &Value, found: &mut Vec<String>) {
+    if let (Value::Object(given), Value::Object(usual)) = (given, usual) {
+        for (key, value) in given {
+            let usual = usual.get(key).unwrap_or(&Value::Null);
+            differences(&format!("{at}/{key}"), value, usual, found);
+        }
+    } else if given != usual {
+        found.push(at.to_owned());
+    }
+}
+
+/// The key of a scenario at a JSON pointer.
+fn key(pointer: &str) -> String {
+    pointer.trim_start_matches('/').replace('/', ".")
+}
 
 impl Course {
     /// The course with that seed. `arena` has the cameras, the gait and the look of the images.
@@ -24,16 +112,18 @@ impl Course {
         settings: GridSettings,
         seed: u64,
     ) -> Result<Self> {
-        for attempt in 0..MAX_LAYOUTS {
-            let course = Self::draw(arena, drive, seed, attempt)?;
-            if let Some(route) = course.proof(settings)? {
-                return Ok(course.with_route(route));
-            }
+        let options = CourseOptions {
+            arena: arena.clone(),
+            drive: drive.clone(),
+            grid: settings,
+        };
+        if let Some(course) = options.passable(seed, MAX_LAYOUTS)? {
+            return Ok(course);
         }
+        let cause = options.cause(seed)?;
         Err(Error::Invalid(format!(
             "course {seed}: none of {MAX_LAYOUTS} layouts can be passed even with perfect sight; \
-             drive.gap_m = {} may be too narrow for the robot, or drive.steering unfit",
-            drive.gap_m
+             {cause}"
         )))
     }
 

@@ -3,7 +3,7 @@
 use super::Source;
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_grab::{self as grab, GrabRequest, Grabber, Host, camera_error};
+use svl_grab::{self as grab, GrabRequest, Grabber, Host, Unpaired, camera_error};
 use svl_score::losses::{GrabberReport, Losses};
 
 /// A running grabber as a source. It ends when `stopped`.
@@ -104,6 +104,10 @@ impl Source for CameraSource {
             facts.insert("rate".to_owned(), missed);
         }
         Losses {
+            unpaired: tally.count(|reason| !reason.is_outside() && reason != Unpaired::Damaged),
+            unreadable: tally.count(|reason| reason == Unpaired::Damaged),
+            outside: tally.count(Unpaired::is_outside),
+            dropped: tally.dropped,
             grabber: Some(GrabberReport { facts, text }),
             ..Losses::default()
         }

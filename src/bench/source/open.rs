@@ -343,7 +343,16 @@ fn refuse_others(request: &Request<'_>) -> Result<()> {
     if !is_other {
         return Ok(());
     }
-    let cure = format!("make one first, svl record {name} -o run.mcap");
+    let cure = match Scenario::read(Path::new(name)).map(|scenario| scenario.source) {
+        Ok(ScenarioSource::Drive { .. }) => format!("svl score {name} drives and records it"),
+        Ok(ScenarioSource::Recording(_)) => {
+            format!("name one of its files, or score all: svl score {name}")
+        }
+        Ok(ScenarioSource::Dataset { .. }) => format!("its scenes are scored: svl score {name}"),
+        Ok(ScenarioSource::Arena { .. }) | Err(_) => {
+            format!("make one first, svl record {name} -o run.mcap")
+        }
+    };
     Err(Error::Usage(format!("{name}: is not a recording; {cure}")))
 }
 

@@ -460,6 +460,7 @@ impl Source for TopicSource {
             outside: facts.outside,
             unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),
+            dropped,
             grabber: Some(receiver.report(taken)),
             ..Losses::default()
         }

@@ -1,9 +1,11 @@
 //! `svl view`: a recording, a run or the runs of a report in the Rerun viewer.
 
+use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
 use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 use svl::recording::{Recording, Selection, only_file};
 use svl::sink::report_runs;
 
@@ -30,6 +32,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return view(&runs, args.web);
     }
     let named = &args.file;
+    if named.join("passes.csv").exists() {
+        bail!(
+            "{}: this report has no run for Rerun (run-1.rrd); score again without --rerun none",
+            named.display()
+        );
+    }
     // The viewer names a recording after the path it is given, and the layout must name the same.
     let file = only_file(named)?
         .canonicalize()
@@ -59,7 +67,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// Runs the viewer until its window is closed, or the server ended.
+/// Interval at which signals are looked for.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// Runs the viewer until its window is closed, or svl is told to end.
 fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
     viewer()?.find_program()?;
     // Not to the whole network.
@@ -68,9 +79,27 @@ fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
     } else {
         &[]
     };
-    match Command::new("rerun").args(served).args(files).status() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => bail!("the Rerun viewer ended with {status}"),
-        Err(error) => Err(error).context("rerun"),
+    listen_for_interrupt();
+    let mut program = Command::new("rerun")
+        .args(served)
+        .args(files)
+        .spawn()
+        .context("rerun")?;
+    // Ended with svl, it does not keep the port.
+    let status = loop {
+        if let Some(status) = program.try_wait()? {
+            break status;
+        }
+        if interrupted() {
+            program.kill()?;
+            program.wait()?;
+            return Ok(());
+        }
+        std::thread::sleep(GLANCE);
+    };
+    if status.success() || interrupted() {
+        Ok(())
+    } else {
+        bail!("the Rerun viewer ended with {status}")
     }
 }

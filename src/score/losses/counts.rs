@@ -21,6 +21,9 @@ pub struct Losses {
     /// Unreadable messages other than images, by topic: their pairs are used without them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub broken: BTreeMap<String, u64>,
+    /// Pairs of a live source that a full queue dropped.
+    #[serde(default)]
+    pub dropped: u64,
     /// Frames for which the requested truth has no measurement, if it has any.
     pub without_truth: u64,
     /// Frames whose measurement is of another time and cannot be moved to theirs, as the poses
@@ -44,7 +47,7 @@ impl Losses {
     /// Number of pairs lost; an image without a partner counts as one.
     pub fn lost(&self) -> u64 {
         // A late image has no partner, either.
-        self.unpaired.max(self.late) + self.unreadable + self.cut
+        self.unpaired.max(self.late) + self.unreadable + self.cut + self.dropped
     }
 
     /// Adds those of another run; the last grabber report is kept.
@@ -56,6 +59,7 @@ impl Losses {
             late,
             unreadable,
             broken,
+            dropped,
             without_truth,
             jumped,
             copies,
@@ -72,6 +76,7 @@ impl Losses {
         for (topic, messages) in broken {
             *self.broken.entry(topic).or_default() += messages;
         }
+        self.dropped += dropped;
         self.without_truth += without_truth;
         self.jumped += jumped;
         for (run, pairs) in copies {

@@ -146,6 +146,7 @@ impl Missing {
             late,
             unreadable,
             broken: _,
+            dropped,
             cut,
             outside: _,
             without_truth: _,
@@ -177,6 +178,7 @@ impl Missing {
             count(unreadable, "pair").map(|n| n + " could not be read"),
             count(unpaired, "image").map(|n| n + " had no partner"),
             count(late, "image").map(|n| n + " came too late"),
+            count(dropped, "pair").map(|n| n + " dropped by a full queue"),
             count(cut, "frame").map(|n| n + " of a damaged or truncated video"),
             failures,
         ];

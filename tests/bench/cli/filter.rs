@@ -341,6 +341,22 @@ fn labels_are_of_the_recording_that_was_labelled() {
         {train} => 1: 1 recording | three or more"
     ));
 
+    // A table elsewhere.
+    std::fs::create_dir(fixture.path("tables")).unwrap();
+    std::fs::rename(
+        fixture.path("run.floor.csv"),
+        fixture.path("tables/run.floor.csv"),
+    )
+    .unwrap();
+    fixture.write("keys", "b q");
+    let said = fixture.run(&format!("{label} -o tables/run.floor.csv"));
+    assert_says(&said, &["tables/run.floor.csv: 1 floor, 17 other"]);
+    assert!(!fixture.path("run.floor.csv").exists());
+    fixture.fails(&format!(
+        "{train} => 1: run.mcap: has no labels in run.floor.csv
+        {train} --labels tables => 1: 1 recording | three or more"
+    ));
+
     let hash = table.lines().last().unwrap().rsplit(',').next().unwrap();
     fixture.write("run.floor.csv", format!("{table}0,0x0,floor,{hash}\n"));
     let both = "run.floor.csv: line 19: frame 0, window 0x0 is 'floor', and not in an earlier";

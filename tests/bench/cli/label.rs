@@ -143,16 +143,80 @@ fn an_interrupted_session_goes_on() {
     let words = "own.toml.draft: 1 labelled cell: the same command resumes there\n";
     assert_eq!(kept, words);
     fixture.run("record --frames 2 -o other.mcap");
-    let words = "own.toml.draft: holds labels of run.mcap; finish it, or remove the file";
+    let words = "own.toml.draft: is of run.mcap, and frame 3 of other.mcap is another pair; finish";
     label(&fixture, "other.mcap -o own.toml", "q").failed(1, &[words]);
-    // Another recording of that name.
+    // Another recording of that name, and the same one by another name.
     std::fs::rename(fixture.path("run.mcap"), fixture.path("kept.mcap")).unwrap();
     fixture.run("record --frames 12 --seed 2 -o run.mcap");
-    let words = "own.toml.draft: holds labels of another frame 3 than run.mcap has";
+    let words = "own.toml.draft: is of run.mcap, and frame 3 of run.mcap is another pair";
     label(&fixture, args, "q d").failed(1, &[words]);
-    std::fs::rename(fixture.path("kept.mcap"), fixture.path("run.mcap")).unwrap();
-    assert_eq!(label(&fixture, args, "q d").done(), "");
+    let screen = label(&fixture, "kept.mcap -o own.toml", "screen q k").done();
+    assert_says(&screen, &["resumed at frame 3 with 1 labelled cell"]);
+    let ended = label(&fixture, "kept.mcap -o own.toml", "q d").done();
+    assert_eq!(ended, "");
     assert!(!fixture.path("own.toml.draft").exists() && !fixture.path("own.toml").exists());
+}
+
+#[test]
+fn a_draft_without_cells_is_of_its_recording_too() {
+    let fixture = recorded();
+    label(&fixture, "run.mcap -o own.toml", ". n \"shelf\" enter q k").done();
+    fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
+    let words = "own.toml.draft: is of run.mcap, and frame 1 of run.mcap is another pair";
+    label(&fixture, "run.mcap -o own.toml", "q d").failed(1, &[words]);
+}
+
+#[test]
+fn a_replaced_recording_is_refused_before_the_first_key() {
+    let fixture = recorded();
+    label(&fixture, "run.mcap", "g 3 enter f n \"a\" enter w q").done();
+    fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
+    let words = "run.toml: checkpoint 1 (a) was labelled at another frame 3 than this source has";
+    label(&fixture, "run.mcap", "f").failed(1, &[words]);
+    // A shorter one, too.
+    fixture.run("record --frames 2 -o run.mcap --force");
+    label(&fixture, "run.mcap", "f").failed(1, &[words]);
+    assert!(!fixture.path("run.toml.draft").exists());
+}
+
+#[test]
+fn a_label_outside_of_the_checkpoint_is_not_written() {
+    let fixture = recorded();
+    let keys = "g 9 enter f g 2 enter [ g 5 enter ] n \"a\" enter w screen q d";
+    let screen = label(&fixture, "run.mcap", keys).done();
+    let words = "frame 9 has a label, and lies outside 2 to 5: move [ or ], or x";
+    assert_says(&screen, &[words]);
+    assert!(!fixture.path("run.toml").exists());
+    // Nor is it scored.
+    label(&fixture, "run.mcap", "g 9 enter f n \"a\" enter w q").done();
+    let text = fixture.text("run.toml").replace("[9, 9]", "[2, 5]");
+    fixture.write("run.toml", &text);
+    let words = "checkpoint 1 (a): frame 9 was labelled, and its frames are 2 to 5: extend them";
+    fixture.svl("score run.toml -o r").failed(1, &[words]);
+}
+
+#[test]
+fn a_label_that_may_have_lost_its_first_key_is_not_taken() {
+    let fixture = recorded();
+    let said = |keys: &str| label(&fixture, "run.mcap", &format!("{keys} screen q d")).done();
+    for (keys, doubt) in [
+        (". \"5\" enter", "is it 5 or .5? . has moved"),
+        (", \"5\" enter", "is it 5 or ,5? , has moved"),
+        ("> \"1.2\" enter", "is it 1.2 or >1.2? > has moved"),
+        ("< \"0.5\" enter", "is it 0.5 or <0.5? < has moved"),
+    ] {
+        assert_says(&said(keys), &["not labelled: ", doubt]);
+    }
+    for keys in [
+        ". \"0.43\" enter",
+        ". right \"5\" enter",
+        "\"5\" enter",
+        "> = \"1.2\" enter",
+        ". = \"5\" enter",
+    ] {
+        let screen = said(keys);
+        assert!(!screen.contains("not labelled: "), "{keys}: {screen}");
+    }
 }
 
 #[test]

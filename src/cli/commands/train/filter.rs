@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// Class to detect: floor or too-close
     #[arg(long, value_name = "NAME", help_heading = "Input")]
     kind: FilterKind,
+    /// Folder of the tables of labels [default: each beside its recording]
+    #[arg(long, value_name = "FOLDER", help_heading = "Input")]
+    labels: Option<PathBuf>,
     /// Filter to write; a page of the same name, .html, is written beside it
     #[arg(
         short, long, value_name = "FILE.safetensors",
@@ -166,14 +169,21 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledInpu
             labels.push(None);
             continue;
         }
-        let table = FrameLabels::path(path, args.kind);
+        let beside = FrameLabels::beside(path, args.kind);
+        let table = match (&args.labels, beside.file_name()) {
+            (Some(folder), Some(name)) => folder.join(name),
+            _ => beside,
+        };
         if !path.exists() {
             let path = path.display();
             bail!("{path}: no such file or folder; check the name");
         }
         if !table.exists() {
-            let (path, kind) = (path.display(), args.kind);
-            bail!("{path}: has no labels; `svl label windows {path} --kind {kind}` makes them");
+            let (path, table, kind) = (path.display(), table.display(), args.kind);
+            bail!(
+                "{path}: has no labels in {table}; `svl label windows {path} --kind {kind} -o \
+                 {table}` makes them"
+            );
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::from_recordings(&files, Vec::new())?);

@@ -178,6 +178,18 @@ impl Checkpoint {
     /// [`Error::Invalid`] with the name of the checkpoint and its contradiction.
     pub fn validate(&self, shape: GridShape) -> Result<()> {
         self.place.validate().or_else(|what| self.wrong(what))?;
+        if let CheckpointPlace::Frames([first, last]) = self.place
+            && let Some(pair) = self
+                .pairs
+                .iter()
+                .find(|p| p.frame < first || last < p.frame)
+        {
+            let frame = pair.frame;
+            return self.wrong(format!(
+                "frame {frame} was labelled, and its frames are {first} to {last}: extend them, or \
+                 label it in one of these"
+            ));
+        }
         let all = self.cells.iter().chain(&self.must);
         let all = all.chain(self.order.iter().flatten());
         let all = all.chain(self.expected.iter().map(|cell| &cell.at));

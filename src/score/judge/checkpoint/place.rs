@@ -35,7 +35,7 @@ pub struct FrameOrigin {
 
 impl FrameOrigin {
     /// True if it is the run of that file, or if there is no file.
-    pub(super) fn is_in(&self, file: Option<&str>) -> bool {
+    pub fn is_in(&self, file: Option<&str>) -> bool {
         let ends = |file: &str| {
             let (run, file) = (Path::new(&self.name), Path::new(file));
             run.ends_with(file) || file.ends_with(run)

@@ -20,6 +20,8 @@ use svl_core::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameLabels {
     pub kind: FilterKind,
+    /// File of the table.
+    pub path: PathBuf,
     /// By frame and window.
     labels: BTreeMap<(u64, usize), bool>,
     /// Hashes of the pairs of the frames.
@@ -33,16 +35,17 @@ const MAX_BYTES: u64 = 64 << 20;
 const HEAD: [&str; 4] = ["sequence", "window", "label", "pair_hash"];
 
 impl FrameLabels {
-    pub fn new(kind: FilterKind) -> Self {
+    pub fn new(path: &Path, kind: FilterKind) -> Self {
         Self {
             kind,
+            path: path.to_owned(),
             labels: BTreeMap::new(),
             pairs: BTreeMap::new(),
         }
     }
 
-    /// The table's path: next to the recording or the folder, named after it and the filter.
-    pub fn path(source: &Path, kind: FilterKind) -> PathBuf {
+    /// The usual path of a table: next to the recording or the folder, named after it and the filter.
+    pub fn beside(source: &Path, kind: FilterKind) -> PathBuf {
         // A dot in a folder's name does not start a file extension.
         let name = if source.is_dir() {
             source.file_name()
@@ -88,7 +91,7 @@ impl FrameLabels {
                 format!("its first line is not '{expected}'"),
             ));
         }
-        let (mut labels, lines) = (Self::new(kind), text.lines().count() as u64);
+        let (mut labels, lines) = (Self::new(path, kind), text.lines().count() as u64);
         for row in rows.records() {
             let row = row.map_err(|e| Error::format(path, e.to_string()))?;
             let line = row.position().map_or(0, csv::Position::line);
@@ -170,7 +173,7 @@ impl FrameLabels {
     }
 
     /// Rejects a pair of another recording, or of the same one read differently. `source`: the
-    /// recording next to the table.
+    /// recording.
     ///
     /// # Errors
     /// [`Error::Format`] with the frame and the remedy.
@@ -195,7 +198,7 @@ impl FrameLabels {
             hash_words(*expected),
             hash_words(found)
         );
-        Err(Error::format(Self::path(source, self.kind), reason))
+        Err(Error::format(&self.path, reason))
     }
 
     /// The label of a window.
@@ -263,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_table_is_read_as_it_was_written() {
-        let mut labels = FrameLabels::new(FilterKind::Floor);
+        let mut labels = FrameLabels::new(Path::new("run.floor.csv"), FilterKind::Floor);
         labels.set(7, 13, Some(true));
         labels.set(3, 0, Some(true));
         labels.set(3, 1, Some(true));
@@ -279,30 +282,35 @@ mod tests {
                 hash_words(0xabc)
             )
         );
-        assert_eq!(read(&text).unwrap(), labels);
+        let again = FrameLabels {
+            path: labels.path.clone(),
+            ..read(&text).unwrap()
+        };
+        assert_eq!(again, labels);
         assert_eq!([labels.get(7, 13), labels.get(3, 1)], [Some(true), None]);
         assert_eq!(labels.last(), Some((7, 13)));
         assert_eq!(labels.counts(), [2, 0]);
-        let place = FrameLabels::path(Path::new("a/run.mcap"), FilterKind::TooClose);
+        let place = FrameLabels::beside(Path::new("a/run.mcap"), FilterKind::TooClose);
         assert_eq!(place, Path::new("a/run.too-close.csv"));
         let folder = tempfile::tempdir().unwrap();
         let days = ["2026.11.20", "2026.11.21"].map(|day| folder.path().join(day));
         days.iter()
             .for_each(|day| std::fs::create_dir(day).unwrap());
-        let [one, two] = days.map(|day| FrameLabels::path(&day, FilterKind::Floor));
+        let [one, two] = days.map(|day| FrameLabels::beside(&day, FilterKind::Floor));
         assert_ne!(one, two);
     }
 
     #[test]
     fn labels_are_of_their_pair() {
-        let mut labels = FrameLabels::new(FilterKind::Floor);
+        let table = Path::new("b/run.floor.csv");
+        let mut labels = FrameLabels::new(table, FilterKind::Floor);
         labels.set(7, 0, Some(true));
         let source = Path::new("a/run.mcap");
         labels.tie(7, 0xabc);
         labels.check(source, 7, || 0xabc).unwrap();
         labels.check(source, 8, || 1).unwrap();
         let error = labels.check(source, 7, || 1).unwrap_err().to_string();
-        let words = "a/run.floor.csv: labels another frame 7 than a/run.mcap has";
+        let words = "b/run.floor.csv: labels another frame 7 than a/run.mcap has";
         assert!(error.starts_with(words) && !error.contains('\n'), "{error}");
     }
 

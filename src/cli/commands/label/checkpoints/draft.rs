@@ -2,11 +2,13 @@
 //! typed is lost.
 
 use super::label::CellLabel;
+use crate::cli::shared::stepper::Stepper;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use svl::score::LabelledPair;
+use svl::stereo::Frame;
 
 /// A checkpoint as far as it is labelled.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -104,77 +106,83 @@ pub(super) struct DraftFile {
     path: PathBuf,
     /// The source that is labelled.
     source: String,
-    written: Option<(u64, Draft)>,
+    written: Option<DraftTable>,
 }
 
 /// The text of a draft.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct DraftTable {
+pub(super) struct DraftTable {
+    /// For a person; its pairs identify it.
     source: String,
-    /// The frame that was shown last.
-    shown: u64,
-    draft: Draft,
+    pub(super) draft: Draft,
+    /// The pair that was shown last.
+    pub(super) shown: LabelledPair,
 }
 
 /// Largest draft that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 impl DraftFile {
-    /// The draft beside a scenario, and what it holds: the frame that was shown, and the labels.
+    /// The draft beside a scenario.
     ///
     /// # Errors
-    /// It is of another source, or cannot be read.
-    pub(super) fn open(
-        scenario: &Path,
-        source: &str,
-    ) -> anyhow::Result<(Self, Option<(u64, Draft)>)> {
+    /// It cannot be read.
+    pub(super) fn open(scenario: &Path, source: &str) -> anyhow::Result<Self> {
         let mut path = scenario.as_os_str().to_owned();
         path.push(".draft");
-        let mut file = Self {
-            path: path.into(),
-            source: source.to_owned(),
-            written: None,
+        let path = PathBuf::from(path);
+        let written = match path.try_exists() {
+            Ok(true) => Some(DraftTable::read(&path)?),
+            _ => None,
         };
-        if file.path.try_exists().is_ok_and(|exists| exists) {
-            file.written = Some(file.read()?);
-        }
-        let found = file.written.clone();
-        Ok((file, found))
+        let source = source.to_owned();
+        Ok(Self {
+            path,
+            source,
+            written,
+        })
     }
 
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    fn read(&self) -> anyhow::Result<(u64, Draft)> {
-        let shown = self.path.display();
-        let cure = "finish it, or remove the file";
-        let wrong = || format!("{shown}: is not a draft of svl's; {cure}");
-        let text = svl::files::read_text(&self.path, MAX_BYTES)?;
-        let table: DraftTable = toml::from_str(&text).ok().with_context(wrong)?;
-        if table.source != self.source {
-            bail!("{shown}: holds labels of {}; {cure}", table.source);
-        }
-        Ok((table.shown, table.draft))
+    /// The draft that was found.
+    pub(super) fn found(&self) -> Option<&DraftTable> {
+        self.written.as_ref()
     }
 
-    /// Keeps the draft and the frame that is shown.
-    pub(super) fn keep(&mut self, shown: u64, draft: &Draft) -> anyhow::Result<()> {
-        if self
-            .written
-            .as_ref()
-            .is_some_and(|(s, d)| (*s, d) == (shown, draft))
-        {
+    /// Refuses a draft of another recording, by its pairs: the same one may have another path.
+    pub(super) fn check(&self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        let Some(table) = &self.written else {
             return Ok(());
-        }
+        };
+        let pairs = table.draft.labelled().into_iter().chain([&table.shown]);
+        let Some(pair) = first_other(pairs, stepper) else {
+            return Ok(());
+        };
+        bail!(
+            "{}: is of {}, and frame {} of {} is another pair; finish it with the recording of \
+             then, or remove the file",
+            self.path.display(),
+            table.source,
+            pair.frame,
+            self.source
+        )
+    }
+
+    /// Keeps the draft and the pair that is shown.
+    pub(super) fn keep(&mut self, frame: &Frame, draft: &Draft) -> anyhow::Result<()> {
         let table = DraftTable {
             source: self.source.clone(),
-            shown,
             draft: draft.clone(),
+            shown: LabelledPair::new(frame),
         };
-        replace(&self.path, &toml::to_string(&table)?, false)?;
-        self.written = Some((shown, draft.clone()));
+        if self.written.as_ref() != Some(&table) {
+            replace(&self.path, &toml::to_string(&table)?, false)?;
+            self.written = Some(table);
+        }
         Ok(())
     }
 
@@ -188,6 +196,30 @@ impl DraftFile {
             _ => Ok(()),
         }
     }
+}
+
+impl DraftTable {
+    fn read(path: &Path) -> anyhow::Result<Self> {
+        let wrong = || {
+            format!(
+                "{}: is not a draft of svl's; remove the file",
+                path.display()
+            )
+        };
+        let text = svl::files::read_text(path, MAX_BYTES)?;
+        toml::from_str(&text).ok().with_context(wrong)
+    }
+}
+
+/// The first of the pairs that the source has not at its frame.
+pub(super) fn first_other<'p>(
+    pairs: impl IntoIterator<Item = &'p LabelledPair>,
+    stepper: &mut Stepper<'_>,
+) -> Option<&'p LabelledPair> {
+    pairs.into_iter().find(|pair| {
+        stepper.go_to(pair.frame);
+        LabelledPair::new(stepper.frame()) != **pair
+    })
 }
 
 /// Writes a file so that at any moment it holds the old text or the new one, `synced` after a
@@ -245,30 +277,27 @@ mod tests {
     fn a_draft_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let scenario = folder.path().join("own.toml");
-        let (mut file, found) = DraftFile::open(&scenario, "a.mcap").unwrap();
-        assert_eq!(found, None);
-        file.keep(7, &draft()).unwrap();
-        let (mut file, found) = DraftFile::open(&scenario, "a.mcap").unwrap();
-        assert_eq!(found, Some((7, draft())));
+        let mut file = DraftFile::open(&scenario, "a.mcap").unwrap();
+        assert!(file.found().is_none());
+        let gray = || svl::stereo::Gray::filled(4, 2, 9).unwrap();
+        let frame = svl::stereo::StereoPair::new(gray(), gray()).unwrap();
+        let frame = Frame::new(frame, svl::stereo::Geometry::Raw);
+        file.keep(&frame, &draft()).unwrap();
+        let mut file = DraftFile::open(&scenario, "b.mcap").unwrap();
+        let found = file.found().unwrap();
+        assert_eq!(found.draft, draft());
+        assert_eq!(found.shown, LabelledPair::new(&frame));
         assert_eq!(draft().label([0, 1]), Some(CellLabel::FREE));
         assert_eq!(draft().cells.len(), 2);
-        let error = DraftFile::open(&scenario, "b.mcap")
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(
-            error.contains("own.toml.draft: holds labels of a.mcap; finish it"),
-            "{error}"
-        );
         file.remove().unwrap();
         file.remove().unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         std::fs::write(file.path(), "source = 3").unwrap();
-        let error = DraftFile::open(&scenario, "a.mcap")
-            .err()
-            .unwrap()
-            .to_string();
-        assert!(error.contains("is not a draft of svl's"), "{error}");
+        let error = DraftFile::open(&scenario, "a.mcap").err().unwrap();
+        assert!(
+            error.to_string().contains("is not a draft of svl's"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -22,7 +22,6 @@ use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
-use svl::score::LabelledPair;
 use svl::source::Request;
 use svl::stereo::GridShape;
 use tool::Labelling;
@@ -117,38 +116,30 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         );
     }
     let run = file.run(stepper.start_ns());
-    let (draft_file, found) = DraftFile::open(file.path(), name)?;
+    file.check_pairs(&run, &mut stepper)?;
+    let draft_file = DraftFile::open(file.path(), name)?;
+    draft_file.check(&mut stepper)?;
+    let found = draft_file.found();
+    let draft = found.map(|table| table.draft.clone()).unwrap_or_default();
+    let resumed = found.map(|table| (table.shown.frame, draft.cells.len()));
     let shown = args.rerun.target().cloned();
     let shown = shown.map(|target| viewer()?.steps(target)).transpose()?;
     let mut tool = Labelling {
         file,
         draft_file,
-        draft: found
-            .as_ref()
-            .map(|(_, draft)| draft.clone())
-            .unwrap_or_default(),
+        draft,
         reported: args.algo.as_ref().map(Reported::new).transpose()?,
         viewer: shown,
         run,
         picked: (0, 0),
         picture: Rect::ZERO,
         asks: None,
+        moved_by: None,
         written: Vec::new(),
     };
-    if let Some((shown, draft)) = found {
-        for pair in draft.labelled() {
-            stepper.go_to(pair.frame);
-            if LabelledPair::new(stepper.frame()) != *pair {
-                bail!(
-                    "{}: holds labels of another frame {} than {name} has; finish it with \
-                     that recording, or remove the file",
-                    tool.draft_file.path().display(),
-                    pair.frame
-                );
-            }
-        }
+    if let Some((shown, cells)) = resumed {
         stepper.go_to(shown);
-        let cells = counted(draft.cells.len(), "labelled cell");
+        let cells = counted(cells, "labelled cell");
         stepper.say(format!("resumed at frame {shown} with {cells}"));
     }
     let ended = session.run(&mut stepper, &mut tool)?;

@@ -1,8 +1,9 @@
 //! The scenario that checkpoints are written to: begun for a source, or extended. Its text is kept
 //! to the byte: a checkpoint is appended.
 
-use super::draft::{Draft, LabelledCell, replace};
+use super::draft::{Draft, LabelledCell, first_other, replace};
 use super::label::CellLabel;
+use crate::cli::shared::stepper::Stepper;
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::collections::BTreeMap;
@@ -113,6 +114,30 @@ impl ScenarioFile {
         } else {
             bail!("{shown}: is of another arena or seed; name another scenario with -o")
         }
+    }
+
+    /// Refuses a recording in which the pairs of the run's checkpoints are others.
+    pub(super) fn check_pairs(
+        &self,
+        run: &FrameOrigin,
+        stepper: &mut Stepper<'_>,
+    ) -> anyhow::Result<()> {
+        let first = stepper.frame().sequence;
+        let own = |checkpoint: &&Checkpoint| run.is_in(checkpoint.file.as_deref());
+        for checkpoint in self.scenario.checkpoints.iter().filter(own) {
+            if let Some(pair) = first_other(&checkpoint.pairs, stepper) {
+                bail!(
+                    "{}: checkpoint {} ({}) was labelled at another frame {} than this source \
+                     has; name the recording of then, or another scenario with -o",
+                    self.path.display(),
+                    checkpoint.number,
+                    checkpoint.name,
+                    pair.frame
+                );
+            }
+        }
+        stepper.go_to(first);
+        Ok(())
     }
 
     pub(super) fn path(&self) -> &Path {

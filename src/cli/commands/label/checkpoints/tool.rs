@@ -37,6 +37,8 @@ pub(super) struct Labelling {
     /// Place where the image was drawn last.
     pub(super) picture: Rect,
     pub(super) asks: Option<Question>,
+    /// The key before, if it moved to another frame and could begin a label.
+    pub(super) moved_by: Option<char>,
     /// Files that were written, a line each.
     pub(super) written: Vec<String>,
 }
@@ -83,12 +85,27 @@ impl Labelling {
         self.draft.set(self.picked.into(), label, pair);
     }
 
+    /// True if a text behind a key that moved may be the rest of a label.
+    fn is_doubtful(&self, text: &str) -> bool {
+        match self.moved_by {
+            Some(',' | '.') => !text.contains('.'),
+            moved => moved.is_some(),
+        }
+    }
+
     fn answer(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
         let question = self.asks.take();
         match question {
             Some(Question::Cell(mut edit)) => match edit.key(key) {
                 Edited::Going => self.asks = Some(Question::Cell(edit)),
                 Edited::Cancelled => {}
+                Edited::Done(text) if self.is_doubtful(&text) => {
+                    let key = self.moved_by.take().unwrap_or_default();
+                    stepper.say(format!(
+                        "not labelled: is it {text} or {key}{text}? {key} has moved to another \
+                         frame; type = before a label"
+                    ));
+                }
                 Edited::Done(text) if text == NONE => self.label(None, stepper),
                 Edited::Done(text) => match text.parse() {
                     Ok(label) => self.label(Some(label), stepper),
@@ -134,6 +151,15 @@ impl Labelling {
             return Ok(());
         }
         let shown = stepper.frame().sequence;
+        let [first, last] = self.draft.frames(shown);
+        let labelled = self.draft.labelled();
+        if let Some(pair) = labelled.iter().find(|p| p.frame < first || last < p.frame) {
+            stepper.say(format!(
+                "frame {} has a label, and lies outside {first} to {last}: move [ or ], or x",
+                pair.frame
+            ));
+            return Ok(());
+        }
         let number = match self.file.write(&self.draft, shown) {
             Ok(number) => number,
             Err(error) => {
@@ -141,7 +167,6 @@ impl Labelling {
                 return Ok(());
             }
         };
-        let [first, last] = self.draft.frames(shown);
         let line = format!(
             "{}: checkpoint {number} '{}': frames {first} to {last}, {}",
             self.file.path().display(),
@@ -183,6 +208,12 @@ impl Labelling {
 
     fn command(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
         let frame = stepper.frame().sequence;
+        if !matches!(key, Key::Char(c) if c.is_ascii_digit()) {
+            self.moved_by = match key {
+                Key::Char(c @ (',' | '.' | '<' | '>')) => Some(c),
+                _ => None,
+            };
+        }
         match key {
             Key::Left | Key::Right | Key::Up | Key::Down | Key::Click(..) => self.pick(key),
             Key::Char(c) if c.is_ascii_digit() => self.ask_cell(c),
@@ -254,7 +285,7 @@ impl Labelling {
             stepper.say(error.to_string());
         }
         self.show_in_viewer(stepper);
-        self.draft_file.keep(stepper.frame().sequence, &self.draft)
+        self.draft_file.keep(stepper.frame(), &self.draft)
     }
 
     pub(super) fn take_key(
@@ -269,8 +300,7 @@ impl Labelling {
         };
         if before != (self.draft.clone(), self.picked) {
             self.show_in_viewer(stepper);
-            self.draft_file
-                .keep(stepper.frame().sequence, &self.draft)?;
+            self.draft_file.keep(stepper.frame(), &self.draft)?;
         }
         Ok(reaction)
     }

@@ -34,6 +34,12 @@ pub(crate) struct Args {
     /// Label by the ground truth of a simulated source; windows of both kinds are skipped
     #[arg(long, help_heading = "Input")]
     from_truth: bool,
+    /// Table to write or to go on with [default: beside the source, as run.floor.csv]
+    #[arg(
+        short, long, value_name = "FILE.csv", value_parser = usage::ending(&["csv"]),
+        help_heading = "Output"
+    )]
+    output: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long, requires = "from_truth", help_heading = "Output")]
     force: bool,
@@ -57,7 +63,8 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
-    let path = FrameLabels::path(Path::new(name), args.kind);
+    let beside = || FrameLabels::beside(Path::new(name), args.kind);
+    let path = args.output.clone().unwrap_or_else(beside);
     let request = args.input.request();
     if args.from_truth {
         return from_truth(args, &request, &path, quiet);
@@ -67,17 +74,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let labels = if path.exists() {
         FrameLabels::read(&path, args.kind)?
     } else {
-        FrameLabels::new(args.kind)
+        FrameLabels::new(&path, args.kind)
     };
     let mut stepper = stepper(source::open(request.clone(), quiet)?.source, &request)?;
     let mut tool = Categorizer {
         labels,
         source: PathBuf::from(name),
-        path,
         window: 0,
         done: Vec::new(),
     };
-    tool.resume(&mut stepper);
+    tool.resume(&mut stepper)?;
     let ended = session.run(&mut stepper, &mut tool)?;
     print(&tool.said())?;
     match ended {
@@ -117,7 +123,7 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let mut none = Matchers::none();
     let collected = frames_through(&mut *opened.source, &mut none, &start, frame_windows, watch)?;
-    let mut labels = FrameLabels::new(kind);
+    let mut labels = FrameLabels::new(path, kind);
     let (mut known, mut both) = (false, 0);
     for frame_windows in collected {
         let (sequence, pair_hash, windows) = frame_windows?;

@@ -1,7 +1,7 @@
 //! The categorizer: a key per category for each window.
 
 use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, picture};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -28,7 +28,6 @@ const KEYS: &[(&str, &str)] = &[
 pub(super) struct Categorizer {
     pub(super) labels: FrameLabels,
     pub(super) source: PathBuf,
-    pub(super) path: PathBuf,
     pub(super) window: usize,
     /// Labels that were set, with the labels before.
     pub(super) done: Vec<Labelled>,
@@ -65,9 +64,10 @@ impl Categorizer {
 
     /// The table is intact at any moment.
     fn save(&self) -> anyhow::Result<()> {
-        let part = self.path.with_extension("csv.part");
+        let path = &self.labels.path;
+        let part = path.with_extension("csv.part");
         write(&part, self.labels.to_text())?;
-        std::fs::rename(&part, &self.path).with_context(|| self.path.display().to_string())
+        std::fs::rename(&part, path).with_context(|| path.display().to_string())
     }
 
     /// Goes to the next window; false at the last one of the source.
@@ -86,14 +86,29 @@ impl Categorizer {
     }
 
     /// Goes to the window after the last one that has a label.
-    pub(super) fn resume(&mut self, stepper: &mut Stepper<'_>) {
-        let Some((sequence, window)) = self.labels.last() else {
-            return;
+    ///
+    /// # Errors
+    /// A frame that has labels is another pair in this source.
+    pub(super) fn resume(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        let Some((_, window)) = self.labels.last() else {
+            return Ok(());
         };
-        stepper.go_to(sequence);
-        // Otherwise the stepper says that there is no such frame.
-        if stepper.frame().sequence != sequence {
-            return;
+        let mut labelled: Vec<_> = self.labels.sequences().collect();
+        labelled.dedup();
+        for labelled in labelled {
+            stepper.go_to(labelled);
+            let frame = stepper.frame();
+            if frame.sequence == labelled {
+                let pair_hash = || frame.pair.hash();
+                self.labels.check(&self.source, labelled, pair_hash)?;
+            } else {
+                bail!(
+                    "{}: labels frame {labelled}, which {} does not have; name the recording that \
+                     was labelled, or another table with -o",
+                    self.labels.path.display(),
+                    self.source.display()
+                );
+            }
         }
         self.window = window;
         let is_moved = self.next(stepper);
@@ -105,6 +120,7 @@ impl Categorizer {
         } else {
             format!("the last window of the last frame has a label: {found}; a and b replace it")
         });
+        Ok(())
     }
 
     fn back(&mut self, stepper: &mut Stepper<'_>) {
@@ -168,7 +184,10 @@ impl Categorizer {
     pub(super) fn said(&self) -> String {
         let [yes, no] = self.labels.counts();
         let [is, is_not] = self.labels.kind.spec().categories;
-        format!("{}: {yes} {is}, {no} {is_not}\n", self.path.display())
+        format!(
+            "{}: {yes} {is}, {no} {is_not}\n",
+            self.labels.path.display()
+        )
     }
 }
 
@@ -178,10 +197,8 @@ impl StepTool for Categorizer {
     }
 
     fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let frame = stepper.frame();
-        windows(self, frame)?;
-        let pair_hash = || frame.pair.hash();
-        Ok(self.labels.check(&self.source, frame.sequence, pair_hash)?)
+        windows(self, stepper.frame())?;
+        Ok(())
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {

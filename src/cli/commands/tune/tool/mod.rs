@@ -339,11 +339,9 @@ impl Tuner {
                     continue;
                 };
                 let [_, other, difference, interval] = view::change_cells(change);
-                let _ = write!(
-                    text,
-                    " {} {other} ({difference}, {interval});",
-                    metric.words
-                );
+                let compared = [difference, interval].into_iter();
+                let compared: Vec<_> = compared.filter(|cell| !cell.is_empty()).collect();
+                let _ = write!(text, " {} {other} ({});", metric.words, compared.join(", "));
             }
         }
         text + "\n"
