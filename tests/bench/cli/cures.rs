@@ -191,7 +191,7 @@ const CURES: &[(&str, Cure)] = &[
         Left("needs a terminal; cli::filter drives it"),
     ),
     (
-        "svl label windows {path} --kind {kind}",
+        "svl label windows {path} --kind {kind} -o {table}",
         Left("needs a terminal; cli::filter drives it"),
     ),
     (

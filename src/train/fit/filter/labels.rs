@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! sequence,window,label,pair_hash
-//! 0,0x0,floor,0d3b6d2f3f9f54c20ab1e6cd50a4bb1e
-//! 1,3x2,other,99aa06d3014798d86001c324468d497f
+//! 0,0x0,floor,h0d3b6d2f3f9f54c20ab1e6cd50a4bb1e
+//! 1,3x2,other,h99aa06d3014798d86001c324468d497f
 //! ```
 //!
 //! The hash is that of the frame's pair, as in the tables of a report: labels belong to these
