@@ -4,7 +4,7 @@ use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
 use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command};
 use std::time::Duration;
 use svl::recording::{Recording, Selection, only_file};
 use svl::sink::report_runs;
@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return view(&runs, args.web);
     }
     let named = &args.file;
-    if named.join("passes.csv").exists() {
+    if named.join("report.json").exists() && only_file(named).is_err() {
         bail!(
             "{}: this report has no run for Rerun (run-1.rrd); score again without --rerun none",
             named.display()
@@ -80,26 +80,40 @@ fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
         &[]
     };
     listen_for_interrupt();
-    let mut program = Command::new("rerun")
-        .args(served)
-        .args(files)
-        .spawn()
-        .context("rerun")?;
-    // Ended with svl, it does not keep the port.
+    let mut command = Command::new("rerun");
+    command.args(served).args(files);
+    // That of pip starts another program.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    let mut program = command.spawn().context("rerun")?;
     let status = loop {
         if let Some(status) = program.try_wait()? {
             break status;
         }
         if interrupted() {
-            program.kill()?;
-            program.wait()?;
+            end(&mut program)?;
             return Ok(());
         }
         std::thread::sleep(GLANCE);
     };
-    if status.success() || interrupted() {
+    if status.success() {
         Ok(())
     } else {
         bail!("the Rerun viewer ended with {status}")
     }
+}
+
+/// Ends the viewer with everything it started, so that its ports are free.
+fn end(program: &mut Child) -> anyhow::Result<()> {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Pid, Signal, kill_process_group};
+        if let Some(group) = Pid::from_raw(program.id().cast_signed()) {
+            let _ = kill_process_group(group, Signal::TERM);
+        }
+    }
+    #[cfg(not(unix))]
+    program.kill()?;
+    program.wait()?;
+    Ok(())
 }

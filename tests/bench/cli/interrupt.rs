@@ -32,6 +32,9 @@ fn interrupted_times(
         .stderr(Stdio::piped());
     // Servers of tests are on this machine, whatever proxy there is.
     command.env("NO_PROXY", "127.0.0.1");
+    // Programs of the test come first.
+    let path = std::env::var("PATH").unwrap_or_default();
+    command.env("PATH", format!("{}:{path}", fixture.path("bin").display()));
     let child = command.spawn().unwrap();
     let began = Instant::now();
     while !ready() {
@@ -48,6 +51,32 @@ fn interrupted_times(
         output.status.code(),
         String::from_utf8(output.stderr).unwrap(),
     )
+}
+
+#[test]
+fn the_viewer_ends_with_svl() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 2 -o a.mcap");
+    std::fs::create_dir(fixture.path("bin")).unwrap();
+    // As that of pip, a script that starts another program.
+    let script =
+        "#!/bin/sh\n[ \"$1\" = --version ] && exit\nsleep 300 &\necho $! > started\nwait\n";
+    fixture.write("bin/rerun", script);
+    let program = fixture.path("bin/rerun");
+    std::fs::set_permissions(
+        &program,
+        std::os::unix::fs::PermissionsExt::from_mode(0o755),
+    )
+    .unwrap();
+    let started = || size(&fixture, "started") > 0;
+    let (code, stderr) = interrupted(&fixture, "view a.mcap", started);
+    assert_eq!(code, Some(0), "{stderr}");
+    let sleeping = fixture.text("started");
+    let is_there = Command::new("kill").args(["-0", sleeping.trim()]).output();
+    assert!(
+        !is_there.unwrap().status.success(),
+        "the program that the viewer started"
+    );
 }
 
 fn size(fixture: &Fixture, name: &str) -> u64 {
