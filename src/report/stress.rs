@@ -80,7 +80,7 @@ pub(super) const NUMBERS: [StressNumber; 12] = {
 pub(super) const MIN_SAME: f64 = 0.9;
 
 impl StressNumber {
-    /// Its name and its unit: the heading above its columns, and the label of its axis.
+    /// The heading above its columns, and the label of its axis: its name and its unit.
     pub(super) fn heading(&self) -> String {
         let unit = self.unit.name().unwrap_or_default();
         format!("{}, {unit}", self.words)

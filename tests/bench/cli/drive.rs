@@ -363,25 +363,35 @@ fn a_course_that_cannot_be_passed_is_refused() {
 #[test]
 fn drives_that_go_nowhere_or_run_out_of_pairs_are_said_to() {
     let fixture = Fixture::new();
-    // Half a second is too short to drive a metre.
-    let limits =
-        "gate = [{ algorithm = \"v3:max_disparity=8\", metric = \"collisions\", max = 1 }]\n";
-    let short = courses(limits).replace("frames = 280", "frames = 3");
-    fixture.write("short.toml", short);
-    let line =
-        "score short.toml --algo v3:max_disparity=8 --algo truth --gate -q --drives none -o r";
+    // All is unknown to blind, so it stands.
+    let more = "gate = [{ algorithm = \"blind\", metric = \"collisions\", max = 1 }]\n\
+                [drive.steering]\nunknown = \"obstacle\"\n";
+    fixture.write("small.toml", courses(more));
+    let line = "score small.toml --algo v3:max_disparity=4 --algo blind --seeds 1 --gate -q \
+                --drives none -o r";
     let ran = fixture.svl(line);
     assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
-    let words = "v3:max_disparity=8: max_disparity sees nothing nearer than";
-    assert_says(&ran.stderr, &[words]);
-    let words = "NOT MEASURED  v3:max_disparity=8: collisions is not measured in this run: it \
-                 rests on 0 m driven, and needs 1 m driven";
-    assert_says(&ran.stdout, &["late", "100.0", words]);
+    let words = "NOT MEASURED  blind: collisions is not measured in this run: it rests on 0 m \
+                 driven, and needs 1 m driven";
+    assert_says(&ran.stdout, &[words]);
     let manifest: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/manifest.json")).unwrap();
     let warnings = manifest["warnings"].as_array().unwrap();
     let ranges = warnings
         .iter()
-        .filter(|own| own.as_str().unwrap().contains("max_disparity sees"));
+        .filter(|own| own.as_str().unwrap().starts_with(range));
     assert_eq!(ranges.count(), 1, "{warnings:?}");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let blind = &summary["algorithms"][1];
+    assert_eq!(
+        (&blind["late"], blind.get("collisions")),
+        (&1.0.into(), None)
+    );
+    assert!(summary["drives"][1]["collisions_per_100m"].is_null());
+    assert!(
+        fixture
+            .text("r/index.html")
+            .contains("<th scope=\"col\">late</th>")
+    );
 }

@@ -87,8 +87,7 @@ fn a_skew_needs_earlier_pairs() {
 #[test]
 fn without_truth_the_cells_that_stay_are_counted() {
     let fixture = Fixture::new();
-    fixture.write_recorded_arena("short.toml", 60);
-    fixture.run("record short.toml --seeds 1 --ros2 -o bag.mcap -q");
+    fixture.run("record arena --frames 60 --seed 7 --ros2 -o bag.mcap -q");
     let line = "score bag.mcap --algo bm --algo v5 -q -o r --rerun none --stress jpeg=30/99 \
                 --stress skew=1";
     let text = fixture.run(line);
