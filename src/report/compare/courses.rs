@@ -282,6 +282,19 @@ mod tests {
     }
 
     #[test]
+    fn a_rate_over_less_than_a_metre_is_not_compared() {
+        let (before, mut after) = (drives(&[1; 8]), drives(&[0; 8]));
+        after.iter_mut().for_each(|row| row.driven_m = 0.1);
+        let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
+        let own = AlgorithmChange::default().with_courses(&pairs, 3);
+        let names = |metrics: &[Change]| metrics.iter().map(|own| own.metric.name).collect();
+        let names: Vec<_> = names(&own.metrics);
+        assert_eq!(names, ["finished", "late", "driven"]);
+        let cases = own.not_measured[0].cases.map(|cases| cases.unwrap().items);
+        assert_eq!((own.not_measured.len(), cases), (2, [48, 0]));
+    }
+
+    #[test]
     fn the_courses_that_changed_are_named() {
         let (before, after) = (drives(&[0, 0, 2, 1, 1]), drives(&[0, 1, 0, 3, 1]));
         let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
@@ -291,6 +304,12 @@ mod tests {
         assert_eq!(changes.words(), words);
         let (table, more) = changes.table();
         assert_eq!((table.rows.len(), more), (3, 0));
+        let mut late = drives(&[1]);
+        late[0].arrived = false;
+        let late = CourseChanges::new(&[[&drives(&[0])[0], &late[0]]])
+            .table()
+            .0;
+        assert_eq!(late.rows[0][1], TableCell::Alert("yes → late".to_owned()));
         let many = (drives(&[0; 40]), drives(&[1; 40]));
         let pairs: Vec<_> = many.0.iter().zip(&many.1).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);
