@@ -1,10 +1,10 @@
-//! The cells of an algorithm that agree with the others', where there is no truth.
+//! The cells of an algorithm that agree with others', or with its own of the unperturbed pair.
 
 use crate::rows::{CellRow, Row};
 use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
-use svl_score::judge::{Checkpoint, agreed_cells};
+use svl_score::judge::{Checkpoint, Verdict, agreed_cells, judge_cells};
 use svl_score::manifest::Manifest;
 
 /// The rules of the scenario by which its frames were scored.
@@ -36,10 +36,7 @@ impl ScoreRule {
         if rows.len() < 3 || rows.iter().any(|row| row.truth.is_some()) {
             return;
         }
-        let grid = |row: &Row| {
-            let own = cells.iter().filter(|cell| cell.algorithm == row.algorithm);
-            depth_grid(own, self.shape, infinity_px)
-        };
+        let grid = |row: &Row| depth_grid(row, cells, self.shape, infinity_px);
         let grids: Vec<_> = rows.iter().map(grid).collect();
         let rule = self.cells.for_rig(infinity_px.is_some());
         for (i, row) in rows.iter_mut().enumerate() {
@@ -51,16 +48,44 @@ impl ScoreRule {
             }
         }
     }
+
+    /// Sets the numbers of cells that perturbed pairs keep of the unperturbed ones, whose cells are
+    /// `plain`, by the rule that compares with a truth.
+    pub(crate) fn add_kept(
+        &self,
+        rows: &mut [Row],
+        [plain, perturbed]: [&[CellRow]; 2],
+        infinity_px: Option<f32>,
+    ) {
+        let rule = self.cells.for_rig(infinity_px.is_some());
+        for row in rows {
+            let grid = |cells| depth_grid(row, cells, self.shape, infinity_px);
+            let Some((plain, perturbed)) = grid(plain).zip(grid(perturbed)) else {
+                continue;
+            };
+            let cells = judge_cells(&plain, &perturbed, rule);
+            let count = |verdict| cells.iter().filter(|cell| cell.verdict == verdict).count();
+            for (name, verdict) in [
+                ("same", Verdict::Right),
+                ("changed", Verdict::Wrong),
+                ("gone", Verdict::Unknown),
+            ] {
+                row.metrics.set(name, Some(count(verdict) as f64));
+            }
+        }
+    }
 }
 
-/// The grid of these rows; none unless all its cells are there.
-fn depth_grid<'a>(
-    rows: impl Iterator<Item = &'a CellRow>,
+/// The grid of a row's algorithm and pair; none unless all its cells are there.
+fn depth_grid(
+    row: &Row,
+    rows: &[CellRow],
     shape: GridShape,
     infinity_px: Option<f32>,
 ) -> Option<DepthGrid> {
+    let is_own = |cell: &&CellRow| cell.sequence == row.sequence && cell.algorithm == row.algorithm;
     let mut cells = vec![None; shape.cells()];
-    for row in rows {
+    for row in rows.iter().filter(is_own) {
         let (column, line) = (row.column as usize, row.row as usize);
         if column >= shape.columns || line >= shape.rows {
             return None;

@@ -11,7 +11,7 @@ use super::words::ms;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::joined;
-use svl_score::bootstrap::{Resamples, Sample, difference_interval};
+use svl_score::bootstrap::{METHOD, Resamples, Sample, difference_interval};
 use svl_score::judge::{Metric, TruthLevel};
 
 /// Limits of an algorithm that may be called best, as fractions: of cells where distances are
@@ -78,20 +78,28 @@ impl Results {
     ) -> Option<Best> {
         let value = |a: &AlgorithmSummary| self.ranked(a, metric);
         let ranked = self.ranked_algorithms();
-        let is_usable = |a: &&&AlgorithmSummary| {
+        let is_driven = self.kind() == TruthLevel::Courses;
+        let is_compared = |a: &&&AlgorithmSummary| {
             let sees = metric.name != "missed" || self.sees_near_obstacles(a);
-            self.is_candidate(a) && self.is_usable(a) && value(a).is_some() && sees
+            // A robot that finishes nothing may be ahead of one that does.
+            let counts = self.is_usable(a) || self.has_driven(a);
+            self.is_candidate(a) && counts && value(a).is_some() && sees
         };
-        let mut usable: Vec<_> = ranked.iter().filter(is_usable).collect();
+        let mut usable: Vec<_> = ranked.iter().filter(is_compared).collect();
         // Stable: the first of equal ones is the best.
         usable.sort_by(|a, b| better_first(metric, value(a), value(b)));
         let labels: Vec<_> = usable.iter().map(|a| a.algorithm.as_str()).collect();
-        let draws = match self.kind() {
-            TruthLevel::Courses => course_draws(metric, &labels, drives),
-            _ => pair_draws(metric, &labels, rows),
+        let draws = if is_driven {
+            course_draws(metric, &labels, drives)
+        } else {
+            pair_draws(metric, &labels, rows)
         };
         let (best, others) = draws.split_first()?;
         let certainties = others.iter().map(|other| certainty(best, other));
+        let is_ahead = certainties.clone().all(|own| own == Certainty::Clear);
+        if is_driven && !(is_ahead && labels.len() > 1 && self.is_usable(usable[0])) {
+            return None;
+        }
         let is_excluded = |a: &&&AlgorithmSummary| {
             let has_value = self.value(&a.algorithm, metric, None).is_some();
             has_value && (self.has_failed(a) || !self.is_believable(a, metric))
@@ -114,7 +122,7 @@ impl Results {
     }
 
     /// True for few wrong cells, some right ones and more than the prior has; for some pixels with
-    /// a disparity; for some of the courses driven. No other algorithm is called best.
+    /// a disparity; for a finished course. No other algorithm is called best.
     pub(crate) fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
         if self.basis.behind_prior.contains(&algorithm.algorithm) {
             return false;
@@ -130,12 +138,16 @@ impl Results {
                 reaches("coverage", USABLE.min_coverage) && is_within("bad2", USABLE.max_bad)
             }
             TruthLevel::Courses => {
-                let mut drives = self.drives.iter();
-                let own = drives.find(|d| d.algorithm == algorithm.algorithm);
-                own.is_some_and(|own| own.has_driven)
+                self.has_driven(algorithm) && share("finished").is_some_and(|share| share > 0.0)
             }
             TruthLevel::NoTruth => true,
         }
+    }
+
+    /// False for too little of the courses: a robot that stands hits nothing.
+    pub(super) fn has_driven(&self, algorithm: &AlgorithmSummary) -> bool {
+        let mut drives = self.drives.iter();
+        drives.any(|own| own.algorithm == algorithm.algorithm && own.has_driven)
     }
 
     /// False if few near obstacles are found: unknown ones are not missed, either.
@@ -148,14 +160,18 @@ impl Results {
     fn usable_words(&self) -> String {
         let [wrong, right] = [USABLE.max_wrong, USABLE.min_right].map(|share| 100.0 * share);
         let [bad, coverage] = [USABLE.max_bad, USABLE.min_coverage].map(|share| 100.0 * share);
-        let driven = 100.0 * MIN_DRIVEN;
+        let (driven, courses) = (100.0 * MIN_DRIVEN, METHOD.fewest_blocks);
         match self.kind() {
             TruthLevel::Disparities => {
                 format!(
                     "at most {bad:.0} % pixels off > 2 px and at least {coverage:.0} % coverage"
                 )
             }
-            TruthLevel::Courses => format!("at least {driven:.0} % of the courses' length driven"),
+            TruthLevel::Courses => format!(
+                "a finished course, at least {driven:.0} % of the courses' length driven, and a \
+                 difference from every other one beyond its 95 % interval over {courses} courses \
+                 or more"
+            ),
             _ => {
                 let prior = match self.basis.prior_test {
                     PriorTest::Tested => ", and more right minus wrong cells than the prior",
@@ -173,7 +189,10 @@ impl Results {
             return Vec::new();
         }
         if self.best.is_empty() {
-            let none = !self.algorithms.iter().any(|a| self.is_usable(a));
+            let none = match self.kind() {
+                TruthLevel::Courses => self.candidate_labels().len() > 1,
+                _ => !self.algorithms.iter().any(|a| self.is_usable(a)),
+            };
             let words = format!(
                 "No algorithm has {}, so none is called best.",
                 self.usable_words()
@@ -199,17 +218,12 @@ impl Results {
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
         let others = marked.flat_map(|best| &best.others);
         let certainties: BTreeSet<_> = others.map(|other| other.certainty).collect();
-        let items = match self.kind() {
-            TruthLevel::Courses => "courses",
-            _ => "pairs",
-        };
         let marks = certainties.iter().map(|certainty| match certainty {
-            Certainty::Clear => String::new(),
-            Certainty::NotToldApart => " = not told apart from the best.".to_owned(),
-            Certainty::TooFew => format!(" ? too few {items} to tell."),
+            Certainty::Clear => "",
+            Certainty::NotToldApart => " = not told apart from the best.",
+            Certainty::TooFew => " ? too few pairs to tell.",
             Certainty::NotComparable => {
                 " ! not comparable: failed on pairs, or answers far later than it reports."
-                    .to_owned()
             }
         });
         let marks: String = marks.collect();

@@ -151,7 +151,7 @@ mod tests {
             scene("c", "worse", Some(0.5)),
             scene("c", "best", None),
         ];
-        let summary = Results::from_rows(&rows, &[]).unwrap();
+        let summary = Results::from_rows(&rows, &[], None);
         let table = summary.case_table(&rows, &[]).unwrap();
         let expected = [
             ["c", "–", "50.0"],

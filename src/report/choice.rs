@@ -42,8 +42,7 @@ impl Results {
     fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let algorithms = self.algorithms.iter();
         let is_shown = |a: &&AlgorithmSummary| {
-            // A robot that stands hits nothing.
-            self.is_candidate(a) && (self.kind() != TruthLevel::Courses || self.is_usable(a))
+            self.is_candidate(a) && (self.kind() != TruthLevel::Courses || self.has_driven(a))
         };
         algorithms.filter(is_shown).collect()
     }
@@ -149,7 +148,7 @@ mod tests {
                 row
             })
             .collect();
-        Results::from_rows(&rows, &[]).unwrap()
+        Results::from_rows(&rows, &[], None)
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::rows::record;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
-use svl_score::judge::{DriveNumber, Metric, MetricOrigin};
+use svl_score::judge::{Cases, DriveNumber, Measured, Metric, MetricOrigin, MetricUnit};
 
 record! {
     /// One drive: a course with an algorithm at the wheel.
@@ -116,8 +116,10 @@ pub struct DriveSummary {
     pub courses: u64,
     pub finished: u64,
     pub finished_interval: Option<Interval>,
+    /// Courses whose goal was not reached before the pairs ended.
+    pub late: u64,
     pub collisions: u64,
-    /// Per 100 m driven; absent, as all that is per distance, of a robot that never moved.
+    /// Per 100 m driven; absent, as all that is per distance, of a robot that drove less than 1 m.
     pub collisions_per_100m: Option<f64>,
     pub collisions_interval: Option<Interval>,
     pub near_misses_per_100m: Option<f64>,
@@ -186,15 +188,16 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         let ratio = Sample::Ratio(rows.iter().map(|row| [part(row), by(row)]).collect());
         (ratio.total(), ratio.interval(&resamples))
     };
-    let metric = |number| {
-        let sample = drive_sample(number, rows.iter().copied());
-        (sample.total(), sample.interval(&resamples))
+    let metric = |name| {
+        let metric = Metric::find(name)?;
+        let own = || rows.iter().copied();
+        let value = metric.value_of(measured(metric, own())?)?;
+        Some((value, drive_sample(metric, own())?.interval(&resamples)))
     };
     let mean = |part, by| ratio(part, by).0.unwrap_or_default();
     let one = |_: &DriveRow| 1.0;
-    let (_, finished_interval) = metric(DriveNumber::Finished);
-    let (collisions_per_100m, collisions_interval) = metric(DriveNumber::Collisions);
-    let (near_misses_per_100m, near_misses_interval) = metric(DriveNumber::NearMisses);
+    let [finished, collisions, near_misses] = ["finished", "collisions", "near_misses"].map(metric);
+    let interval = |own: Option<(f64, Option<Interval>)>| own.and_then(|(_, interval)| interval);
     let (first_collision_m, first_collision_interval) =
         ratio(|row| row.first_collision_m.unwrap_or(row.driven_m), one);
     let frames = |row: &DriveRow| row.frames as f64;
@@ -203,12 +206,13 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         algorithm: rows[0].algorithm.clone(),
         courses: rows.len() as u64,
         finished: rows.iter().filter(|row| row.finished).count() as u64,
-        finished_interval,
+        finished_interval: interval(finished),
+        late: rows.iter().filter(|row| !row.arrived).count() as u64,
         collisions: rows.iter().map(|row| row.collisions).sum(),
-        collisions_per_100m,
-        collisions_interval,
-        near_misses_per_100m,
-        near_misses_interval,
+        collisions_per_100m: collisions.map(|(value, _)| value),
+        collisions_interval: interval(collisions),
+        near_misses_per_100m: near_misses.map(|(value, _)| value),
+        near_misses_interval: interval(near_misses),
         stuck: rows.iter().map(|row| row.stuck).sum(),
         route_m: mean(|row| row.route_m, one),
         course_m: mean(|row| row.course_m, one),
@@ -225,21 +229,32 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
 
 /// A metric of an algorithm's unperturbed drives, by the seeds of their courses.
 pub(super) fn sample(metric: &Metric, label: &str, rows: &[DriveRow]) -> Option<Sample> {
-    let MetricOrigin::Drives(number) = metric.origin else {
-        return None;
-    };
     let own = rows.iter();
     let own = own.filter(|row| row.algorithm == label && row.stress.is_none());
     let own: BTreeMap<u64, &DriveRow> = own.map(|row| (row.seed, row)).collect();
-    Some(drive_sample(number, own.into_values()))
+    drive_sample(metric, own.into_values())
 }
 
-/// A metric of these drives.
-pub(super) fn drive_sample<'a>(
-    number: DriveNumber,
-    rows: impl Iterator<Item = &'a DriveRow>,
-) -> Sample {
-    Sample::Ratio(rows.map(|row| drive_parts(number, row)).collect())
+/// A metric of these drives, however few: a rate rests on the metres driven, others on courses.
+pub(super) fn measured<'a>(
+    metric: &Metric,
+    rows: impl Iterator<Item = &'a DriveRow> + Clone,
+) -> Option<Measured> {
+    let cases = match metric.unit {
+        MetricUnit::Per100M => rows.clone().map(|row| row.driven_m).sum::<f64>() as u64,
+        _ => rows.clone().count() as u64,
+    };
+    let (value, cases) = (drive_sample(metric, rows)?.total()?, Cases::items(cases));
+    Some(Measured { value, cases })
+}
+
+/// The values of a metric of these drives; `None` for a metric of something else.
+fn drive_sample<'a>(metric: &Metric, rows: impl Iterator<Item = &'a DriveRow>) -> Option<Sample> {
+    let MetricOrigin::Drives(number) = metric.origin else {
+        return None;
+    };
+    let parts = rows.map(|row| drive_parts(number, row));
+    Some(Sample::Ratio(parts.collect()))
 }
 
 /// The number of a drive, and what it is divided by.
@@ -249,6 +264,7 @@ pub(super) fn drive_parts(number: DriveNumber, row: &DriveRow) -> [f64; 2] {
         DriveNumber::Collisions => [row.collisions as f64, row.driven_m / 100.0],
         DriveNumber::NearMisses => [row.near_misses as f64, row.driven_m / 100.0],
         DriveNumber::Driven => [row.route_m, 1.0],
+        DriveNumber::Late => [f64::from(u8::from(!row.arrived)), 1.0],
     }
 }
 
@@ -300,51 +316,90 @@ pub(super) mod tests {
         Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
     }
 
-    #[test]
-    fn a_robot_that_hardly_drives_is_in_no_sentence() {
-        let stands = |route_m| DriveRow {
-            finished: false,
-            route_m,
-            ..drive(1, "stands")
+    /// The drives of as many courses; on each, `a` finishes without a collision.
+    fn courses(courses: u64, b: fn(&mut DriveRow)) -> Vec<DriveRow> {
+        let both = |seed| {
+            let mut other = drive(seed, "b");
+            b(&mut other);
+            [drive(seed, "a"), other]
         };
-        let hits = |algorithm| DriveRow {
-            finished: false,
-            collisions: 2,
-            ..drive(1, algorithm)
-        };
-        let answer = |route_m| summary(&[hits("a"), hits("b"), stands(route_m)], 1).answer();
-        let few = answer(0.61).join(" ");
-        assert!(few.contains("stands by collisions"), "{few}");
-        let few = answer(0.59).join(" ");
-        assert!(!few.contains("stands"), "{few}");
-        assert!(few.contains("a by finished, collisions"), "{few}");
-        assert!(
-            few.ends_with(
-                "Only algorithms with at least 10 % of the courses' length driven are called best."
-            ),
-            "{few}"
-        );
-        // It is in the table, and not on the front.
-        let summary = summary(&[hits("a"), stands(0.0)], 1);
-        assert_eq!(summary.headline().rows.len(), 2);
-        assert_eq!(summary.front().1, ["a"]);
-        let alone = self::summary(&[stands(0.0), stands(0.5)], 1);
-        assert_eq!(alone.answer(), Vec::<String>::new());
+        (0..courses).flat_map(both).collect()
+    }
+
+    fn hits(row: &mut DriveRow) {
+        (row.finished, row.collisions) = (false, 2);
     }
 
     #[test]
-    fn a_robot_that_never_moved_has_no_rate() {
-        let stood = DriveRow {
-            driven_m: 0.0,
-            ..drive(1, "v3")
+    fn the_best_of_drives_differs_over_eight_courses() {
+        let best = |drives: &[DriveRow]| {
+            let best = summary(drives, 1).best.into_iter();
+            let words = best.map(|own| format!("{} by {}", own.algorithm, own.metric.name));
+            words.collect::<Vec<_>>()
         };
-        let summary = summarize(&[stood], None);
-        assert_eq!(summary[0].collisions_per_100m, None);
-        assert_eq!(summary[0].near_misses_per_100m, None);
         assert_eq!(
-            summarize(&[drive(1, "v3")], None)[0].collisions_per_100m,
-            Some(0.0)
+            best(&courses(8, hits)),
+            ["a by finished", "a by collisions"]
         );
+        let none: [&str; 0] = [];
+        assert_eq!(best(&courses(7, hits)), none);
+        assert_eq!(best(&courses(8, |_| ())), none);
+        // One of eight is no difference.
+        let once = |row: &mut DriveRow| {
+            if row.seed == 0 {
+                hits(row);
+            }
+        };
+        assert_eq!(best(&courses(8, once)), none);
+        let alone: Vec<_> = (0..8).map(|seed| drive(seed, "a")).collect();
+        assert_eq!(best(&alone), none);
+        // Who finishes nothing hits nothing here, and is not best; nor is who hits more.
+        let late = |row: &mut DriveRow| (row.finished, row.arrived) = (false, false);
+        let mut drives = courses(8, late);
+        let own = drives
+            .iter_mut()
+            .filter(|row| row.algorithm == "a" && row.seed < 7);
+        own.for_each(hits);
+        assert_eq!(best(&drives), none);
+        let words = summary(&drives, 1).answer().join(" ");
+        assert!(
+            words.starts_with("No algorithm has a finished course, at least 10 %"),
+            "{words}"
+        );
+        assert!(
+            words.ends_with("over 8 courses or more, so none is called best."),
+            "{words}"
+        );
+    }
+
+    #[test]
+    fn a_robot_that_hardly_drives_is_not_compared() {
+        let stands = |row: &mut DriveRow| (row.finished, row.route_m) = (false, 0.5);
+        let stands = summary(&courses(8, stands), 1);
+        assert_eq!(stands.best, []);
+        // It is in the table, and not on the front.
+        assert_eq!(stands.headline().rows.len(), 2);
+        assert_eq!(stands.front().1, ["a"]);
+        let drives = |row: &mut DriveRow| (row.finished, row.route_m) = (false, 0.61);
+        assert_eq!(summary(&courses(8, drives), 1).best.len(), 1);
+    }
+
+    #[test]
+    fn a_rate_over_less_than_a_metre_is_not_measured() {
+        let rates = |driven_m| {
+            let row = DriveRow {
+                driven_m,
+                ..drive(1, "v3")
+            };
+            let own = summarize(&[row], None).remove(0);
+            [own.collisions_per_100m, own.near_misses_per_100m]
+        };
+        assert_eq!([0.0, 0.99].map(rates), [[None; 2]; 2]);
+        assert_eq!(rates(1.0), [Some(0.0); 2]);
+        let metric = Metric::find("collisions").unwrap();
+        let cases = measured(metric, [drive(1, "v3"), drive(2, "v3")].iter());
+        let cases = cases.unwrap().cases;
+        assert_eq!(metric.cases_words(&cases), "12 m driven");
     }
 
     #[test]

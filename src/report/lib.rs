@@ -41,13 +41,13 @@ pub mod shots;
 mod sources;
 mod speed;
 mod stress;
+mod stressed;
 mod summary_tables;
 mod sweep_choice;
 mod sweeps;
 pub mod table;
 mod table_writer;
 mod terminal;
-mod totals;
 pub mod units;
 mod words;
 

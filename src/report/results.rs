@@ -386,9 +386,9 @@ impl Results {
     /// The results of these tables.
     ///
     /// # Errors
-    /// The errors of [`Results::from_rows`].
+    /// The error of a perturbation that svl does not know.
     pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
-        let sums = Self::from_rows(&tables.rows, &tables.checkpoints)?;
+        let sums = Self::from_rows(&tables.rows, &tables.checkpoints, None);
         let prior: Vec<_> = tables.prior.iter().collect();
         let mut results = Self {
             ending: parts.ending,
@@ -412,7 +412,8 @@ impl Results {
         if let Some(manifest) = parts.manifest {
             results.add_manifest(manifest);
         }
-        results.add_drives(&tables.drives);
+        results.add_drives(&tables.drives, None);
+        results.stress = results.stressed(tables)?;
         // The order matters: the manifest has the algorithms that failed on every pair, which are
         // sorted, too, and those that may not be called best; the best is the first of equal ones,
         // and beats the prior.
@@ -428,11 +429,16 @@ impl Results {
         Ok(results)
     }
 
-    /// The sums of rows, whatever their perturbation.
-    pub(super) fn from_pairs(rows: &[&Row], checkpoints: &[&CheckpointRow]) -> Self {
+    /// The sums of the rows with that perturbation.
+    pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
+        let rows = rows.iter().filter(|row| row.stress.as_deref() == stress);
+        let rows = &rows.collect::<Vec<_>>();
+        let checkpoints = checkpoints.iter();
+        let checkpoints = checkpoints.filter(|row| row.stress.as_deref() == stress);
         let algorithms = grouped(rows, |row| &row.algorithm, AlgorithmSummary::new);
         let key = |row: &'_ CheckpointRow| (row.checkpoint, row.algorithm.clone());
-        let mut checkpoints = grouped(checkpoints, key, CheckpointSummary::new);
+        let checkpoints: Vec<_> = checkpoints.collect();
+        let mut checkpoints = grouped(&checkpoints, key, CheckpointSummary::new);
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
@@ -570,24 +576,23 @@ impl Results {
         }
     }
 
-    /// Adds the results of drives.
-    fn add_drives(&mut self, rows: &[DriveRow]) {
-        self.drives = drives::summarize(rows, None);
-        for drive in &self.drives {
-            let own = self.algorithms.iter_mut();
-            for summary in own.filter(|own| own.algorithm == drive.algorithm) {
-                let cases = Cases::items(drive.courses);
-                summary.set("finished", Some(drive.finished_share()), cases);
-                summary.set("collisions", drive.collisions_per_100m, cases);
-                summary.set("near_misses", drive.near_misses_per_100m, cases);
-                summary.set("driven", Some(drive.route_m), cases);
+    /// Adds the results of drives with that perturbation.
+    pub(super) fn add_drives(&mut self, rows: &[DriveRow], stress: Option<&str>) {
+        self.drives = drives::summarize(rows, stress);
+        for summary in &mut self.algorithms {
+            let own = rows.iter().filter(|row| row.stress.as_deref() == stress);
+            let own = own.filter(|row| row.algorithm == summary.algorithm);
+            for metric in METRICS.iter().filter(|metric| metric.is_of_drives()) {
+                if let Some(measured) = drives::measured(metric, own.clone()) {
+                    let area = AreaChoice::default();
+                    summary.totals.set(metric, area, measured);
+                }
             }
         }
         // Each algorithm drives its own way and sees pairs of its own.
         if !rows.is_empty() {
             self.basis.scope.pairs = self.algorithms.iter().map(|a| a.pairs).sum();
         }
-        super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
 
     /// The kind of the report by what was measured.

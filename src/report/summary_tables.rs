@@ -6,12 +6,10 @@ use super::drives::DriveSummary;
 use super::prior::PRIOR;
 use super::reliability::ReliabilityRow;
 use super::results::{AlgorithmSummary, CheckpointSummary, Results};
-use super::stress::{StressSummary, kinds};
 use super::table::{NONE, Table, TableCell, TableColumn, TextColumn};
 use super::words::{digits, mark, number, percent, time};
 use svl_score::bootstrap::Interval;
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, TruthLevel};
-use svl_sim::stress::StressKind;
 
 const TIMES: [TextColumn<AlgorithmSummary>; 2] = [
     ("ms per pair", "p50", |a| time(a.p50_ms)),
@@ -61,13 +59,14 @@ const RELIABILITY: [TextColumn<ReliabilityRow>; 5] = [
     ("", "right %", |row| percent(Some(row.right))),
 ];
 
-const DRIVES: [TextColumn<DriveSummary>; 12] = [
+const DRIVES: [TextColumn<DriveSummary>; 13] = [
     ("", "algorithm", |d| d.algorithm.clone()),
     ("", "courses", |d| d.courses.to_string()),
     ("", "finished, %", |d| {
         let share = 100.0 * d.finished_share();
         format!("{share:.0}{}", interval(d.finished_interval, 100.0, 0))
     }),
+    ("", "late", |d| d.late.to_string()),
     ("", "hits/100 m", |d| {
         rate(d.collisions_per_100m, d.collisions_interval)
     }),
@@ -457,6 +456,8 @@ impl Results {
         let table = table.with_notes(&[
             "finished: courses whose goal was reached without a collision and without help; in \
              brackets the 95 % interval over the courses, if there are eight or more",
+            "late: courses whose goal was not reached within the scenario's pairs, with help or \
+             without",
             "hits, near: collisions and near misses per 100 m driven; after a collision the robot \
              is set back on the route of the driver with perfect sight, 0.3 m farther on",
             "first hit: mean distance to the first collision; a drive without one counts with its \
@@ -468,21 +469,6 @@ impl Results {
              one the next pair; pairs that arrived while the algorithm was busy",
         ]);
         table.if_any()
-    }
-
-    /// A table per kind of perturbation: right cells by level, and where each algorithm breaks.
-    pub fn stress_tables(&self) -> Vec<Table> {
-        let kinds = kinds(&self.stress).into_iter();
-        let mut tables: Vec<_> = kinds.map(|kind| stress_table(kind, &self.stress)).collect();
-        if let Some(last) = tables.last_mut() {
-            last.note(
-                "breaks at",
-                "the least level at which a checkpoint that passed in half of its frames does not \
-                 any more, or a tenth of the right cells is lost (without truth: of the known \
-                 ones), or of the courses that were finished",
-            );
-        }
-        tables
     }
 }
 
@@ -528,52 +514,4 @@ fn all_cell(checkpoints: &[&CheckpointSummary]) -> String {
     let share = percent(Some(sum(|c| c.passed) / sum(|c| c.frames)));
     let (best, worst) = (count(|c| c.best_passed), count(|c| c.worst_passed));
     format!("{best}/{n} {worst}/{n} {share}", n = seen.len())
-}
-
-fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
-    let own: Vec<_> = stress.iter().filter(|s| s.kind == kind.name).collect();
-    let mut levels: Vec<f64> = own.iter().map(|s| s.level).collect();
-    levels.sort_by(f64::total_cmp);
-    levels.dedup();
-    let mut algorithms: Vec<&str> = Vec::new();
-    for s in &own {
-        if !algorithms.contains(&s.algorithm.as_str()) {
-            algorithms.push(&s.algorithm);
-        }
-    }
-    let has_truth = own.iter().any(|s| s.right.is_some());
-    let is_driven = own.iter().any(|s| s.finished.is_some());
-    let heads = levels.iter().map(|level| match level {
-        0.0 => "unperturbed".to_owned(),
-        level => level.to_string(),
-    });
-    let numbers = match (is_driven, has_truth) {
-        (true, _) => "collisions per 100 m",
-        (_, true) => "right cells, %",
-        (_, false) => "known cells, %",
-    };
-    let title = format!("Stress: {}, {}: {numbers}", kind.name, kind.unit);
-    let heads = heads.chain(["breaks at".to_owned()]);
-    let mut table = Table::new(title, "algorithm").with_columns(heads);
-    // Levels by magnitude: an algorithm breaks at the smallest one that it fails, to either side.
-    let mut by_size = levels.clone();
-    by_size.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-    for algorithm in algorithms {
-        let at = |level: f64| {
-            let mut own = own.iter();
-            own.find(|s| s.algorithm == algorithm && s.level == level)
-        };
-        let share = |s: &&StressSummary| if has_truth { s.right } else { s.known };
-        let cells = levels.iter().map(|level| match (at(*level), is_driven) {
-            (Some(s), true) => s.collisions.map_or(NONE.to_owned(), |v| format!("{v:.1}")),
-            (s, _) => percent(s.and_then(&share)),
-        });
-        let mut breaks = by_size.iter().filter_map(|level| at(*level));
-        let breaks = breaks.find_map(|s| Some(format!("{}: {}", s.level, s.broken.as_ref()?)));
-        let breaks = breaks.unwrap_or_else(|| NONE.to_owned());
-        table.push(algorithm, cells.chain([breaks]));
-    }
-    let (summary, unit, formula) = (kind.summary, kind.unit, kind.formula);
-    table.note(kind.name, format!("{summary}; level, {unit}: {formula}"));
-    table
 }

@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12489),
+    ("bench", 12496),
     ("c", 470),
     ("calibrate", 4909),
     ("cli", 11576),
@@ -78,8 +78,8 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 13766),
-    ("report", 12364),
-    ("score", 8038),
+    ("report", 12593),
+    ("score", 8083),
     ("sim", 3533),
     ("thesis", 3693),
     ("train", 3510),

@@ -4,7 +4,7 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::pass::{Monitor, Pace};
+use crate::pass::{Matchers, Monitor, Pace};
 use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
@@ -122,13 +122,23 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
 /// Drives what is missing of a scenario, several drives at once.
 pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
     let scenario = plan.scenario;
-    let ScenarioSource::Drive { seeds, drive, .. } = &scenario.source else {
+    let ScenarioSource::Drive {
+        seeds,
+        drive,
+        config,
+    } = &scenario.source
+    else {
         return Err(Error::Invalid(format!(
             "scenario '{}' has no drives",
             scenario.name
         )));
     };
     refuse_recorded(&scenario.algorithms)?;
+    let (size, rig) = (
+        (config.rig.width_px, config.rig.height_px),
+        config.rig.rectified()?,
+    );
+    Matchers::new(&scenario.algorithms)?.warn_of_ranges(size, &rig, &scenario.judge());
     let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
     let levels: Vec<_> = plan.stresses().collect();

@@ -6,7 +6,7 @@ use crate::sink::{PassStart, Wanted};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::{MatchContext, MatchOutput};
-use svl_core::stereo::{CellRule, Estimate, Frame, RectifiedPair, Rig};
+use svl_core::stereo::{Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
 use svl_score::judge::{Judge, Judged, MatchFailure};
 use svl_score::notice::Notice;
@@ -108,9 +108,8 @@ impl<'a> Matching<'a> {
         // Also of algorithms whose results are known: the warning belongs to the pass.
         let is_new = self.ranged_for.replace(frame.pair.size()) != Some(frame.pair.size());
         if let Some(rig) = frame.rig().filter(|_| is_new && self.rounds.is_some()) {
-            let cells = self.judge.grid.shape().cells();
-            let images = (frame.pair.size(), cells);
-            warn_of_ranges(&mut self.matchers.0, images, rig, self.judge.cells);
+            self.matchers
+                .warn_of_ranges(frame.pair.size(), rig, self.judge);
         }
         let entries = self.matchers.0.iter_mut();
         let mut matching: Vec<_> = entries
@@ -247,29 +246,27 @@ fn warm_up(entries: &mut [&mut ReadyMatcher], pair: RectifiedPair<'_>, context: 
     }
 }
 
-/// Warns of algorithms whose ranges of disparities end before obstacles do, each once; for images
-/// of a size, with that many cells.
-fn warn_of_ranges(
-    entries: &mut [ReadyMatcher],
-    images: ((usize, usize), usize),
-    rig: &Rig,
-    cells: CellRule,
-) {
-    let (obstacle_m, _) = cells.obstacle_and_clear_m();
-    let px = rig.disparity_px(obstacle_m).ceil();
-    let short = entries.iter_mut().filter_map(|entry| {
-        let nearest_m = entry.short_range(images, rig, obstacle_m)?;
-        Some((entry.label.clone(), nearest_m))
-    });
-    let mut short: Vec<(String, f64)> = short.collect();
-    short.sort_by(|a, b| a.1.total_cmp(&b.1));
-    for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
-        let labels = equal.iter().map(|(label, _)| label.as_str());
-        let text = format!(
-            "max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
-             about {px} px",
-            equal[0].1
-        );
-        Notice::new(labels, text).warn();
+impl Matchers {
+    /// Warns of algorithms whose ranges of disparities end before obstacles do, each once; for
+    /// images of a size.
+    pub fn warn_of_ranges(&mut self, size: (usize, usize), rig: &Rig, judge: &Judge) {
+        let (obstacle_m, _) = judge.cells.obstacle_and_clear_m();
+        let images = (size, judge.grid.shape().cells());
+        let px = rig.disparity_px(obstacle_m).ceil();
+        let short = self.0.iter_mut().filter_map(|entry| {
+            let nearest_m = entry.short_range(images, rig, obstacle_m)?;
+            Some((entry.label.clone(), nearest_m))
+        });
+        let mut short: Vec<(String, f64)> = short.collect();
+        short.sort_by(|a, b| a.1.total_cmp(&b.1));
+        for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
+            let labels = equal.iter().map(|(label, _)| label.as_str());
+            let text = format!(
+                "max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
+                 about {px} px",
+                equal[0].1
+            );
+            Notice::new(labels, text).warn();
+        }
     }
 }

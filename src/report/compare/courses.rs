@@ -1,12 +1,12 @@
 //! Two reports of drives, course by course.
 
-use super::{AlgorithmChange, Change, Judgement};
-use crate::drives::{DriveRow, drive_parts, drive_sample, has_driven};
+use super::{AlgorithmChange, Change, Judgement, NotMeasured};
+use crate::drives::{self, DriveRow, drive_parts, has_driven};
 use crate::table::{Table, TableCell};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;
-use svl_score::judge::{Better, Cases, DriveNumber, METRICS, Metric, MetricOrigin};
+use svl_score::judge::{Better, METRICS, Metric, MetricOrigin};
 use svl_score::sign_test;
 
 /// Limit of the courses in a line and in a table.
@@ -29,6 +29,8 @@ pub struct CourseChanges {
 pub struct CourseChange {
     pub seed: u64,
     pub finished: [bool; 2],
+    /// The goal was not reached before the pairs ended.
+    pub late: [bool; 2],
     pub collisions: [u64; 2],
     pub near_misses: [u64; 2],
 }
@@ -42,42 +44,52 @@ impl AlgorithmChange {
     /// much it differs does not count, so that one bad course is one course.
     /// `tests`: the number of tests at once.
     pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]], tests: usize) -> Self {
-        let alike = courses.iter().filter(|[a, b]| a.track_hash == b.track_hash);
-        let alike = alike.count();
-        let fewest = sign_test::fewest_changes(tests);
-        let metrics = METRICS.iter().filter_map(|metric| {
-            let MetricOrigin::Drives(number) = metric.origin else {
-                return None;
-            };
-            Change::from_drives(metric, number, courses, alike == courses.len(), fewest)
-        });
+        let alike = courses.iter().filter(|own| is_alike(own));
+        let (mut metrics, mut not_measured) = (Vec::new(), Vec::new());
+        for metric in METRICS.iter().filter(|metric| metric.is_of_drives()) {
+            match Change::from_drives(metric, courses, tests) {
+                Ok(change) => metrics.push(change),
+                Err(own) => not_measured.push(own),
+            }
+        }
         Self {
             blocks: courses.len(),
-            equal_results: alike,
-            metrics: metrics.collect(),
+            equal_results: alike.count(),
+            metrics,
+            not_measured,
             courses: Some(CourseChanges::new(courses)),
             ..self
         }
     }
 }
 
+fn is_alike([a, b]: &[&DriveRow; 2]) -> bool {
+    a.track_hash == b.track_hash
+}
+
 impl Change {
-    fn from_drives(
+    /// The change of a metric of drives over the courses of both, as one of so many tests.
+    pub(crate) fn from_drives(
         metric: &'static Metric,
-        number: DriveNumber,
         courses: &[[&DriveRow; 2]],
-        are_alike: bool,
-        fewest: usize,
-    ) -> Option<Self> {
+        tests: usize,
+    ) -> Result<Self, NotMeasured> {
+        let rows = |side: usize| courses.iter().map(move |pair| pair[side]);
+        let measured = [0, 1].map(|side| drives::measured(metric, rows(side)));
+        let cases = measured.map(|own| own.map(|own| own.cases));
+        let values = measured.map(|own| metric.value_of(own?));
+        let ([Some(base), Some(other)], [Some(a), Some(b)], MetricOrigin::Drives(number)) =
+            (values, cases, metric.origin)
+        else {
+            return Err(NotMeasured { metric, cases });
+        };
         let value = |row: &DriveRow| drive_parts(number, row)[0];
         let changed = |is: fn(f64, f64) -> bool| {
             let changed = courses.iter().filter(|[a, b]| is(value(b), value(a)));
             changed.count()
         };
         let [up, down] = [changed(|b, a| b > a), changed(|b, a| b < a)];
-        let rows = |side: usize| courses.iter().map(move |pair| pair[side]);
-        let base = drive_sample(number, rows(0)).total()?;
-        let other = drive_sample(number, rows(1)).total()?;
+        let fewest = sign_test::fewest_changes(tests);
         // Even if all that differ do so in one direction, it may be chance.
         let is_tested = courses.len() >= fewest && !(1..fewest).contains(&(up + down));
         // A robot that stands hits nothing.
@@ -88,7 +100,7 @@ impl Change {
             sign_test::p_value([up, down])
         };
         let is_real = is_tested.then_some(p <= MAX_P);
-        Some(Self {
+        Ok(Self {
             checkpoint: None,
             metric,
             base,
@@ -96,8 +108,8 @@ impl Change {
             difference: other - base,
             interval: None,
             p: Some(p),
-            cases: Some([Cases::items(courses.len() as u64); 2]),
-            judgement: if are_alike {
+            cases: Some([a, b]),
+            judgement: if courses.iter().all(is_alike) {
                 Judgement::Equal
             } else {
                 Judgement::new(metric.better, is_real, up > down)
@@ -114,6 +126,7 @@ impl CourseChanges {
         let changes = courses.iter().map(|pair| CourseChange {
             seed: pair[0].seed,
             finished: pair.map(|row| row.finished),
+            late: pair.map(|row| !row.arrived),
             collisions: pair.map(|row| row.collisions),
             near_misses: pair.map(|row| row.near_misses),
         });
@@ -181,9 +194,11 @@ impl CourseChanges {
                     TableCell::Text(format!("{before} → {after}"))
                 }
             };
-            let finished = course
-                .finished
-                .map(|is| if is { "yes" } else { "no" }.to_owned());
+            let finished = [0, 1].map(|side| match (course.finished[side], course.late[side]) {
+                (true, _) => "yes".to_owned(),
+                (_, true) => "late".to_owned(),
+                _ => "no".to_owned(),
+            });
             let [collisions, near] =
                 [course.collisions, course.near_misses].map(|own| own.map(|n| n.to_string()));
             table.rows.push(vec![
@@ -199,8 +214,11 @@ impl CourseChanges {
 
 impl CourseChange {
     fn is_changed(&self) -> bool {
-        let is = |[before, after]: [u64; 2]| before != after;
-        self.finished[0] != self.finished[1] || is(self.collisions) || is(self.near_misses)
+        let side = |i: usize| {
+            let ends = (self.finished[i], self.late[i]);
+            (ends, self.collisions[i], self.near_misses[i])
+        };
+        side(0) != side(1)
     }
 
     fn more_collisions(&self) -> i64 {
@@ -230,12 +248,7 @@ mod tests {
 
     fn judged_rows(before: &[DriveRow], after: &[DriveRow], name: &str) -> Judgement {
         let pairs: Vec<_> = before.iter().zip(after).map(<[_; 2]>::from).collect();
-        let alike = pairs.iter().all(|[a, b]| a.track_hash == b.track_hash);
-        let metric = Metric::find(name).unwrap();
-        let MetricOrigin::Drives(number) = metric.origin else {
-            panic!("{name}");
-        };
-        let change = Change::from_drives(metric, number, &pairs, alike, 6);
+        let change = Change::from_drives(Metric::find(name).unwrap(), &pairs, 1);
         change.unwrap().judgement
     }
 
@@ -269,6 +282,19 @@ mod tests {
     }
 
     #[test]
+    fn a_rate_over_less_than_a_metre_is_not_compared() {
+        let (before, mut after) = (drives(&[1; 8]), drives(&[0; 8]));
+        after.iter_mut().for_each(|row| row.driven_m = 0.1);
+        let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
+        let own = AlgorithmChange::default().with_courses(&pairs, 3);
+        let names = |metrics: &[Change]| metrics.iter().map(|own| own.metric.name).collect();
+        let names: Vec<_> = names(&own.metrics);
+        assert_eq!(names, ["finished", "late", "driven"]);
+        let cases = own.not_measured[0].cases.map(|cases| cases.unwrap().items);
+        assert_eq!((own.not_measured.len(), cases), (2, [48, 0]));
+    }
+
+    #[test]
     fn the_courses_that_changed_are_named() {
         let (before, after) = (drives(&[0, 0, 2, 1, 1]), drives(&[0, 1, 0, 3, 1]));
         let pairs: Vec<_> = before.iter().zip(&after).map(<[_; 2]>::from).collect();
@@ -278,6 +304,12 @@ mod tests {
         assert_eq!(changes.words(), words);
         let (table, more) = changes.table();
         assert_eq!((table.rows.len(), more), (3, 0));
+        let mut late = drives(&[1]);
+        late[0].arrived = false;
+        let late = CourseChanges::new(&[[&drives(&[0])[0], &late[0]]])
+            .table()
+            .0;
+        assert_eq!(late.rows[0][1], TableCell::Alert("yes → late".to_owned()));
         let many = (drives(&[0; 40]), drives(&[1; 40]));
         let pairs: Vec<_> = many.0.iter().zip(&many.1).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);

@@ -344,12 +344,17 @@ fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<St
     Ok(differences)
 }
 
-/// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
+/// The changes of metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
-pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+pub fn changes(
+    base: &[&Row],
+    other: &[&Row],
+    metrics: impl IntoIterator<Item = &'static Metric>,
+) -> Vec<Change> {
     let area = base.first().map(|row| row.metrics.area());
     let resamples = resamples(base);
-    Changes::over([base, other], None, area.unwrap_or_default(), &resamples).measured
+    let area = area.unwrap_or_default();
+    Changes::over([base, other], None, area, &resamples, metrics).measured
 }
 
 /// The changes of the metrics in an area, and the metrics that one of the two does not measure.
@@ -366,11 +371,12 @@ impl Changes {
         errors: Option<&[Vec<PairErrors>; 2]>,
         area: AreaChoice,
         resamples: &Resamples,
+        metrics: impl IntoIterator<Item = &'static Metric>,
     ) -> Self {
         let totals = rows.map(MetricTotals::new);
         let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
         let mut changes = Self::default();
-        for metric in METRICS {
+        for metric in metrics {
             let number = match metric.origin {
                 MetricOrigin::Cells { number, .. } => Some(number),
                 _ => None,
@@ -437,7 +443,7 @@ impl AlgorithmChange {
         } else {
             None
         };
-        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples);
+        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples, METRICS);
         let Changes {
             measured: mut metrics,
             not_measured,
@@ -571,7 +577,7 @@ impl Change {
         }
     }
 
-    fn new(
+    pub(crate) fn new(
         metric: &'static Metric,
         [base, other]: [f64; 2],
         difference: f64,
@@ -687,7 +693,7 @@ mod tests {
             let rows = coin(seed, loss);
             let [base, other] = rows.each_ref().map(|rows| rows.iter().collect::<Vec<_>>());
             let mut own = [AlgorithmChange {
-                metrics: changes(&base, &other),
+                metrics: changes(&base, &other, METRICS),
                 ..AlgorithmChange::default()
             }];
             let is_worse = |own: &AlgorithmChange| {

@@ -156,17 +156,18 @@ pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<Str
         let mut algorithms: Vec<&str> = own.iter().map(|s| s.algorithm.as_str()).collect();
         algorithms.sort_by_key(|name| own.iter().position(|s| s.algorithm == *name));
         algorithms.dedup();
-        let plots = NUMBERS.iter().filter_map(|(title, axis, number)| {
+        let plots = NUMBERS.iter().filter_map(|number| {
             let series = algorithms.iter().map(|algorithm| {
                 let points = own.iter().filter(|s| s.algorithm == *algorithm);
-                let points = points.filter_map(|s| Some((s.level, number(s)?)));
+                let points = points.filter_map(|s| Some((s.level, number.plotted(s)?)));
                 let mut points: Vec<_> = points.collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
                 Series::new(algorithm, SeriesStyle::Both, points)
             });
             let x = Axis::new(format!("{}, {}", kind.name, kind.unit));
-            let chart = Chart::untitled(x, Axis::new(*axis), series);
-            (!chart.series.is_empty()).then(|| PlotView::new(title, "", chart.svg_in(colors)))
+            let chart = Chart::untitled(x, Axis::new(number.heading()), series);
+            let view = || PlotView::new(number.words, "", chart.svg_in(colors));
+            (!chart.series.is_empty()).then(view)
         });
         (kind.name, kind.summary, plots.collect())
     };

@@ -128,9 +128,14 @@ pub fn collect_tables(
     for run in runs {
         accuracy.begin_pass();
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
+        let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
         let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {
             if let Some(pair) = pair {
                 rule.add_agreed(&mut rows.rows, &rows.cells, pair.infinity_px);
+                if let Some(plain) = &mut plain {
+                    let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
+                    rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
+                }
                 if let Some(row) = rows.rows.first() {
                     accuracy.add(time_ns(row), &rows.cells);
                     reliability.add(&rows.cells);
@@ -191,4 +196,42 @@ pub fn collect_tables(
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.prior = prior.into_rows(rule.cells);
     Ok(tables)
+}
+
+/// The cells of the unperturbed pairs of a perturbed run, a block at a time.
+struct PlainCells<'a> {
+    run: &'a RunUnits,
+    block: Option<u64>,
+    cells: Vec<CellRow>,
+}
+
+impl<'a> PlainCells<'a> {
+    /// None for a run that is not perturbed.
+    fn beside(perturbed: &RunUnits, runs: &'a [RunUnits]) -> Option<Self> {
+        let key = |own: &RunUnits| (own.run.run.clone(), own.run.seed);
+        let mut plain = runs.iter().filter(|own| own.run.stress.is_none());
+        let run = plain.find(|own| key(own) == key(perturbed));
+        let run = run.filter(|_| perturbed.run.stress.is_some())?;
+        Some(Self {
+            run,
+            block: None,
+            cells: Vec::new(),
+        })
+    }
+
+    /// The cells of the block of a pair.
+    fn for_pair(&mut self, sequence: u64) -> Result<&[CellRow]> {
+        let mut pairs = self.run.facts.pairs.iter();
+        let place = pairs.position(|pair| pair.sequence == sequence);
+        let block = place.map(|place| place as u64 / BLOCK);
+        if block != self.block {
+            self.block = block;
+            self.cells.clear();
+            for unit in self.run.all().filter(|unit| Some(unit.block) == block) {
+                let mut reader = UnitReader::open(unit, "", |table| table == "cells")?;
+                self.cells.append(&mut reader.take(None)?.cells);
+            }
+        }
+        Ok(&self.cells)
+    }
 }

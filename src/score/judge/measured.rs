@@ -6,7 +6,7 @@ use serde::Serialize;
 /// The cases of a metric; `*` in their words is the plural.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CaseKind {
-    /// Pairs, frames of a checkpoint, or courses that have a value.
+    /// Pairs, frames of a checkpoint, or courses that have a value; metres driven.
     Items(&'static str),
     /// The sum of these metrics, over the cells of the metric's area or of all.
     Sum(&'static [&'static str], &'static str),
@@ -35,7 +35,7 @@ impl Minimum {
 /// The cases that a value rests on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Cases {
-    /// Pairs, frames or courses with a value.
+    /// Pairs, frames or courses with a value; of rates of drives the whole metres driven.
     pub items: u64,
     /// Cells or obstacles; absent of metrics whose cases are the items.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -252,6 +252,8 @@ pub enum DriveNumber {
     NearMisses,
     /// Metres of the route that the robot drove itself.
     Driven,
+    /// Fraction of the courses whose goal was not reached before the pairs ended.
+    Late,
 }
 
 /// Aggregation over frames; frames without a value are skipped.
@@ -399,6 +401,8 @@ const BEHIND_FILTERS: CaseKind =
 const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
 const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
 const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
+const METRES: CaseKind = CaseKind::Items("m driven");
+const COMPARED: CaseKind = CaseKind::Sum(&["same", "changed", "gone"], "cell* known unperturbed");
 /// Fewest of the cells that errors and noise are of: those without a finite report are left out.
 const MIN_SHARE: Option<f64> = Some(0.95);
 
@@ -657,6 +661,36 @@ pub const METRICS: &[Metric] = &[
              all cells; needs no truth; compare only runs with the same algorithms",
         )
         .headline(&[NoTruth]),
+    metric("same", "cells as unperturbed", "perturbed, %", "same")
+        .unit(Share, More)
+        .origin(part("cells_same", |_| None))
+        .over(COMPARED)
+        .without_truth()
+        .note(
+            "perturbed",
+            "cells that the same algorithm knows in the unperturbed pair: right by that answer in \
+             place of a truth (same), wrong by it (changed), or unknown now (gone)",
+        ),
+    metric(
+        "changed",
+        "cells other than unperturbed",
+        "perturbed, %",
+        "changed",
+    )
+    .unit(Share, Less)
+    .origin(part("cells_changed", |_| None))
+    .over(COMPARED)
+    .without_truth(),
+    metric(
+        "gone",
+        "cells known unperturbed alone",
+        "perturbed, %",
+        "gone",
+    )
+    .unit(Share, Less)
+    .origin(part("cells_gone", |_| None))
+    .over(COMPARED)
+    .without_truth(),
     metric("kept", "obstacles kept behind filters", "filters", "kept")
         .unit(Count, More)
         .origin(sum("kept_obstacles", |facts| {
@@ -841,10 +875,20 @@ pub const METRICS: &[Metric] = &[
             "courses whose goal was reached without a collision and without help",
         )
         .headline(&[Courses]),
+    // No direction: a late course is one of those that were not finished.
+    metric("late", "courses late", "", "late")
+        .origin(MetricOrigin::Drives(DriveNumber::Late))
+        .over(CaseKind::Items("course*"))
+        .without_truth()
+        .note(
+            "late",
+            "courses whose goal was not reached within the scenario's pairs, with help or without",
+        )
+        .headline(&[Courses]),
     metric("collisions", "collisions", "", "hits/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::Collisions))
-        .over(CaseKind::Items("course*"))
+        .over(METRES)
         .without_truth()
         .note(
             "hits/100 m",
@@ -854,7 +898,7 @@ pub const METRICS: &[Metric] = &[
     metric("near_misses", "near misses", "", "near/100 m")
         .unit(Per100M, Less)
         .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
-        .over(CaseKind::Items("course*"))
+        .over(METRES)
         .without_truth()
         .note(
             "near/100 m",
@@ -948,6 +992,10 @@ impl Metric {
     /// True if any frame of an algorithm can have it, without checkpoints and drives.
     pub fn is_of_frames(&self) -> bool {
         matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
+    }
+
+    pub fn is_of_drives(&self) -> bool {
+        matches!(self.origin, MetricOrigin::Drives(_))
     }
 
     /// True if its column contains whole numbers.

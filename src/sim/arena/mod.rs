@@ -323,7 +323,10 @@ impl ArenaConfig {
 
 impl RigConfig {
     /// The exactly rectified head.
-    fn rectified(&self) -> Result<Rig> {
+    ///
+    /// # Errors
+    /// The errors of [`Rig::new`].
+    pub fn rectified(&self) -> Result<Rig> {
         let (width, height) = (self.width_px as f64, self.height_px as f64);
         Rig::new(
             0.5 * width / (0.5 * self.field_of_view_deg.to_radians()).tan(),

@@ -263,7 +263,7 @@ fn collisions_have_limits() {
         &text,
         &[
             "pass          truth: courses finished 100.0000 % over 1 course, at least 99.99 %",
-            "per 100 m over 1 course, at most 500.0 per 100 m",
+            " m driven, at most 500.0 per 100 m",
         ],
     );
     fixture.write("broken.toml", courses(&limits(1)));
@@ -294,7 +294,13 @@ fn stresses_perturb_the_pairs_of_drives() {
         "score small.toml --seeds 1 --algo seen=v5:max_disparity=24 --algo truth -q \
          --stress row_offset=6 -o r",
     );
-    assert_says(&text, &["Stress: row_offset, px: collisions per 100 m"]);
+    let words = [
+        "Stress: row_offset, px",
+        "collisions, 1/100 m",
+        "too few courses to tell",
+    ];
+    assert_says(&text, &words);
+    assert!(!text.contains("wrong"), "cells of two paths: {text}");
     assert!(fixture.path("r/course-1-seen-row_offset=6.mcap").exists());
     let summary: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
@@ -334,7 +340,16 @@ fn stresses_perturb_the_pairs_of_drives() {
         assert_eq!(finished(level) == 1.0, row(stress), "{stress}");
     }
     assert_ne!(row(""), row("row_offset=6"));
-    assert!(fixture.text("r/index.html").contains("Courses finished"));
+    assert!(
+        stress
+            .iter()
+            .all(|s| s.get("right").is_none() && s["late"].is_number())
+    );
+    assert!(
+        fixture
+            .text("r/index.html")
+            .contains("near misses, 1/100 m")
+    );
 }
 
 #[test]
@@ -343,4 +358,39 @@ fn a_course_that_cannot_be_passed_is_refused() {
     let steering = "steering = { lookahead_m = 0.1, stop_m = 0.1, resume_m = 0.1 }";
     fixture.write("near.toml", format!("{}[drive]\n{steering}\n", courses("")));
     fixture.fails("score near.toml => 1: course 1: none of 30 layouts can be passed");
+}
+
+#[test]
+fn drives_that_go_nowhere_or_run_out_of_pairs_are_said_to() {
+    let fixture = Fixture::new();
+    // All is unknown to blind, so it stands.
+    let more = "gate = [{ algorithm = \"blind\", metric = \"collisions\", max = 1 }]\n\
+                [drive.steering]\nunknown = \"obstacle\"\n";
+    fixture.write("small.toml", courses(more));
+    let line = "score small.toml --algo v3:max_disparity=4 --algo blind --seeds 1 --gate -q \
+                --drives none -o r";
+    let ran = fixture.svl(line);
+    assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
+    let words = "NOT MEASURED  blind: collisions is not measured in this run: it rests on 0 m \
+                 driven, and needs 1 m driven";
+    assert_says(&ran.stdout, &[words]);
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/manifest.json")).unwrap();
+    let warnings = manifest["warnings"].as_array().unwrap();
+    let range = "v3:max_disparity=4: max_disparity sees nothing nearer than 0.90 m; obstacles at \
+                 0.5 m need about 8 px";
+    assert_eq!(*warnings, [range]);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let blind = &summary["algorithms"][1];
+    assert_eq!(
+        (&blind["late"], blind.get("collisions")),
+        (&1.0.into(), None)
+    );
+    assert!(summary["drives"][1]["collisions_per_100m"].is_null());
+    assert!(
+        fixture
+            .text("r/index.html")
+            .contains("<th scope=\"col\">late</th>")
+    );
 }

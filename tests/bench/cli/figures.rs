@@ -56,7 +56,9 @@ fn every_plot_of_the_page_is_a_file() {
     let expected = [
         "fraction-of-each-stage.svg",
         "latency.svg",
-        "noise-known-cells.svg",
+        "noise-changed.svg",
+        "noise-gone.svg",
+        "noise-same.svg",
         "time-by-stage.svg",
         "unrivalled-cells-against-time.svg",
     ];

@@ -1,6 +1,7 @@
 //! `svl score --stress`.
 
 use super::fixture::{Fixture, assert_says};
+use svl::report::{CellRow, Row, read_rows};
 
 #[test]
 fn levels_are_scored_tabled_and_drawn() {
@@ -13,8 +14,10 @@ fn levels_are_scored_tabled_and_drawn() {
         &text,
         &[
             "Stress: row_offset, px",
-            "unperturbed",
             "breaks at",
+            "missed near, %",
+            "found near, %",
+            "too few pairs to tell",
             "skew, frames",
         ],
     );
@@ -32,7 +35,10 @@ fn levels_are_scored_tabled_and_drawn() {
     let right = |i: usize| levels("row_offset")[i]["right"].as_f64().unwrap();
     assert_eq!(levels("row_offset").len(), 3);
     assert!(right(2) < 0.5 * right(0), "{stress:?}");
-    assert!(levels("row_offset")[2]["broken"].is_string());
+    // Six pairs tell nothing, however large the difference.
+    let severe = levels("row_offset")[2];
+    assert_eq!(severe["untold"], "too few pairs to tell");
+    assert!(severe["broken"].is_null(), "{severe}");
     // The first pair has none before it.
     assert_eq!(levels("skew")[1]["pairs"], 5);
     let rows = fixture.text("r/rows.csv");
@@ -76,4 +82,45 @@ fn a_skew_needs_earlier_pairs() {
     fixture.write_short_arena("short.toml", 2);
     let skew = "score short.toml --algo bm -q --rerun none --stress skew=5";
     fixture.fails(&format!("{skew} => 2: only 2 pairs"));
+}
+
+#[test]
+fn without_truth_the_cells_that_stay_are_counted() {
+    let fixture = Fixture::new();
+    fixture.run("record arena --frames 60 --seed 7 --ros2 -o bag.mcap -q");
+    let line = "score bag.mcap --algo bm --algo v5 -q -o r --rerun none --stress jpeg=30/99 \
+                --stress skew=1";
+    let text = fixture.run(line);
+    assert_says(&text, &["Stress: jpeg", "same, %", "changed, %", "gone, %"]);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let stress = summary["stress"].as_array().unwrap();
+    let at = |algorithm: &str, level: f64| {
+        let mut own = stress.iter().filter(|s| s["algorithm"] == algorithm);
+        own.find(|s| s["level"] == level).unwrap().clone()
+    };
+    let severe = at("bm", 99.0);
+    assert!(
+        severe["broken"].as_str().unwrap().starts_with("same 100 →"),
+        "{severe}"
+    );
+    assert!(severe.get("right").is_none() && at("bm", 0.0).get("same").is_none());
+    // The shares are of the cells that are known unperturbed, in each pair that both have.
+    let cells: Vec<CellRow> = read_rows(&fixture.path("r/cells.csv")).unwrap();
+    let rows: Vec<Row> = read_rows(&fixture.path("r/rows.csv")).unwrap();
+    let perturbed = rows.iter().filter(|row| row.stress.is_some());
+    assert_eq!(perturbed.clone().count(), 2 * (60 + 60 + 59));
+    for row in perturbed {
+        let is_plain = |cell: &&CellRow| {
+            let is_own = cell.sequence == row.sequence && cell.algorithm == row.algorithm;
+            is_own && cell.stress.is_none() && cell.median_px.is_some()
+        };
+        let known = cells.iter().filter(is_plain).count() as f64;
+        let kept = ["same", "changed", "gone"].map(|name| row.metrics.get(name).unwrap());
+        assert_eq!(kept.iter().sum::<f64>(), known, "{row:?}");
+    }
+    // Tables that are there are read alike.
+    let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
+    let again = json(fixture.run("report r --json"));
+    assert_eq!(again["stress"], summary["stress"]);
 }

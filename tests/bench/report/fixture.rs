@@ -119,7 +119,7 @@ pub fn checkpoint(
 }
 
 pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Results {
-    Results::from_rows(&rows, &checkpoints).unwrap()
+    Results::from_rows(&rows, &checkpoints, None)
 }
 
 /// The results of rows with their leads; where `truth` is, it is no competitor.

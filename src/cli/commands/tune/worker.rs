@@ -15,7 +15,7 @@ use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
 use svl::report::compare::changes;
-use svl::score::{Judge, Judged, Metric};
+use svl::score::{Judge, Judged, METRICS, Metric};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene};
 use svl::sink::{WatchSink, finish};
 use svl::stereo::{CellRule, Frame};
@@ -424,7 +424,7 @@ impl Bench {
             .values()
             .map(|[now, compared]| (now, compared))
             .unzip();
-        let changes = changes(&compared, &now);
+        let changes = changes(&compared, &now, METRICS);
         let ranked_by = [("wrong", true), ("unrivalled", false), ("coverage", false)]
             .into_iter()
             .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
