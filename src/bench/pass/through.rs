@@ -17,7 +17,14 @@ pub fn run_through(
     sinks: &mut [Box<dyn Sink>],
     mut monitor: impl Monitor,
 ) -> (Outcome, Result<()>) {
-    let chain = Chain::for_matching(start.judge.run.stress.is_none());
+    let chain = Chain::for_matching(
+        start
+            .judge
+            .run
+            .stress
+            .is_none()
+            .then(|| matchers.lowest_px()),
+    );
     let mut source = match chain.over(Box::new(source)) {
         Ok(source) => source,
         Err(error) => return (Outcome::default(), Err(error)),

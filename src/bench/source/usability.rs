@@ -44,12 +44,17 @@ impl Usability {
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
-            is_usable: is_rectified || is_calibrated,
+            is_usable: (is_rectified || is_calibrated) && facts.skew.is_none(),
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
             is_calibrated,
-            missing: missing(facts, is_rectified, &truths),
+            missing: facts
+                .skew
+                .iter()
+                .cloned()
+                .chain(missing(facts, is_rectified, &truths))
+                .collect(),
             doubts: facts.doubts.clone(),
             truths,
         }
@@ -166,6 +171,7 @@ mod tests {
             unrectified_misalignment: None,
             calibration_checks: Vec::new(),
             doubts: Vec::new(),
+            skew: None,
             nearest: None,
             truths: vec![TruthFacts {
                 topic: Some("/velodyne_points".to_owned()),

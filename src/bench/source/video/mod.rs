@@ -1,6 +1,7 @@
 //! Videos as a source: one of both images side by side, or one of each camera.
 
 mod log;
+mod offset;
 mod stamped;
 mod stream;
 
@@ -11,7 +12,7 @@ use stream::VideoStream;
 use svl_core::stereo::{Exposure, Frame, Geometry};
 use svl_core::{Error, Result};
 use svl_files::pairing::{Nearest, WaitingStamps};
-use svl_files::{BitDepth, DecodedImage};
+use svl_files::{BitDepth, DecodedImage, SideBySide};
 use svl_recording::StampOrigin;
 use svl_score::losses::Losses;
 
@@ -41,6 +42,8 @@ pub(super) fn is_video(name: &str) -> bool {
 pub struct VideoSource {
     /// Both cameras in one, or one each.
     cameras: Vec<StampedVideo>,
+    /// The places of both in one.
+    places: SideBySide,
     /// Origin of the stamps, if they count frames.
     numbers: Option<StampOrigin>,
     depth: BitDepth,
@@ -65,34 +68,52 @@ impl VideoSource {
     /// # Errors
     /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for a file that
     /// is not a video, has no frame, or frames of an odd width.
-    pub fn side_by_side(path: &Path, fps: Option<f64>) -> Result<Self> {
-        Self::new(vec![VideoStream::open(path)?], fps)
+    pub fn side_by_side(path: &Path, places: SideBySide, fps: Option<f64>) -> Result<Self> {
+        Self::new(vec![VideoStream::open(path)?], places, fps, None)
     }
 
-    /// A video of each camera.
+    /// A video of each camera; `right_offset_ns` is added to the stamps of the right one. Without it
+    /// the user is warned of another that fits the pixels better.
     ///
     /// # Errors
     /// The errors of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates
     /// or times.
-    pub fn pair(left: &Path, right: &Path, fps: Option<f64>) -> Result<Self> {
-        Self::new(
-            vec![VideoStream::open(left)?, VideoStream::open(right)?],
-            fps,
-        )
+    pub fn pair(
+        left: &Path,
+        right: &Path,
+        fps: Option<f64>,
+        right_offset_ns: Option<i64>,
+    ) -> Result<Self> {
+        let videos = vec![VideoStream::open(left)?, VideoStream::open(right)?];
+        Self::new(videos, SideBySide::LeftRight, fps, right_offset_ns)
     }
 
-    fn new(videos: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
+    fn new(
+        mut videos: Vec<VideoStream>,
+        places: SideBySide,
+        fps: Option<f64>,
+        right_offset_ns: Option<i64>,
+    ) -> Result<Self> {
+        // Of the two one is later, as stamps that count are not below 0.
+        let offset_ns = right_offset_ns.unwrap_or_default();
+        for (video, sign) in videos.iter_mut().zip([-1, 1]) {
+            video.shift(offset_ns.saturating_mul(sign).max(0));
+        }
         let clock = FrameClock::new(&videos, fps);
         let numbers = clock.numbers();
         let max_skew_ns = clock.period_ns() / 2;
         if let [left, right] = &videos[..] {
             check_partners([left, right], numbers.is_none(), max_skew_ns)?;
+            if right_offset_ns.is_none() {
+                warn_of_offset([left, right], clock);
+            }
         }
         let cameras = videos
             .into_iter()
             .map(|video| StampedVideo::new(video, clock));
         let mut source = Self {
             cameras: cameras.collect(),
+            places,
             numbers,
             depth: BitDepth::FULL,
             first: None,
@@ -123,7 +144,7 @@ impl VideoSource {
             return Ok(None);
         };
         let images = image
-            .halves()
+            .halves(self.places)
             .map_err(|e| Error::format(&both.video.path, e.to_string()))?;
         Ok(Some(Pair {
             images,
@@ -228,6 +249,22 @@ fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Warns of two videos whose pixels fit at another time: they were started by hand.
+fn warn_of_offset([left, right]: [&VideoStream; 2], clock: FrameClock) {
+    // What cannot be read is reported with the pairs.
+    if let Ok(Some(fit)) = offset::fit([left, right], clock) {
+        let (left, right) = (left.path.display(), right.path.display());
+        let offset_ms = fit.offset_ns as f64 / 1e6;
+        tracing::warn!(
+            "{right}: its images move as those of {left} do with `--right-offset-ms \
+             {offset_ms:.1}` (correlation {:.2}, and {:.2} by the times of the files): that pairs \
+             images of one moment; 0 leaves the times",
+            fit.correlation,
+            fit.unmoved
+        );
+    }
 }
 
 /// The error of two videos with no pair.

@@ -31,6 +31,23 @@ impl FrameClock {
         }
     }
 
+    /// The number of periods to a frame of that time, or with that number.
+    pub(super) fn place(self, time_ns: Option<i64>, number: usize) -> usize {
+        match (self, time_ns) {
+            (
+                Self::Times {
+                    origin_ns,
+                    period_ns,
+                },
+                Some(ns),
+            ) => {
+                let since_ns = ns.saturating_sub(origin_ns).max(0) as u64;
+                (since_ns.saturating_add(period_ns / 2) / period_ns.max(1)) as usize
+            }
+            _ => number,
+        }
+    }
+
     /// Time from a frame to the next.
     pub(super) fn period_ns(self) -> u64 {
         match self {
@@ -96,7 +113,10 @@ impl StampedVideo {
     /// than the last.
     fn stamp_ns(&mut self, time_ns: Option<i64>) -> u64 {
         let (origin_ns, period_ns) = match self.clock {
-            FrameClock::Numbers(origin) => return origin.stamp_ns(self.read),
+            FrameClock::Numbers(origin) => {
+                let shift_ns = self.video.shift_ns;
+                return origin.stamp_ns(self.read).saturating_add_signed(shift_ns);
+            }
             FrameClock::Times {
                 origin_ns,
                 period_ns,
