@@ -1,6 +1,8 @@
 //! Decoded images of any depth, and the 8-bit pairs made from them.
 
 use image::DynamicImage;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
 use std::str::FromStr;
 use svl_core::stereo::{Gray, Plane, Rgb, StereoPair};
 use svl_core::{Error, Result};
@@ -98,7 +100,7 @@ impl DecodedImage {
 }
 
 /// Places of the left and the right image in one that holds both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SideBySide {
     LeftRight,
@@ -111,14 +113,8 @@ impl FromStr for SideBySide {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "left-right" => Ok(Self::LeftRight),
-            "right-left" => Ok(Self::RightLeft),
-            "top-bottom" => Ok(Self::TopBottom),
-            _ => Err(Error::Usage(
-                "expected left-right, right-left or top-bottom".to_owned(),
-            )),
-        }
+        let read = Self::deserialize(text.into_deserializer());
+        read.map_err(|e: serde::de::value::Error| Error::Usage(e.to_string()))
     }
 }
 

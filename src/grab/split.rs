@@ -1,107 +1,80 @@
 //! One device that delivers both images in one: two cameras of the halves of its images.
 
 use super::camera::{Camera, Capture, Limits, Settings, Taken};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use parking_lot::Mutex;
+use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 use svl_core::Result;
+use svl_core::stereo::Side;
 use svl_files::SideBySide;
 
-/// Right halves that may wait, more than the pairing needs; later ones are lost, and their left
-/// ones are counted as unpaired.
+/// Halves that wait for the camera of the other side, at most; the earliest are lost first, and
+/// their partners are counted as unpaired.
 const WAITING: usize = 8;
 
-/// The camera of the left halves, which drives the device.
-struct LeftHalf {
-    device: Box<dyn Camera>,
+/// The camera of the halves of one side.
+struct HalfCamera {
+    side: Side,
     places: SideBySide,
-    rights: SyncSender<Taken>,
+    device: Arc<Mutex<SharedDevice>>,
 }
 
-/// The camera of the right halves, which come with the left ones.
-struct RightHalf {
-    name: String,
-    limits: Limits,
-    rights: Receiver<Taken>,
-    /// True if a controller triggers the device: halves of earlier pulses are stale.
-    is_triggered: bool,
+/// The device, and the halves that each side has not captured yet.
+struct SharedDevice {
+    camera: Box<dyn Camera>,
+    waiting: [VecDeque<Taken>; 2],
 }
 
 /// The cameras of the left and of the right halves of a device's images.
-pub(super) fn split(
-    device: Box<dyn Camera>,
-    places: SideBySide,
-    is_triggered: bool,
-) -> [Box<dyn Camera>; 2] {
-    let (sender, rights) = sync_channel(WAITING);
-    let (name, limits) = (device.name(), device.limits());
-    let left = LeftHalf {
-        device,
-        places,
-        rights: sender,
-    };
-    let right = RightHalf {
-        name,
-        limits,
-        rights,
-        is_triggered,
-    };
-    [Box::new(left), Box::new(right)]
+pub(super) fn split(camera: Box<dyn Camera>, places: SideBySide) -> [Box<dyn Camera>; 2] {
+    let waiting = Default::default();
+    let device = Arc::new(Mutex::new(SharedDevice { camera, waiting }));
+    Side::BOTH.map(|side| {
+        let device = Arc::clone(&device);
+        let half = HalfCamera {
+            side,
+            places,
+            device,
+        };
+        Box::new(half) as Box<dyn Camera>
+    })
 }
 
-impl Camera for LeftHalf {
+impl Camera for HalfCamera {
     fn name(&self) -> String {
-        self.device.name()
+        self.device.lock().camera.name()
     }
 
     fn limits(&self) -> Limits {
-        self.device.limits()
+        self.device.lock().camera.limits()
     }
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
-        self.device.arm(settings)
+        self.device.lock().camera.arm(settings)
     }
 
+    /// The next half; the side that comes first waits for the image of both.
     fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
-        let Some(taken) = self.device.capture(timeout)? else {
-            return Ok(None);
-        };
-        let [left, right] = match taken {
-            Taken::Image(whole) => {
-                let halves = self.places.halves(&whole.image)?;
-                halves.map(|image| {
-                    Taken::Image(Capture {
-                        image,
-                        ..whole.clone()
-                    })
-                })
+        let SharedDevice { camera, waiting } = &mut *self.device.lock();
+        if waiting[self.side as usize].is_empty()
+            && let Some(taken) = camera.capture(timeout)?
+        {
+            let halves = match taken {
+                Taken::Image(both) => self.places.halves(&both.image)?.map(|image| {
+                    let both = both.clone();
+                    Taken::Image(Capture { image, ..both })
+                }),
+                other => [other.clone(), other],
+            };
+            for (waiting, half) in waiting.iter_mut().zip(halves) {
+                if waiting.len() == WAITING {
+                    waiting.pop_front();
+                }
+                waiting.push_back(half);
             }
-            Taken::Damaged => [Taken::Damaged, Taken::Damaged],
-            Taken::Unready => [Taken::Unready, Taken::Unready],
-        };
-        // Lost if full or if the other camera has ended, which is reported there.
-        let _ = self.rights.try_send(right);
-        Ok(Some(left))
-    }
-}
-
-impl Camera for RightHalf {
-    fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    fn limits(&self) -> Limits {
-        self.limits.clone()
-    }
-
-    fn arm(&mut self, _: Settings) -> Result<()> {
-        if self.is_triggered {
-            self.rights.try_iter().for_each(drop);
         }
-        Ok(())
-    }
-
-    fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>> {
-        Ok(self.rights.recv_timeout(timeout).ok())
+        Ok(waiting[self.side as usize].pop_front())
     }
 }
 
@@ -149,25 +122,20 @@ mod tests {
             (SideBySide::TopBottom, [[0, 1], [10, 11]]),
         ];
         for (places, pixels) in halves {
-            for is_triggered in [false, true] {
-                let [mut left, mut right] = split(Box::new(Device(0)), places, is_triggered);
-                let wait = Duration::ZERO;
-                assert_eq!(right.capture(wait).unwrap(), None);
-                let lefts = [(); 3].map(|()| left.capture(wait).unwrap());
-                let rights = [(); 3].map(|()| right.capture(wait).unwrap());
-                for ((left, right), stamp_ns) in lefts.iter().zip(&rights).zip(1..) {
-                    let (Some(Taken::Image(left)), Some(Taken::Image(right))) = (left, right)
-                    else {
-                        assert_eq!((left, right, stamp_ns), (&Some(Taken::Damaged), left, 2));
-                        continue;
-                    };
-                    assert_eq!((left.stamp_ns, right.stamp_ns), (stamp_ns, stamp_ns));
-                    let found = [left, right].map(|half| [0, 1].map(|x| half.image.get(x, 0)));
-                    assert_eq!(found, pixels);
-                }
-                left.capture(wait).unwrap();
-                right.arm(Settings::new(1, 0)).unwrap();
-                assert_eq!(right.capture(wait).unwrap().is_none(), is_triggered);
+            let [mut left, mut right] = split(Box::new(Device(0)), places);
+            // Whichever side comes first.
+            let first = left.capture(Duration::ZERO).unwrap();
+            let rights = [(); 3].map(|()| right.capture(Duration::ZERO).unwrap());
+            let rest = [(); 2].map(|()| left.capture(Duration::ZERO).unwrap());
+            let lefts = [&[first][..], &rest].concat();
+            for ((left, right), stamp_ns) in lefts.iter().zip(&rights).zip(1..) {
+                let (Some(Taken::Image(left)), Some(Taken::Image(right))) = (left, right) else {
+                    assert_eq!((left, right, stamp_ns), (&Some(Taken::Damaged), left, 2));
+                    continue;
+                };
+                assert_eq!((left.stamp_ns, right.stamp_ns), (stamp_ns, stamp_ns));
+                let found = [left, right].map(|half| [0, 1].map(|x| half.image.get(x, 0)));
+                assert_eq!(found, pixels);
             }
         }
     }

@@ -7,14 +7,8 @@ use svl_core::{Error, Result, counted};
 
 /// The images of both cameras are one picture, in an [`Error::Other`]: no pair can be used.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "{source_name}: left and right are one picture twice: all pixels of the first {pairs} are \
-     equal; name images of two cameras"
-)]
-pub struct OnePicture {
-    source_name: String,
-    pairs: String,
-}
+#[error("{0}")]
+pub struct OnePicture(String);
 
 /// Pairs that decide: the first ones.
 const MAX_PAIRS: usize = 16;
@@ -51,10 +45,12 @@ impl<'a> DistinctSource<'a> {
         }
         if is_same && pictures > 0 {
             self.ahead.clear();
-            return Err(Error::other(OnePicture {
-                source_name: self.source.name(),
-                pairs: counted(pictures, "pair"),
-            }));
+            return Err(Error::other(OnePicture(format!(
+                "{}: left and right are one picture twice: all pixels of the first {} are equal; \
+                 name images of two cameras",
+                self.source.name(),
+                counted(pictures, "pair")
+            ))));
         }
         self.is_decided = true;
         Ok(())

@@ -204,15 +204,10 @@ fn skew_words(mut skews_ns: Vec<i64>, stamps_ns: &[u64]) -> Option<String> {
     (skew_ns.unsigned_abs() as f64 > limit_ns).then(|| {
         let skew_ms = skew_ns as f64 / 1e6;
         format!(
-            "a median skew of {skew_ms:.1} ms, above {:.1} ms, {}, is of images of different \
-             moments: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
+            "a median skew of {skew_ms:.1} ms is above {:.1} ms, half a period or the most that is \
+             usable: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
              recording; else pairs need a smaller --max-skew-ms, or a common trigger",
             limit_ns / 1e6,
-            if limit_ns < MAX_SKEW_NS {
-                "half a period"
-            } else {
-                "the most that svl takes for a pair"
-            },
             -skew_ms
         )
     })

@@ -89,28 +89,26 @@ impl VideoSource {
     }
 
     fn new(
-        mut videos: Vec<VideoStream>,
+        videos: Vec<VideoStream>,
         places: SideBySide,
         fps: Option<f64>,
         right_offset_ns: Option<i64>,
     ) -> Result<Self> {
-        // Of the two one is later, as stamps that count are not below 0.
-        let offset_ns = right_offset_ns.unwrap_or_default();
-        for (video, sign) in videos.iter_mut().zip([-1, 1]) {
-            video.shift(offset_ns.saturating_mul(sign).max(0));
-        }
         let clock = FrameClock::new(&videos, fps);
         let numbers = clock.numbers();
         let max_skew_ns = clock.period_ns() / 2;
         if let [left, right] = &videos[..] {
-            check_partners([left, right], numbers.is_none(), max_skew_ns)?;
+            check_partners([left, right], numbers.is_none())?;
             if right_offset_ns.is_none() {
+                check_times([left, right], clock)?;
                 warn_of_offset([left, right], clock);
             }
         }
-        let cameras = videos
-            .into_iter()
-            .map(|video| StampedVideo::new(video, clock));
+        // The stamps of one are later, as none is below 0.
+        let offset_ns = right_offset_ns.unwrap_or_default();
+        let shifts_ns = [offset_ns.saturating_neg(), offset_ns].map(|ns| ns.max(0) as u64);
+        let cameras = videos.into_iter().zip(shifts_ns);
+        let cameras = cameras.map(|(video, ns)| StampedVideo::new(video, clock, ns));
         let mut source = Self {
             cameras: cameras.collect(),
             places,
@@ -193,7 +191,7 @@ impl VideoSource {
 }
 
 /// Fails for two videos that make no pairs, and warns of what the user may not expect.
-fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) -> Result<()> {
+fn check_partners(videos: [&VideoStream; 2], by_time: bool) -> Result<()> {
     let [left, right] = videos.map(|video| video.path.display());
     let [l, r] = videos.map(|video| &video.info);
     let unlike = |what: String| {
@@ -217,10 +215,7 @@ fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) ->
             "has {a:.3} frames a second, its partner {b:.3}: no pairs; {cure}"
         ));
     }
-    if by_time {
-        return check_times(videos, max_skew_ns);
-    }
-    if let (Some(a), Some(b)) = (l.frames, r.frames)
+    if let (false, Some(a), Some(b)) = (by_time, l.frames, r.frames)
         && a != b
     {
         tracing::warn!("{left} has {a} frames, {right} {b}: the rest has no partner");
@@ -229,13 +224,13 @@ fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) ->
 }
 
 /// Fails for two videos without a common time, and warns of one that starts later.
-fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
+fn check_times(mut videos: [&VideoStream; 2], clock: FrameClock) -> Result<()> {
     videos.sort_by_key(|video| video.first_ns);
     let [early, late] = videos;
-    let (Some(first), Some(start)) = (early.first_ns, late.first_ns) else {
+    let (None, Some(first), Some(start)) = (clock.numbers(), early.first_ns, late.first_ns) else {
         return Ok(());
     };
-    let after = |end: i64| start.saturating_sub(end) > max_skew_ns as i64;
+    let after = |end: i64| start.saturating_sub(end) > clock.period_ns() as i64 / 2;
     if early.info.last_ns.is_some_and(after) {
         return Err(apart(early, late));
     }
@@ -254,15 +249,14 @@ fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
 /// Warns of two videos whose pixels fit at another time: they were started by hand.
 fn warn_of_offset([left, right]: [&VideoStream; 2], clock: FrameClock) {
     // What cannot be read is reported with the pairs.
-    if let Ok(Some(fit)) = offset::fit([left, right], clock) {
-        let (left, right) = (left.path.display(), right.path.display());
-        let offset_ms = fit.offset_ns as f64 / 1e6;
+    if let Ok(Some((late, correlation, unmoved))) = offset::late([left, right], clock) {
         tracing::warn!(
-            "{right}: its images move as those of {left} do with `--right-offset-ms \
-             {offset_ms:.1}` (correlation {:.2}, and {:.2} by the times of the files): that pairs \
-             images of one moment; 0 leaves the times",
-            fit.correlation,
-            fit.unmoved
+            "{} changes as {} does with `--right-offset-ms {:.1}` (correlation of the changes \
+             {correlation:.2}, and {unmoved:.2} without), which pairs images of one moment; 0 \
+             leaves the times",
+            right.path.display(),
+            left.path.display(),
+            -late as f64 * clock.period_ns() as f64 / 1e6
         );
     }
 }

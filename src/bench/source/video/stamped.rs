@@ -31,23 +31,6 @@ impl FrameClock {
         }
     }
 
-    /// The number of periods to a frame of that time, or with that number.
-    pub(super) fn place(self, time_ns: Option<i64>, number: usize) -> usize {
-        match (self, time_ns) {
-            (
-                Self::Times {
-                    origin_ns,
-                    period_ns,
-                },
-                Some(ns),
-            ) => {
-                let since_ns = ns.saturating_sub(origin_ns).max(0) as u64;
-                (since_ns.saturating_add(period_ns / 2) / period_ns.max(1)) as usize
-            }
-            _ => number,
-        }
-    }
-
     /// Time from a frame to the next.
     pub(super) fn period_ns(self) -> u64 {
         match self {
@@ -69,6 +52,8 @@ impl FrameClock {
 pub(super) struct StampedVideo {
     pub video: VideoStream,
     clock: FrameClock,
+    /// Added to the stamps.
+    shift_ns: u64,
     /// The next frames, with their stamps.
     waiting: VecDeque<(u64, DecodedImage)>,
     /// Number of frames read.
@@ -80,10 +65,11 @@ pub(super) struct StampedVideo {
 }
 
 impl StampedVideo {
-    pub(super) fn new(video: VideoStream, clock: FrameClock) -> Self {
+    pub(super) fn new(video: VideoStream, clock: FrameClock, shift_ns: u64) -> Self {
         Self {
             video,
             clock,
+            shift_ns,
             waiting: VecDeque::new(),
             read: 0,
             last_ns: None,
@@ -104,6 +90,7 @@ impl StampedVideo {
             let stamp_ns = self.stamp_ns(time_ns);
             self.read += 1;
             self.last_ns = Some(stamp_ns);
+            let stamp_ns = stamp_ns.saturating_add(self.shift_ns);
             self.waiting.push_back((stamp_ns, image));
         }
         Ok(())
@@ -113,10 +100,7 @@ impl StampedVideo {
     /// than the last.
     fn stamp_ns(&mut self, time_ns: Option<i64>) -> u64 {
         let (origin_ns, period_ns) = match self.clock {
-            FrameClock::Numbers(origin) => {
-                let shift_ns = self.video.shift_ns;
-                return origin.stamp_ns(self.read).saturating_add_signed(shift_ns);
-            }
+            FrameClock::Numbers(origin) => return origin.stamp_ns(self.read),
             FrameClock::Times {
                 origin_ns,
                 period_ns,

@@ -180,8 +180,6 @@ pub(super) struct VideoStream {
     decoder: Child,
     log: DecoderLog,
     bytes: Vec<u8>,
-    /// Added to the times, or to those that count frames.
-    pub shift_ns: i64,
     /// The first frame, read when the video was opened.
     first: Option<TimedImage>,
 }
@@ -213,9 +211,7 @@ impl VideoStream {
             ..self.info.clone()
         };
         let shrink = ["-s".to_owned(), format!("{}x{}", size.0, size.1)];
-        let mut again = Self::start(&self.path, info, &shrink)?;
-        again.shift(self.shift_ns);
-        Ok(again)
+        Self::start(&self.path, info, &shrink)
     }
 
     fn start(path: &Path, info: VideoInfo, shrink: &[String]) -> Result<Self> {
@@ -247,22 +243,11 @@ impl VideoStream {
             decoder,
             log: DecoderLog::new(said),
             bytes: vec![0; width * height * bytes],
-            shift_ns: 0,
             first: None,
         };
         stream.first = stream.decode()?;
         stream.first_ns = stream.first.as_ref().and_then(|(time_ns, _)| *time_ns);
         Ok(stream)
-    }
-
-    /// Adds a time to those of all frames.
-    pub(super) fn shift(&mut self, shift_ns: i64) {
-        self.shift_ns = shift_ns;
-        let first = self.first.iter_mut().filter_map(|(time, _)| time.as_mut());
-        let ends = [&mut self.first_ns, &mut self.info.last_ns];
-        for time_ns in first.chain(ends.into_iter().flatten()) {
-            *time_ns = time_ns.saturating_add(shift_ns);
-        }
     }
 
     /// The next frame; none at the end, also of one that is cut off.
@@ -306,7 +291,6 @@ impl VideoStream {
             DecodedImage::from_rgb(width, height, &self.bytes)
         };
         let time_ns = self.log.next_ns();
-        let time_ns = time_ns.map(|ns| ns.saturating_add(self.shift_ns));
         image.map(|image| Some((time_ns, image)))
     }
 
