@@ -6,7 +6,7 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 use svl::calibrate::files::inputs;
 use svl::depth::GridSettings;

@@ -387,8 +387,8 @@ fn the_orientation_of_photographs_is_applied_and_said() {
         ("turned", turned(&right).unwrap(), 3),
         ("upright", upright(&right).unwrap(), 8),
     ] {
-        let right = oriented_jpeg(&image, orientation);
-        fixture.write(&format!("{folder}/right/1.jpg"), right);
+        let photograph = oriented_jpeg(&image, orientation);
+        fixture.write(&format!("{folder}/right/1.jpg"), photograph);
         fixture.write(&format!("{folder}/left/1.jpg"), oriented_jpeg(&left, 1));
         let lines = [
             format!("match {folder}/left/1.jpg {folder}/right/1.jpg -o {folder}.pfm"),
