@@ -55,7 +55,7 @@ fn decode_named(name: &str, bytes: &[u8]) -> std::result::Result<DynamicImage, S
     if orientation != Orientation::NoTransforms && TOLD.fetch_or(bit, Ordering::Relaxed) & bit == 0
     {
         let number = orientation.to_exif();
-        tracing::info!("{name}: is turned as its EXIF orientation, {number}, and all such are");
+        tracing::warn!("{name}: is turned as its EXIF orientation, {number}, and all such are");
     }
     image.apply_orientation(orientation);
     Ok(image)

@@ -60,7 +60,10 @@ fn the_first_pairs_answer_the_first_questions() {
     fixture.run("record a.mcap --ros2 -o ros.mcap");
     let first = |name: &str| fixture.json(&format!("info {name} --json"))["first_pairs"].take();
     let own = first("a.mcap");
-    assert_eq!(own["chain"], serde_json::json!(["distinct", "check", "floor"]));
+    assert_eq!(
+        own["chain"],
+        serde_json::json!(["distinct", "check", "floor"])
+    );
     assert_eq!(own["size_px"], serde_json::json!([320, 240]));
     let rig = |facts: &serde_json::Value, key: &str| facts["rig"][key].as_f64().unwrap();
     assert!((rig(&own, "baseline_m") - 0.044).abs() < 1e-9);
@@ -106,7 +109,10 @@ fn the_first_pairs_answer_the_first_questions() {
     fixture.write_euroc("57.0");
     let facts = first("mav0");
     assert_eq!(facts["geometry"], "raw");
-    assert_eq!(facts["chain"], serde_json::json!(["distinct", "rectify", "check"]));
+    assert_eq!(
+        facts["chain"],
+        serde_json::json!(["distinct", "rectify", "check"])
+    );
     assert_eq!(facts["focal_px"], serde_json::json!([60.0, 57.0]));
     assert_eq!(facts["truths"], serde_json::json!([]));
     let lines = ["geometry        raw", "focal length    60.00 px, 57.00 px"];

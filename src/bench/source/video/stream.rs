@@ -195,7 +195,7 @@ impl VideoStream {
         let info = VideoInfo::read(path)?;
         if info.rotation != 0 {
             let degrees = info.rotation;
-            tracing::info!("{}: is turned by {degrees}°, as it says", path.display());
+            tracing::warn!("{}: is turned by {degrees}°, as it says", path.display());
         }
         Self::start(path, info, &[])
     }
