@@ -82,8 +82,9 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         ))
     })?;
     let trigger = request.trigger_source(driver, source)?;
-    if request.side_by_side.is_some() && !driver.can_be_split {
-        let why = "its cameras deliver one image each; omit --side-by-side";
+    let is_free = trigger == TriggerSource::FreeRunning;
+    if request.side_by_side.is_some() && !(driver.can_be_split && is_free) {
+        let why = "--side-by-side is for one free-running device of v4l2";
         return Err(Error::Usage(format!("{source}: {why}")));
     }
     let functions = driver.functions.as_ref();

@@ -49,12 +49,7 @@ impl Usability {
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
             is_calibrated,
-            missing: facts
-                .skew
-                .iter()
-                .cloned()
-                .chain(missing(facts, is_rectified, &truths))
-                .collect(),
+            missing: missing(facts, is_rectified, &truths),
             doubts: facts.doubts.clone(),
             truths,
         }
@@ -63,7 +58,7 @@ impl Usability {
 
 /// The missing parts of a source with pairs, each with its cure.
 fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<String> {
-    let mut missing = Vec::new();
+    let mut missing = Vec::from_iter(facts.skew.clone());
     if facts.rig.is_none() {
         let what = match &facts.camera.calibration_fault {
             Some(fault) => format!("no calibration ({fault})"),

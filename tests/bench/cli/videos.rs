@@ -282,6 +282,7 @@ fn videos_that_were_started_by_hand_are_told_their_offset() {
     write_shaken(&fixture, 0, 0, "films/left.avi");
     write_shaken(&fixture, 0, 8, "films/right.avi");
     write_shaken(&fixture, 30, 8, "films/late.avi");
+    write_shaken(&fixture, 30, 0, "films/late_left.avi");
     let record = |left: &str, right: &str, more: &str| {
         let films = format!("films --left {left}.avi --right {right}.avi");
         let ran = fixture.svl(&format!("record {films} -o out.mcap --force {more}"));
@@ -291,7 +292,10 @@ fn videos_that_were_started_by_hand_are_told_their_offset() {
     let said = record("left", "right", "");
     assert!(!said.contains("right-offset-ms"), "{said}");
     // Whichever is late; the proposal pairs images of one moment.
-    for (left, right, ms) in [("left", "late", "1200.0"), ("late", "right", "-1200.0")] {
+    for (left, right, ms) in [
+        ("left", "late", "1200.0"),
+        ("late_left", "right", "-1200.0"),
+    ] {
         let said = record(left, right, "");
         let cure = format!("--right-offset-ms {ms}");
         assert!(said.contains(&format!("`{cure}`")), "{said}");
@@ -361,5 +365,5 @@ fn a_video_is_turned_before_its_halves_are_cut() {
         greys.sort_unstable();
         assert_eq!((size, greys, said), ((24, 64), [1, 4], true));
     }
-    fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right, right-left");
+    fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right | right-left");
 }

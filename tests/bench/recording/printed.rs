@@ -17,10 +17,11 @@ const TOPICS: [&str; 2] = [hostile!("left/image_rect"), hostile!("right/image_re
 const ESCAPED: &str = r"/\u001b[2J\u0007\u009b31m\u202e\u000ausable: left/image_rect";
 
 fn write(fixture: &Fixture) {
-    let pixels = image((64, 48), 1).pixels().collect::<Vec<_>>();
+    let pixels = [1, 2].map(|seed| image((64, 48), seed).pixels().collect::<Vec<_>>());
     let images = (0..4_u64).flat_map(|i| {
         let pixels = &pixels;
-        TOPICS.map(move |topic| {
+        [0, 1].map(move |side| {
+            let (topic, pixels) = (TOPICS[side], &pixels[side]);
             let stamp = 1_700_000_000_000_000_000 + i * 50_000_000;
             ros_image_in(hostile!("frame"), topic, stamp, (64, 48), ("mono8", pixels))
         })

@@ -24,17 +24,13 @@ use mode::{Mode, USUAL, Wish, choose};
 use stamp::Times;
 use std::path::Path;
 use stream::{MappedStream, monotonic_ns};
-use svl_core::{Error, Result};
+use svl_core::Result;
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = V4l2Config::parse(request.driver, request.text, request.side_by_side.is_some())?;
     // Before the streams start, as it may take seconds and their buffers would overflow.
     let controller = request.controller()?;
     let triggered = controller.is_some();
-    if triggered && request.side_by_side.is_some() {
-        let why = "both images of one device are of one exposure; omit --trigger";
-        return Err(Error::Usage(format!("v4l2: {why}")));
-    }
     let opened = config.devices.iter().map(|device| V4l2Device::open(device));
     let devices = opened.collect::<Result<Vec<_>>>()?;
     // By device number, as links under /dev/v4l/by-path refer to the same camera.
