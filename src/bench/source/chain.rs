@@ -57,9 +57,9 @@ macro_rules! chain {
     };
 }
 
-// Pairs outside the range are neither decoded further nor counted, so `limit` is first. Equal images
-// are those that were read, so `distinct` comes before all that changes them. Truth and
-// maps are of rectified images of full size: `measure` and `check` follow `rectify` and `declare`
+// Pairs outside the range are neither decoded further nor counted, so `limit` is first. Images are
+// equal as they were read, so `distinct` comes before all that changes them. Truth and maps are of
+// rectified images of full size: `measure` and `check` follow `rectify` and `declare`
 // and precede `resize`. References match the images that the algorithms match, so they follow
 // `resize`, and `floor` divides the truth that is scored. A copy is known by the pair as it was
 // read, which every layer keeps, so `register` comes after the layers that drop pairs and before

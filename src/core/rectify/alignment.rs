@@ -282,8 +282,8 @@ impl AlignmentMeter {
             "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
              farther right in the right image; if exchanged (and not both upside down), \
              --side-by-side=right-left, or --left and --right name them the other way \
-             round{calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to v4, \
-             bm and sgm covers them, and v5 and dp have none",
+             round{calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
+             v4, bm and sgm covers them, and v5 and dp have none",
             self.matches.len()
         ))
     }

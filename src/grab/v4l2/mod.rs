@@ -26,8 +26,8 @@ pub const DRIVER: Driver = Driver {
             name: "size",
             unit: "px",
             range: Range::Text { default: "auto" },
-            description: "width and height; auto: nearest to 640x480 of those that hold the rate, with \
-                          --side-by-side for one half",
+            description: "width and height; auto: nearest to 640x480, with --side-by-side for one \
+                          half, of those that hold the rate",
         },
         Parameter {
             name: "format",

@@ -226,7 +226,7 @@ fn moved(image: &Gray, place: impl Fn(f64, f64) -> (f64, f64)) -> Gray {
 }
 
 #[test]
-fn what_is_off_in_a_pair_is_named_with_its_number() {
+fn a_pair_that_is_off_is_named_with_the_number() {
     let fixture = Fixture::new();
     let [left, right] = arena_pair(&fixture);
     write_gray(&fixture, "l.pgm", &left);

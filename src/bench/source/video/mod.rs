@@ -72,8 +72,8 @@ impl VideoSource {
         Self::new(vec![VideoStream::open(path)?], places, fps, None)
     }
 
-    /// A video of each camera; `right_offset_ns` is added to the stamps of the right one. Without it
-    /// the user is warned of another that fits the pixels better.
+    /// A video of each camera; `right_offset_ns` is added to the stamps of the right one. Without
+    /// it the user is warned of another that fits the pixels better.
     ///
     /// # Errors
     /// The errors of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates

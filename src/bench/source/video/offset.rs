@@ -19,7 +19,7 @@ const MIN_AHEAD: f64 = 0.15;
 const NEIGHBOURS: u64 = 5;
 
 /// Changes of frames by their times in periods.
-type Changes = Vec<Option<f64>>;
+type FrameChanges = Vec<Option<f64>>;
 
 /// The frames by which the first ones of the right video come later than those of the left one at
 /// the same moments, with the correlation of their changes then and as they are; `None` unless that
@@ -35,9 +35,9 @@ pub(super) fn late(
     Ok(best(&left?, &right?))
 }
 
-fn changes(video: &VideoStream, clock: FrameClock) -> Result<Changes> {
+fn changes(video: &VideoStream, clock: FrameClock) -> Result<FrameChanges> {
     let mut video = StampedVideo::new(video.again(SIZE)?, clock, 0);
-    let (mut changes, mut before) = (Changes::new(), None::<Gray>);
+    let (mut changes, mut before) = (FrameChanges::new(), None::<Gray>);
     while changes.len() < MAX_FRAMES {
         video.fill(1)?;
         let Some((stamp_ns, DecodedImage::Gray(image))) = video.take() else {
@@ -55,7 +55,7 @@ fn changes(video: &VideoStream, clock: FrameClock) -> Result<Changes> {
     Ok(changes)
 }
 
-fn best(left: &Changes, right: &Changes) -> Option<(i64, f64, f64)> {
+fn best(left: &FrameChanges, right: &FrameChanges) -> Option<(i64, f64, f64)> {
     let reach = left.len().max(right.len()) as i64;
     let all = (-reach..=reach).filter_map(|late| Some((late, correlation(left, right, late)?)));
     let all: Vec<_> = all.collect();
@@ -69,7 +69,7 @@ fn best(left: &Changes, right: &Changes) -> Option<(i64, f64, f64)> {
 }
 
 /// The correlation of changes, the right ones so many frames later; `None` of few frames.
-fn correlation(left: &Changes, right: &Changes, late: i64) -> Option<f64> {
+fn correlation(left: &FrameChanges, right: &FrameChanges, late: i64) -> Option<f64> {
     let both = left.iter().enumerate().filter_map(|(place, left)| {
         let place = usize::try_from(place as i64 + late).ok()?;
         Some(((*left)?, (*right.get(place)?)?))
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     /// Changes of a camera that shakes, from a frame on, with noise of their own.
-    fn shaken(from: u64, seed: u64, amount: f64) -> Changes {
+    fn shaken(from: u64, seed: u64, amount: f64) -> FrameChanges {
         let noise = |n: u64| {
             let mixed = (n ^ (n >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
             let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -118,7 +118,7 @@ mod tests {
         // What repeats, or hardly changes, fits everywhere.
         let still = vec![Some(3.0); 150];
         assert_eq!(best(&still, &still), None, "still");
-        let wave = |from: u32| -> Changes {
+        let wave = |from: u32| -> FrameChanges {
             (from..from + 150)
                 .map(|frame| Some((0.3 * f64::from(frame)).sin()))
                 .collect()

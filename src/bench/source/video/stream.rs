@@ -185,7 +185,7 @@ pub(super) struct VideoStream {
 }
 
 impl VideoStream {
-    /// Its frames are turned as the file says.
+    /// A video whose frames are turned as the file says.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for what it

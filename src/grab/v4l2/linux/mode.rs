@@ -83,8 +83,8 @@ pub(super) struct Wish {
 pub(super) const USUAL: (usize, usize) = (640, 480);
 
 /// Format and size for both cameras. Among the modes that both have and the user allows: those that
-/// hold the rate or come nearest to it; among these the size nearest to the usual one; and that in the
-/// simplest format.
+/// hold the rate or come nearest to it; among these the size nearest to the usual one; and that in
+/// the simplest format.
 ///
 /// # Errors
 /// [`crate::CameraError`] if there is none.
