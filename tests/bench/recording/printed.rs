@@ -92,7 +92,7 @@ fn names_of_files_and_words_of_programs_do_not_control_the_terminal() {
     fixture.write("program.sh", "printf '\\033[2J\\007gone' >&2; exit 3");
     let algorithm = "exec:command=sh program.sh";
     let ran = fixture.svl(&[
-        "match", "l.pgm", "r.pgm", "-o", "a.pfm", "--algo", algorithm,
+        "match", "l.pgm", "r.pgm", "-q", "-o", "a.pfm", "--algo", algorithm,
     ]);
     ran.failed(1, &[r"\u001b[2J\u0007gone"]);
     fixture.write("\u{1b}[2J/left/1.pgm", "no image");
