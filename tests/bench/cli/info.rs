@@ -259,3 +259,19 @@ fn the_facts_of_scaled_pairs_are_theirs() {
     assert_eq!(2.0 * focal_px(&half), focal_px(&whole));
     assert_eq!(half["focal_px"][0], focal_px(&half));
 }
+
+#[test]
+fn images_of_different_moments_are_not_usable() {
+    let fixture = Fixture::new();
+    fixture.write_euroc("60.0");
+    for (late_ms, is_usable) in [(0, true), (20, true), (30, false), (433, false)] {
+        let stamps = [50, 100].map(|ms| (ms + late_ms) * 1_000_000);
+        let csv = format!("{},a.pgm\n{},b.pgm\n", stamps[0], stamps[1]);
+        fixture.write("mav0/cam1/data.csv", csv);
+        let usability = fixture.json("info mav0 --json")["usability"].take();
+        assert_eq!(usability["is_usable"], is_usable, "{usability}");
+        let words = format!("a median skew of {late_ms}.0 ms is above 25.0 ms");
+        let missing = usability["missing"].to_string();
+        assert_eq!(missing.contains(&words), !is_usable, "{missing}");
+    }
+}

@@ -135,13 +135,13 @@ mod tests {
     #[test]
     fn photographs_are_shrunk() {
         let image = |dx: f64, dy: f64| {
-            let grey = |x, y| scene(x as f64 / 8.0 + dx, y as f64 / 8.0 + dy) as u8;
-            Gray::from_fn(2400, 1600, grey).unwrap()
+            let grey = |x, y| scene(x as f64 / 2.0 + dx, y as f64 / 2.0 + dy) as u8;
+            Gray::from_fn(1920, 480, grey).unwrap()
         };
         let found = matches(&StereoPair::new(image(0.0, 0.0), image(5.0, -0.75)).unwrap());
         assert!(found.len() > 60, "{}", found.len());
         let off = |m: &&PointMatch| {
-            (m.left.x - m.right.x - 40.0).abs() > 0.4 || (m.left.y - m.right.y + 6.0).abs() > 0.4
+            (m.left.x - m.right.x - 10.0).abs() > 0.4 || (m.left.y - m.right.y + 1.5).abs() > 0.4
         };
         let wrong = found.iter().filter(off).count();
         assert!(wrong * 20 <= found.len(), "{wrong} of {}", found.len());
