@@ -1,6 +1,9 @@
 //! Decoded images of any depth, and the 8-bit pairs made from them.
 
 use image::DynamicImage;
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use std::str::FromStr;
 use svl_core::stereo::{Gray, Plane, Rgb, StereoPair};
 use svl_core::{Error, Result};
 
@@ -82,30 +85,76 @@ impl DecodedImage {
         }
     }
 
-    /// The left and the right half of the image.
+    /// The left and the right image in an image that holds both.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for an odd width.
-    pub fn halves(&self) -> Result<[Self; 2]> {
-        fn split<T: Copy>(image: &Plane<T>) -> Result<[Plane<T>; 2]> {
-            let (width, height) = image.size();
-            if width % 2 != 0 {
-                return Err(Error::Invalid(format!(
-                    "is {width} pixels wide: two images side by side have an even width"
-                )));
-            }
-            let half = |from: usize| {
-                let pixels = image.rows().flat_map(|row| &row[from..from + width / 2]);
-                Plane::from_vec(width / 2, height, pixels.copied().collect())
-            };
-            Ok([half(0)?, half(width / 2)?])
-        }
+    /// The errors of [`SideBySide::halves`].
+    pub fn halves(&self, places: SideBySide) -> Result<[Self; 2]> {
         Ok(match self {
-            Self::Gray(image) => split(image)?.map(Self::Gray),
-            Self::Color(image) => split(image)?.map(Self::Color),
-            Self::Gray16(image) => split(image)?.map(Self::Gray16),
-            Self::Color16(image) => split(image)?.map(Self::Color16),
+            Self::Gray(image) => places.halves(image)?.map(Self::Gray),
+            Self::Color(image) => places.halves(image)?.map(Self::Color),
+            Self::Gray16(image) => places.halves(image)?.map(Self::Gray16),
+            Self::Color16(image) => places.halves(image)?.map(Self::Color16),
         })
+    }
+}
+
+/// Places of the left and the right image in one that holds both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SideBySide {
+    LeftRight,
+    RightLeft,
+    /// The left image above the right one.
+    TopBottom,
+}
+
+impl FromStr for SideBySide {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let read = Self::deserialize(text.into_deserializer());
+        read.map_err(|e: serde::de::value::Error| Error::Usage(e.to_string()))
+    }
+}
+
+impl SideBySide {
+    /// The left and the right image.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for an odd width or height.
+    pub fn halves<T: Copy>(self, image: &Plane<T>) -> Result<[Plane<T>; 2]> {
+        let (width, height) = image.size();
+        let odd = |px: usize, way: &str, place: &str| {
+            let what = format!("is {px} pixels {way}: two images {place} have an even number");
+            Err(Error::Invalid(what))
+        };
+        let (w, h) = match self {
+            Self::TopBottom if height % 2 != 0 => {
+                return odd(height, "high", "one above the other");
+            }
+            Self::TopBottom => (width, height / 2),
+            _ if width % 2 != 0 => return odd(width, "wide", "side by side"),
+            _ => (width / 2, height),
+        };
+        let half = |x: usize, y: usize| {
+            let rows = image.rows().skip(y).take(h);
+            let pixels = rows.flat_map(|row| &row[x..x + w]);
+            Plane::from_vec(w, h, pixels.copied().collect())
+        };
+        let (first, second) = (half(0, 0)?, half(width - w, height - h)?);
+        Ok(match self {
+            Self::RightLeft => [second, first],
+            Self::LeftRight | Self::TopBottom => [first, second],
+        })
+    }
+
+    /// The size of an image that holds both of that size.
+    pub fn whole(self, (width, height): (usize, usize)) -> (usize, usize) {
+        match self {
+            Self::TopBottom => (width, 2 * height),
+            Self::LeftRight | Self::RightLeft => (2 * width, height),
+        }
     }
 }
 
@@ -320,16 +369,22 @@ mod tests {
     #[test]
     fn halves_are_left_and_right() {
         let wide = Plane::from_vec(4, 2, vec![1, 2, 3, 4, 5, 6, 7, 8]).unwrap();
-        let [left, right] = DecodedImage::Gray(wide).halves().unwrap();
-        let half = |data: [u8; 4]| DecodedImage::Gray(Plane::from_vec(2, 2, data.into()).unwrap());
-        assert_eq!(left, half([1, 2, 5, 6]));
-        assert_eq!(right, half([3, 4, 7, 8]));
+        let wide = DecodedImage::Gray(wide);
+        let halves = |places: &str| wide.halves(places.parse().unwrap()).unwrap();
+        let image =
+            |w, h, data: [u8; 4]| DecodedImage::Gray(Plane::from_vec(w, h, data.into()).unwrap());
+        let (left, right) = (image(2, 2, [1, 2, 5, 6]), image(2, 2, [3, 4, 7, 8]));
+        assert_eq!(halves("left-right"), [left.clone(), right.clone()]);
+        assert_eq!(halves("right-left"), [right, left]);
+        let rows = [image(4, 1, [1, 2, 3, 4]), image(4, 1, [5, 6, 7, 8])];
+        assert_eq!(halves("top-bottom"), rows);
         let odd = DecodedImage::Gray(Plane::filled(3, 1, 0).unwrap());
-        assert!(
-            odd.halves()
-                .unwrap_err()
-                .to_string()
-                .contains("3 pixels wide")
-        );
+        for (places, words) in [
+            (SideBySide::LeftRight, "3 pixels wide"),
+            (SideBySide::TopBottom, "1 pixels high"),
+        ] {
+            let error = odd.halves(places).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
     }
 }

@@ -2,24 +2,34 @@
 
 use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
 use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader,
-    codecs::png::PngEncoder,
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, codecs::png::PngEncoder, metadata::Orientation,
 };
 use std::io::Cursor;
 use std::path::Path;
-use svl_core::stereo::{Gray, MAX_SIDE, Plane, Rgb, StereoPair, Visibility};
+use std::sync::atomic::{AtomicU16, Ordering};
+use svl_core::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use svl_core::{Error, Result};
 
-/// Image formats by file extension, the usual one first.
+/// Image formats by file extension, the usual one first; those of the last two name a cure.
 pub const IMAGE_ENDINGS: &[&str] = &[
-    "png", "ppm", "pgm", "jpg", "jpeg", "tif", "tiff", "bmp", "webp",
+    "png", "ppm", "pgm", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "heic", "heif",
+];
+
+/// The kinds of HEIC files, behind their length.
+const HEIC: [&[u8]; 5] = [
+    b"ftypheic",
+    b"ftypheix",
+    b"ftyphevc",
+    b"ftypmif1",
+    b"ftypmsf1",
 ];
 
 /// Reads an image of any format and depth; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
     let bytes = read_bounded(path, MAX_BYTES)?;
     let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
-    decode_bytes(&bytes).map_err(wrong)
+    decode_named(&path.display().to_string(), &bytes).map_err(wrong)
 }
 
 /// Reads an image; its sides are at most [`MAX_SIDE`].
@@ -32,26 +42,33 @@ pub fn read_image(path: &Path) -> Result<DecodedImage> {
     DecodedImage::new(decode(path)?).map_err(wrong)
 }
 
-/// Reads two image files as a pair, with their colours if both have them, and with a note for the
-/// user. For 16-bit images the upper 8 of the `bits` used are kept [default: decided by their
-/// largest value, with a line for the user unless these are all].
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
-/// images.
-pub fn read_pair(
-    left: &Path,
-    right: &Path,
-    bits: Option<u8>,
-) -> Result<(StereoPair, Option<[Rgb; 2]>, Option<String>)> {
-    let images = [read_image(left)?, read_image(right)?];
-    let mut depth = BitDepth::decide(bits, [DecodedImage::largest_of(&images)])?;
-    let (pair, color) = depth.pair(images)?;
-    Ok((pair, color, depth.note()))
+/// Decodes the image of a file in memory; it is turned as its EXIF orientation says.
+pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+    decode_named("an image", bytes)
 }
 
-/// Decodes the image of a file in memory.
-pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+fn decode_named(name: &str, bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+    /// The orientations that were told.
+    static TOLD: AtomicU16 = AtomicU16::new(0);
+    let (mut image, orientation) = decode_unturned(bytes)?;
+    let bit = 1 << orientation.to_exif();
+    if orientation != Orientation::NoTransforms && TOLD.fetch_or(bit, Ordering::Relaxed) & bit == 0
+    {
+        let number = orientation.to_exif();
+        tracing::warn!("{name}: is turned as its EXIF orientation, {number}, and all such are");
+    }
+    image.apply_orientation(orientation);
+    Ok(image)
+}
+
+fn decode_unturned(bytes: &[u8]) -> std::result::Result<(DynamicImage, Orientation), String> {
+    if HEIC
+        .iter()
+        .any(|kind| bytes.get(4..).is_some_and(|rest| rest.starts_with(kind)))
+    {
+        let cure = "`heif-convert IN OUT.png` converts it (Debian: libheif-examples)";
+        return Err(format!("a HEIC, which svl does not read; {cure}"));
+    }
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| e.to_string())?;
@@ -63,8 +80,13 @@ pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
     // Checked by the decoder before it allocates.
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
-    reader.limits(limits);
-    reader.decode().map_err(|e| e.to_string())
+    reader.limits(limits.clone());
+    let decoded = reader.into_decoder().and_then(|mut decoder| {
+        limits.reserve(decoder.total_bytes())?;
+        let orientation = decoder.orientation()?;
+        Ok((DynamicImage::from_decoder(decoder)?, orientation))
+    });
+    decoded.map_err(|e| e.to_string())
 }
 
 /// Reads an image as 8-bit grey: grey unchanged (the upper 8 of 16 bits), colour by

@@ -1,6 +1,6 @@
 //! Strict JPEG decoding: an image with missing data is an error.
 
-use image::{DynamicImage, GrayImage, RgbImage};
+use image::{DynamicImage, GrayImage, RgbImage, metadata::Orientation};
 use svl_core::stereo::MAX_SIDE;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -30,9 +30,12 @@ const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
 
 type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 
-/// The image; grey is kept, colours become RGB.
-pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
+/// The image and its EXIF orientation; grey is kept, colours become RGB.
+pub(super) fn decode(jpeg: &[u8]) -> Result<(DynamicImage, Orientation), String> {
     let (mut decoder, (width, height)) = open(jpeg)?;
+    let exif = decoder.exif().map(Vec::as_slice);
+    let orientation = exif.and_then(Orientation::from_exif_chunk);
+    let orientation = orientation.unwrap_or(Orientation::NoTransforms);
     let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
     let pixels = pixels(
         &mut decoder,
@@ -49,6 +52,7 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     } else {
         RgbImage::from_raw(width, height, pixels).map(DynamicImage::from)
     };
+    let image = image.map(|image| (image, orientation));
     image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
 }
 
@@ -174,6 +178,10 @@ mod tests {
     use super::*;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, load_from_memory};
+
+    fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
+        super::decode(jpeg).map(|(image, _)| image)
+    }
 
     /// 40x40 of noise, with a restart after every row of blocks, and with ten scans.
     const RESTARTS: &[u8] = include_bytes!("restarts.jpg");

@@ -20,13 +20,13 @@ mod rvl;
 
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
-pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
+pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide};
 pub use depth::{read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
 pub use image::{IMAGE_ENDINGS, read_image};
 pub use image::{decode_bytes, gray_of};
-pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};
+pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(target_os = "linux")]
 pub use jpeg::brightness;
 pub use npz::read_npz;

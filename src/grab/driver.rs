@@ -11,6 +11,7 @@ use std::sync::Arc;
 use svl_core::matcher::{Parameter, Value};
 use svl_core::stereo::{Rig, Side};
 use svl_core::{Error, Result, did_you_mean, joined};
+use svl_files::SideBySide;
 
 /// A camera driver. Users write `NAME:CAMERAS,option=value,…`.
 pub struct Driver {
@@ -25,6 +26,8 @@ pub struct Driver {
     /// True if svl can trigger the cameras by command, and so knows the pulse of each image.
     /// Otherwise they are free-running or triggered by the controller, and are paired by stamp.
     pub can_be_triggered: bool,
+    /// True if one device may deliver both images as the halves of one.
+    pub can_be_split: bool,
     /// Seed of the images if they depend on one.
     pub default_seed: Option<u64>,
     /// Functions of the driver, or how to get an svl that has them.
@@ -48,6 +51,8 @@ pub struct CameraRequest<'a> {
     pub driver: &'static Driver,
     /// Names and options: the text after the colon.
     pub text: &'a str,
+    /// The places of both images in those of one device, if the user names one.
+    pub side_by_side: Option<SideBySide>,
     pub trigger: &'a TriggerSource,
     pub rate_hz: f64,
     /// Pairs that are taken at most, if that is known.

@@ -31,6 +31,8 @@ mod queue;
 mod request;
 mod serial;
 pub mod simulated;
+#[cfg(target_os = "linux")]
+mod split;
 mod tally;
 mod trigger;
 mod triggering;
@@ -80,6 +82,11 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         ))
     })?;
     let trigger = request.trigger_source(driver, source)?;
+    let is_free = trigger == TriggerSource::FreeRunning;
+    if request.side_by_side.is_some() && !(driver.can_be_split && is_free) {
+        let why = "--side-by-side is for one free-running device of v4l2";
+        return Err(Error::Usage(format!("{source}: {why}")));
+    }
     let functions = driver.functions.as_ref();
     let functions = functions.map_err(|cure| {
         camera_error(
@@ -92,6 +99,7 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
     let pair = (functions.open)(&CameraRequest {
         driver,
         text: source.split_once(':').map_or("", |(_, text)| text),
+        side_by_side: request.side_by_side,
         trigger: &trigger,
         rate_hz,
         pairs: request.most_pairs(rate_hz),

@@ -6,6 +6,7 @@ use super::queue::WhenFull;
 use super::trigger::TriggerSource;
 use std::time::Duration;
 use svl_core::{Error, Result};
+use svl_files::SideBySide;
 
 /// Settings of the grabber. `None` means the default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +27,8 @@ pub struct GrabRequest {
     pub when_full: Option<WhenFull>,
     /// See [`super::Setup::timeout`]: a second.
     pub timeout: Option<Duration>,
+    /// The places of both images in those of one device.
+    pub side_by_side: Option<SideBySide>,
     /// The driver's own.
     pub seed: Option<u64>,
     /// Pairs and seconds after which no more is taken: a driver prepares no more than that.

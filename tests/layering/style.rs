@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12496),
+    ("bench", 12909),
     ("c", 470),
     ("calibrate", 4909),
-    ("cli", 11576),
-    ("core", 18580),
-    ("files", 2142),
-    ("grab", 5079),
+    ("cli", 11696),
+    ("core", 18694),
+    ("files", 2208),
+    ("grab", 5175),
     ("live", 419),
     ("python", 323),
-    ("recording", 13766),
+    ("recording", 13762),
     ("report", 12593),
-    ("score", 8083),
+    ("score", 8105),
     ("sim", 3533),
     ("thesis", 3693),
-    ("train", 3510),
+    ("train", 3511),
     ("viewer", 1749),
 ];
 

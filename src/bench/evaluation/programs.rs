@@ -71,7 +71,7 @@ fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<Pro
         judge,
         files: _,
     } = opened;
-    let mut source = Chain::for_matching(false).over(Box::new(run))?;
+    let mut source = Chain::for_matching(None).over(Box::new(run))?;
     let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
     let mut rows = rows.iter().peekable();
     while let Some(row) = rows.peek() {

@@ -26,6 +26,8 @@ pub(super) struct ReadyMatcher {
     memory: Option<MemoryUse>,
     /// Absent where its parameters do not determine it.
     pub(super) max_disparity: Option<i32>,
+    /// The lowest disparity that it searches.
+    lowest_px: i32,
     /// True if it reports a map that others computed, which takes no time of matching.
     is_recorded: bool,
     /// True if the user was warned of the range.
@@ -52,6 +54,7 @@ impl ReadyMatcher {
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
+            lowest_px: algorithm.range().map_or(0, |range| *range.start()),
             is_recorded: algorithm.spec().is_recorded(),
             // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
@@ -152,6 +155,12 @@ impl Matchers {
                 record.failure.clone_from(&entry.failure);
             }
         }
+    }
+
+    /// The lowest disparity that all search.
+    pub(super) fn lowest_px(&self) -> i32 {
+        let lowest = self.0.iter().map(|entry| entry.lowest_px);
+        lowest.max().unwrap_or(0)
     }
 
     pub(super) fn is_empty(&self) -> bool {

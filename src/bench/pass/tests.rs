@@ -163,7 +163,9 @@ fn a_source_that_listens_hears_each_frame_before_the_next() {
     };
     // Through the wrappers of every pass of the command line.
     let wrapped: &mut dyn Source = &mut source;
-    let mut wrapped = Chain::for_matching(true).over(Box::new(wrapped)).unwrap();
+    let mut wrapped = Chain::for_matching(Some(0))
+        .over(Box::new(wrapped))
+        .unwrap();
     ran(&mut *wrapped, 100, 3).2.unwrap();
     drop(wrapped);
     assert_eq!(source.heard, [19, 18, 17]);

@@ -17,7 +17,8 @@ pub fn run_through(
     sinks: &mut [Box<dyn Sink>],
     mut monitor: impl Monitor,
 ) -> (Outcome, Result<()>) {
-    let chain = Chain::for_matching(start.judge.run.stress.is_none());
+    let is_monitored = start.judge.run.stress.is_none();
+    let chain = Chain::for_matching(is_monitored.then(|| matchers.lowest_px()));
     let mut source = match chain.over(Box::new(source)) {
         Ok(source) => source,
         Err(error) => return (Outcome::default(), Err(error)),

@@ -1,13 +1,14 @@
 //! Monitors a source's pairs for vertical misalignment, and for images that are no pair.
 
 use super::{Source, wraps};
-use svl_core::Result;
-use svl_core::counted;
+use std::ops::RangeInclusive;
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
-use svl_core::stereo::{Frame, StereoPair};
+use svl_core::stereo::{Frame, Rig, StereoPair};
+use svl_core::{Error, Result};
+use svl_recording::Selection;
 
-/// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
-/// if their images are turned, exchanged or of one camera.
+/// A source that measures a few of its pairs, and warns once if they are vertically misaligned, if
+/// their images are turned, exchanged or one picture, or beyond the range that is searched.
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
     meter: AlignmentMeter,
@@ -16,7 +17,9 @@ pub struct AlignmentMonitor<'a> {
     /// The pair before the next one that is measured, and its time.
     before: Option<(StereoPair, u64)>,
     period_ns: u64,
-    is_calibrated: bool,
+    rig: Option<Rig>,
+    /// Disparities that all algorithms search, as far as that matters.
+    range: RangeInclusive<i32>,
     taken: u64,
     measured: u64,
 }
@@ -27,14 +30,15 @@ const EVERY: u64 = 7;
 const MAX_MEASURED: u64 = 5;
 
 impl<'a> AlignmentMonitor<'a> {
-    pub fn new(source: Box<dyn Source + 'a>) -> Self {
+    pub fn new(source: Box<dyn Source + 'a>, lowest_px: i32) -> Self {
         Self {
             source,
             meter: AlignmentMeter::new(),
             apart: Default::default(),
             before: None,
             period_ns: 0,
-            is_calibrated: false,
+            rig: None,
+            range: lowest_px..=i32::MAX,
             taken: 0,
             measured: 0,
         }
@@ -57,8 +61,8 @@ impl<'a> AlignmentMonitor<'a> {
             }
             None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
-        self.is_calibrated |= frame.is_some_and(|frame| frame.rig().is_some());
-        if last && let Some(doubt) = self.meter.doubt(self.is_calibrated) {
+        self.rig = self.rig.or_else(|| frame?.rig().copied());
+        if last && let Some(doubt) = self.doubt() {
             tracing::warn!("{}: {doubt}", self.source.name());
         }
         // That their rectification misaligns them is said.
@@ -71,16 +75,17 @@ impl<'a> AlignmentMonitor<'a> {
             && let Some(found) = self.meter.alignment().filter(|found| found.is_off())
         {
             tracing::warn!(
-                "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \
-                 costs matches: {}; `svl calibrate check` shows more",
+                "{}: {}, which costs matches: {}; `svl calibrate check` shows more",
                 self.source.name(),
-                found.median_abs_px,
-                found.matches,
-                counted(found.pairs as u64, "pair"),
+                found.words(),
                 self.one_apart()
                     .unwrap_or_else(|| misalignment_cure(&*self.source).to_owned())
             );
         }
+    }
+
+    fn doubt(&self) -> Option<String> {
+        self.meter.doubt(self.rig.as_ref(), self.range.clone())
     }
 
     /// Measures the images of this pair with those of the one before, if pairs are misaligned.
@@ -111,6 +116,35 @@ impl<'a> AlignmentMonitor<'a> {
             self.period_ns as f64 / 1e6
         ))
     }
+}
+
+/// The one pair of a source, with warnings of all that is off in it. `range`: the disparities that
+/// are searched.
+///
+/// # Errors
+/// The errors of the source.
+pub fn only_pair(source: Box<dyn Source>, range: RangeInclusive<i32>) -> Result<Frame> {
+    let mut monitor = AlignmentMonitor {
+        range,
+        ..AlignmentMonitor::new(source, 0)
+    };
+    let frame = monitor.next()?;
+    let frame = frame.ok_or_else(|| Error::Invalid("there is no pair".to_owned()))?;
+    monitor.next()?;
+    let name = monitor.name();
+    if monitor.meter.alignment().is_none() && monitor.doubt().is_none() {
+        let points = monitor.meter.matches().len();
+        tracing::warn!("{name}: alignment not measured ({points} points)");
+    }
+    let skew_ns = frame.exposure.skew_ns.unwrap_or_default();
+    if skew_ns.unsigned_abs() > Selection::MAX_SKEW_NS {
+        tracing::warn!(
+            "{name}: the stamps in their names are {:.1} ms apart, so that what moves is matched \
+             wrong: name images of one moment",
+            skew_ns as f64 / 1e6
+        );
+    }
+    Ok(frame)
 }
 
 /// The cure for vertical misalignment of the pairs that a source gives.

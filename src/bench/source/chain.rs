@@ -1,6 +1,7 @@
 //! The layers around a source, in their one order.
 
 use super::alignment_monitor::AlignmentMonitor;
+use super::distinct::DistinctSource;
 use super::floored::LevelCamera;
 use super::limited::{FirstPairs, Limited};
 use super::measured::{MeasuredSource, SourceMaps};
@@ -56,8 +57,9 @@ macro_rules! chain {
     };
 }
 
-// Pairs outside the range are neither decoded further nor counted, so `limit` is first. Truth and
-// maps are of rectified images of full size: `measure` and `check` follow `rectify` and `declare`
+// Pairs outside the range are neither decoded further nor counted, so `limit` is first. Images are
+// equal as they were read, so `distinct` comes before all that changes them. Truth and maps are of
+// rectified images of full size: `measure` and `check` follow `rectify` and `declare`
 // and precede `resize`. References match the images that the algorithms match, so they follow
 // `resize`, and `floor` divides the truth that is scored. A copy is known by the pair as it was
 // read, which every layer keeps, so `register` comes after the layers that drop pairs and before
@@ -67,6 +69,8 @@ macro_rules! chain {
 chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
+    /// One picture twice is refused.
+    distinct(_all: ()), |source| DistinctSource::new(source);
     /// Raw pairs are rectified.
     rectify(by: AppliedCalibration), |source| RectifiedSource::new(source, by)?;
     /// Raw pairs are rectified ones of that rig.
@@ -89,8 +93,9 @@ chain! {
     take(first: FirstPairs), |source| Limited::new(source, first.range, first.frames);
     /// Raw pairs are declared rectified.
     assume(_all: ()), |source| Mapped { source, change: assumed };
-    /// The user is warned of vertical misalignment.
-    monitor(_all: ()), |source| AlignmentMonitor::new(source);
+    /// The user is warned of vertical misalignment, of images that are no pair, and of disparities
+    /// below the lowest that is searched.
+    monitor(lowest_px: i32), |source| AlignmentMonitor::new(source, lowest_px);
 }
 
 impl Chain {
@@ -103,6 +108,7 @@ impl Chain {
         let references = options.references()?;
         Ok(Self {
             limit: (range != PairRange::default()).then_some(range),
+            distinct: (!is_raw).then_some(()),
             // References replace the truth.
             check: (!is_raw && references.is_empty()).then_some(()),
             resize: (window != CropScale::default()).then_some(window),
@@ -111,11 +117,12 @@ impl Chain {
         })
     }
 
-    /// The layers of pairs that are matched now. Perturbed ones are misaligned on purpose.
-    pub(crate) fn for_matching(is_monitored: bool) -> Self {
+    /// The layers of pairs that are matched now, from the lowest disparity that all algorithms
+    /// search; none where pairs are not monitored, as perturbed ones are misaligned on purpose.
+    pub(crate) fn for_matching(lowest_px: Option<i32>) -> Self {
         Self {
             assume: Some(()),
-            monitor: is_monitored.then_some(()),
+            monitor: lowest_px,
             ..Self::default()
         }
     }
@@ -146,7 +153,10 @@ mod tests {
     fn layers_are_named_in_their_order() {
         let words =
             |options: &SourceOptions, is_raw| Chain::for_options(options, is_raw).unwrap().words();
-        assert_eq!(words(&SourceOptions::default(), false), ["check"]);
+        assert_eq!(
+            words(&SourceOptions::default(), false),
+            ["distinct", "check"]
+        );
         assert!(words(&SourceOptions::default(), true).is_empty());
         let options = SourceOptions {
             scale: Some(0.5),
@@ -154,7 +164,10 @@ mod tests {
             reference: vec!["sgm".to_owned()],
             ..SourceOptions::default()
         };
-        assert_eq!(words(&options, false), ["limit", "resize", "reference"]);
-        assert_eq!(Chain::for_matching(true).words(), ["assume", "monitor"]);
+        assert_eq!(
+            words(&options, false),
+            ["limit", "distinct", "resize", "reference"]
+        );
+        assert_eq!(Chain::for_matching(Some(0)).words(), ["assume", "monitor"]);
     }
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::rectify::{Alignment, AlignmentMeter, RectificationMeter};
+use svl_core::statistics::{lower_median, nearest_rank};
 use svl_core::stereo::{CalibrationCheck, CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result, counted};
 use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
@@ -22,6 +23,8 @@ const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
 /// Pairs are measured for vertical misalignment until that many points have matched.
 const MAX_POINTS: usize = 500;
+/// Largest median skew of pairs that can be used, however far apart they are.
+const MAX_SKEW_NS: f64 = 100e6;
 
 /// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -56,6 +59,9 @@ pub struct SourceFacts {
     /// Contradictions between the calibration and the pairs, each with its cure.
     #[serde(skip)]
     pub doubts: Vec<String>,
+    /// The skew, if it is that of images of different moments.
+    #[serde(skip)]
+    pub skew: Option<String>,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
 }
@@ -108,12 +114,15 @@ impl SourceFacts {
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let (mut spread, mut meter) = (TruthSpread::default(), AlignmentMeter::new());
+        let (mut skews_ns, mut stamps_ns) = (Vec::new(), Vec::new());
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
             if meter.matches().len() < MAX_POINTS {
                 meter.add(&frame.pair);
             }
+            skews_ns.extend(frame.exposure.skew_ns);
+            stamps_ns.push(frame.stamp_ns);
             own.count(&frame);
             spread.add(&frame);
             has_truth |= frame.truth.is_some();
@@ -145,7 +154,7 @@ impl SourceFacts {
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(|check| check.doubt.clone());
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
-        let doubts = doubts.chain(meter.doubt(rig.is_some()));
+        let doubts = doubts.chain(meter.doubt(rig.as_ref(), 0..=i32::MAX));
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
         Ok(Self {
             size_px: first.pair.size(),
@@ -163,6 +172,7 @@ impl SourceFacts {
             vertical_misalignment: meter.alignment(),
             unrectified_misalignment: rectification.and_then(RectificationMeter::before),
             doubts: doubts.collect(),
+            skew: skew_words(skews_ns, &stamps_ns),
             calibration_checks: checks,
             nearest: rig
                 .as_ref()
@@ -182,6 +192,25 @@ impl SourceFacts {
             },
         })
     }
+}
+
+/// The median skew in words with the cure, if it is above half a period or [`MAX_SKEW_NS`].
+fn skew_words(mut skews_ns: Vec<i64>, stamps_ns: &[u64]) -> Option<String> {
+    skews_ns.sort_unstable();
+    let skew_ns = nearest_rank(&skews_ns, 0.5)?;
+    let periods = stamps_ns.windows(2).map(|two| two[1].abs_diff(two[0]));
+    let period_ns = lower_median(periods.map(|ns| ns as f64)).unwrap_or(f64::INFINITY);
+    let limit_ns = (period_ns / 2.0).min(MAX_SKEW_NS);
+    (skew_ns.unsigned_abs() as f64 > limit_ns).then(|| {
+        let skew_ms = skew_ns as f64 / 1e6;
+        format!(
+            "a median skew of {skew_ms:.1} ms is above {:.1} ms, half a period or the most that is \
+             usable: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
+             recording; else pairs need a smaller --max-skew-ms, or a common trigger",
+            limit_ns / 1e6,
+            -skew_ms
+        )
+    })
 }
 
 /// The checks of the calibration of a source, else those of the rig of its pairs.

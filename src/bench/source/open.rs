@@ -2,6 +2,7 @@
 
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
+use super::image_pair::ImagePair;
 use super::live_topics::{self, LiveTopics};
 use super::measured::{MeasuredMaps, refuse_topics, topics_of};
 use super::opened::Opened;
@@ -160,6 +161,7 @@ pub const SOURCES: &[SourceKind] = &[
         origin: SourceOrigin::Cameras,
         options: &[
             "seed",
+            "side_by_side",
             "max_skew_ms",
             "trigger",
             "rate",
@@ -259,6 +261,7 @@ pub const SOURCES: &[SourceKind] = &[
             "side_by_side",
             "fps",
             "bits",
+            "right_offset_ms",
             "truth",
             "camera_height_m",
         ],
@@ -292,8 +295,8 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let is_topic = topics[0]
         .as_deref()
         .is_some_and(|left| left.starts_with('/'));
-    let names_files =
-        request.options.side_by_side && !is_topic || topics.iter().flatten().any(are_files);
+    let names_files = request.options.side_by_side.is_some() && !is_topic
+        || topics.iter().flatten().any(are_files);
     let is_bag = |kind: &SourceKind| kind.is_recording() && path.is_dir();
     let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
@@ -313,6 +316,21 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
         refuse_topics(&request.maps, name)?;
     }
     (kind.open)(request)?.prepared(request)
+}
+
+/// Opens two image files as the request's source, of one pair; it is rectified as requested.
+///
+/// # Errors
+/// The errors of the images and of the calibration.
+pub fn open_pair(files: [&Path; 2], request: &Request<'_>) -> Result<Opened> {
+    let source = ImagePair::read(files, request.options.bits)?;
+    let facts = StreamFacts {
+        bits: source.depth.bits(),
+        note: source.depth.note(),
+        ..StreamFacts::default()
+    };
+    let opened = Opened::new(source, Header::new("pair"), "pair");
+    opened.with_facts(facts).prepared(request)
 }
 
 /// Opens a recording, or live topics; the pairs are rectified as requested.
@@ -403,6 +421,7 @@ fn cameras(request: &Request<'_>) -> Result<Opened> {
     let grab = GrabRequest {
         seed: request.seed,
         max_skew_ns: request.max_skew_ns(),
+        side_by_side: request.options.side_by_side,
         ..request.grab.clone()
     };
     let source = CameraSource::open(name, &grab, request.host)?;
@@ -454,14 +473,14 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
 
 fn video(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
-    if !request.options.side_by_side {
+    let Some(places) = request.options.side_by_side else {
         return Err(Error::Usage(format!(
             "{}: is one video: --side-by-side if it shows both images, or name the folder of two, \
              with --left and --right",
             request.name
         )));
-    }
-    let source = VideoSource::side_by_side(path, request.options.fps)?;
+    };
+    let source = VideoSource::side_by_side(path, places, request.options.fps)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     Ok(opened_video(source, request, stem.unwrap_or("video")))
 }
@@ -489,15 +508,21 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         && is_video(left)
         && is_video(right)
     {
-        if folder.bits.is_some() || folder.side_by_side {
+        if folder.bits.is_some() || folder.side_by_side.is_some() {
             let why = "is not for two videos, which are decoded to 8 bits, one for each camera";
             return Err(Error::Usage(format!("--bits or --side-by-side {why}")));
         }
-        let source = VideoSource::pair(&path.join(left), &path.join(right), folder.fps)?;
+        let offset_ns = request.selection().right_offset_ns;
+        let (left, right) = (path.join(left), path.join(right));
+        let source = VideoSource::pair(&left, &right, folder.fps, offset_ns)?;
         return Ok(opened_video(source, request, stem));
     }
+    if request.options.right_offset_ms.is_some() {
+        let what = "--right-offset-ms is for recordings and two videos, not for images";
+        return Err(Error::Usage(format!("{}: {what}", request.name)));
+    }
     // A user that names the images does not mean a scene of a data set.
-    let scenes = if folder.images == [None, None] && !folder.side_by_side {
+    let scenes = if folder.images == [None, None] && folder.side_by_side.is_none() {
         match Scene::find(path, stem) {
             Some(scene) => vec![scene],
             None => Scene::all_in(path, "")?,

@@ -110,7 +110,9 @@ impl Opened {
                 tracing::warn!("{}: {doubt}", self.source.name());
             }
         }
+        let options = Chain::for_options(&request.options, request.raw)?;
         let chain = Chain {
+            distinct: options.distinct.filter(|()| !self.is_live),
             rectify,
             declare,
             measure: std::mem::take(&mut self.measured).with_files(&request.maps)?,
@@ -118,7 +120,7 @@ impl Opened {
                 height_m,
                 is_named: named_m.is_some(),
             }),
-            ..Chain::for_options(&request.options, request.raw)?
+            ..options
         };
         self.over(chain)
     }

@@ -44,7 +44,7 @@ impl Usability {
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
-            is_usable: is_rectified || is_calibrated,
+            is_usable: (is_rectified || is_calibrated) && facts.skew.is_none(),
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
@@ -58,7 +58,7 @@ impl Usability {
 
 /// The missing parts of a source with pairs, each with its cure.
 fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<String> {
-    let mut missing = Vec::new();
+    let mut missing = Vec::from_iter(facts.skew.clone());
     if facts.rig.is_none() {
         let what = match &facts.camera.calibration_fault {
             Some(fault) => format!("no calibration ({fault})"),
@@ -166,6 +166,7 @@ mod tests {
             unrectified_misalignment: None,
             calibration_checks: Vec::new(),
             doubts: Vec::new(),
+            skew: None,
             nearest: None,
             truths: vec![TruthFacts {
                 topic: Some("/velodyne_points".to_owned()),

@@ -158,7 +158,7 @@ pub fn evaluate(
     monitor: &mut dyn Monitor,
 ) -> Result<()> {
     let held = HeldFrames(frames.iter());
-    let mut source = Chain::for_matching(false).over(Box::new(held))?;
+    let mut source = Chain::for_matching(None).over(Box::new(held))?;
     run(&mut *source, matchers, start, pace, sinks, monitor).1
 }
 

@@ -7,7 +7,7 @@ use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use std::path::{Path, PathBuf};
 use svl::recording::{Recording, RecordingSummary, is_bag};
 use svl::scenario::{PairRange, SourceOptions};
-use svl::source::{Heard, Request, SourceFacts, SourceKind, Usability};
+use svl::source::{Heard, OnePicture, Request, SourceFacts, SourceKind, Usability};
 use svl::{Error, interrupt};
 
 /// Show the contents of a recording, and check its integrity
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             (usability, Some(facts), None)
         }
         // A recording without pairs has a summary all the same.
-        Err(error) if summary.is_some() && !matches!(error, Error::Usage(_)) => {
+        Err(error) if summary.is_some() && !is_refused(&error) => {
             let (words, reason) = no_pairs(error, &file, &name);
             (Usability::without_pairs(&reason), None, Some(words))
         }
@@ -108,6 +108,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         print(&info.text(&name)?)
     }
+}
+
+/// True for an error of what was named, not of what it contains.
+fn is_refused(error: &Error) -> bool {
+    matches!(error, Error::Usage(_)) || error.downcast_ref::<OnePicture>().is_some()
 }
 
 /// The reason why a file has no pairs, of the source `name` and alone: live topics are read from a

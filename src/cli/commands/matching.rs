@@ -3,22 +3,22 @@
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
-use svl::calibrate::files::{Hints, inputs, read_with};
+use svl::calibrate::files::inputs;
 use svl::depth::GridSettings;
 use svl::depth::decision::{BINS_PER_PX, SafeChoice, VerdictTable};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, has_small_cells};
 use svl::outputs::Outputs;
 use svl::recording::CellReport;
-use svl::rectify::Rectifier;
 use svl::runs::refuse_recorded;
+use svl::scenario::SourceOptions;
+use svl::source::{Request, only_pair, open_pair};
 use svl::stereo::{
-    Cell, CellState, DepthGrid, DisparityMap, Gray, LengthUnit, Reason, RectifiedPair, Rgb, Rig,
-    StereoPair,
+    Cell, CellState, DepthGrid, DisparityMap, Frame, Reason, RectifiedPair, Rig, StereoPair,
 };
 use svl::stereo::{LevelCell, LevelVerdict, hash_words};
 use svl::timing::Stage;
@@ -75,6 +75,16 @@ pub(crate) struct Args {
     /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
     #[arg(long, value_name = "N", value_parser = usage::within(8..=16u8), help_heading = "Input")]
     bits: Option<u8>,
+    /// Shrink the rectified images before they are matched: their new size over the old, at most 1
+    ///
+    /// The map has the new size and its pixels.
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        allow_negative_numbers = true,
+        help_heading = "Input"
+    )]
+    scale: Option<f64>,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
@@ -223,32 +233,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let mut matcher = args.algo.build()?;
     let mut output = MatchOutput::new()?;
-    let (pair, color, note) = files::read_pair(&args.left, &args.right, args.bits)
-        .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
-    if let Some(note) = note {
-        print_error(note);
-    }
-    let (pair, color, rig) = match &args.calib {
-        Some(path) => rectified(pair, color, path)?,
-        None => (pair, color, None),
-    };
+    let frame = read(args)?;
+    let (pair, rig) = (&frame.pair, frame.rig());
     let context = MatchContext {
-        color: color.as_ref(),
-        rig,
+        color: frame.color.as_ref(),
+        rig: rig.copied(),
         ..MatchContext::default()
     };
     output.begin();
-    matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
+    matcher.compute(RectifiedPair::assume(pair), &context, &mut output)?;
 
     outputs.set_aside()?;
-    let rig = rig.as_ref();
     if rig.is_none() && files::has_ending(&args.output, "ply") {
         bail!(
             "{}: a point cloud needs a calibration in metres",
             args.output.display()
         );
     }
-    write_maps(args, &output.disparity, &pair, rig)?;
+    write_maps(args, &output.disparity, pair, rig)?;
     let own_grid = output.grid.take();
     let grid = own_grid.unwrap_or_else(|| {
         let map = output.disparity.disparity();
@@ -263,38 +265,23 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// The pair and its colours, rectified unless the calibration is of rectified cameras, and the
-/// rig.
-fn rectified(
-    pair: StereoPair,
-    color: Option<[Rgb; 2]>,
-    path: &Path,
-) -> anyhow::Result<(StereoPair, Option<[Rgb; 2]>, Option<Rig>)> {
-    let hints = Hints {
-        size: Some(pair.size()),
-        ..Hints::default()
+/// The pair, rectified unless the calibration is of rectified cameras.
+fn read(args: &Args) -> anyhow::Result<Frame> {
+    let request = Request {
+        options: SourceOptions {
+            calib: args.calib.as_ref().map(|path| path.display().to_string()),
+            bits: args.bits,
+            scale: args.scale,
+            ..SourceOptions::default()
+        },
+        ..Request::default()
     };
-    let found = read_with(path, &hints)?;
-    for note in found.notes() {
-        print_error(format!("{}: {note}", path.display()));
-    }
-    let calibration = found.calibration;
-    if calibration.unit() == LengthUnit::Squares {
-        let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` names their size";
-        let what = "lengths are in squares of the board, so there are no distances";
-        print_error(format!("{}: {what}; {cure}", path.display()));
-    }
-    if calibration.is_rectified() {
-        return Ok((pair, color, calibration.rig()));
-    }
-    let rectifier = Rectifier::new(&calibration).with_context(|| path.display().to_string())?;
-    let [mut left, mut right] = [Gray::filled(1, 1, 0)?, Gray::filled(1, 1, 0)?];
-    let applied = rectifier.apply(&pair, &mut left, &mut right);
-    applied.with_context(|| path.display().to_string())?;
-    let color = color.map(|color| rectifier.apply_color(&color));
-    let color = color.transpose()?;
-    let rig = rectifier.rig().copied();
-    Ok((StereoPair::new(left, right)?, color, rig))
+    request.options.check()?;
+    let opened = open_pair([&args.left, &args.right], &request)?;
+    opened.notes.iter().for_each(print_error);
+    // The map has only the disparities that are searched, whatever the cells see.
+    let range = args.algo.range().unwrap_or(0..=i32::MAX);
+    Ok(only_pair(opened.source, range)?)
 }
 
 /// Checks that the options go together.

@@ -44,6 +44,7 @@ use crate::stereo::{
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
 use quotes::{split, unquote};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// A stereo correspondence algorithm, with its scratch memory.
@@ -567,27 +568,23 @@ impl Algorithm {
     /// Number of disparities searched per pixel, if the parameters determine it: from
     /// `min_disparity` or 0 to `max_disparity`.
     pub fn disparities(&self) -> Option<u32> {
-        let bound = |name| {
-            self.parameters
-                .iter()
-                .find(|(n, _)| *n == name)
-                .map(|(_, value)| value)
-        };
-        match (bound("min_disparity"), bound("max_disparity")?) {
-            (Some(Value::Int(min)), Value::Int(max)) => u32::try_from(max - min + 1).ok(),
-            // Algorithms without a lower bound (dp) begin at 0.
-            (_, Value::Int(max)) => u32::try_from(max + 1).ok(),
+        let range = self.range()?;
+        u32::try_from(range.end() - range.start() + 1).ok()
+    }
+
+    /// The disparities searched, if the parameters determine them, pixels.
+    pub fn range(&self) -> Option<RangeInclusive<i32>> {
+        let bound = |name| match self.parameters.iter().find(|(n, _)| *n == name)? {
+            (_, Value::Int(px)) => Some(*px),
             _ => None,
-        }
+        };
+        // Algorithms without a lower bound (dp) begin at 0.
+        Some(bound("min_disparity").unwrap_or(0)..=bound("max_disparity")?)
     }
 
     /// The greatest disparity searched, if the parameters determine it, pixels.
     pub fn max_disparity(&self) -> Option<i32> {
-        let mut parameters = self.parameters.iter();
-        match parameters.find(|(name, _)| *name == "max_disparity")? {
-            (_, Value::Int(max)) => Some(*max),
-            _ => None,
-        }
+        self.range().map(|range| *range.end())
     }
 
     /// Decision on cells, if the matcher computes them itself ([`MatcherSpec::cells`]).

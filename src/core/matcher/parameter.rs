@@ -213,6 +213,26 @@ impl ParameterFile {
     }
 }
 
+/// The cure of a range of disparities beyond the limit: smaller images.
+fn scaled_range(name: &str, text: &str, range: &Range) -> String {
+    let Range::Int { max, .. } = *range else {
+        return String::new();
+    };
+    match text.parse::<f64>().map(|px| (px, f64::from(max) / px)) {
+        Ok((px, most)) if name == "max_disparity" && (0.01..1.0).contains(&most) => {
+            format!("; {}", at_scale(most, px))
+        }
+        _ => String::new(),
+    }
+}
+
+/// Images so much smaller, with their range of disparities, in words.
+pub(super) fn at_scale(most: f64, max_disparity: f64) -> String {
+    let scale = (100.0 * most).floor() / 100.0;
+    let px = (scale * max_disparity).ceil();
+    format!("images of `--scale {scale}` need max_disparity={px}")
+}
+
 /// A value for every parameter of an algorithm, each within its range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters(Vec<(&'static str, Value)>);
@@ -279,7 +299,7 @@ impl Parameters {
                 algorithm: spec.name,
                 name: name.to_owned(),
                 value: text.to_owned(),
-                expected: range.to_string(),
+                expected: range.to_string() + &scaled_range(name, text, range),
             })?;
         }
         Ok(parameters)

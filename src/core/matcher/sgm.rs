@@ -13,6 +13,7 @@
 //! stay inside the right image.
 
 use super::method::{Method, matcher};
+use super::parameter::at_scale;
 use super::stage::{
     Aggregation, Chosen, CostVolume, DisparityRange, OnePassCheck, Speckles, uniqueness,
 };
@@ -168,12 +169,14 @@ impl Method for Sgm {
         let bytes = shape.stride() * height * Aggregation::BYTES;
         // Checked here: the allocation itself may succeed, and the machine would swap.
         if bytes > Self::MEMORY {
+            // Both sides and the range are scaled; a little less, as all are rounded.
+            let most = 0.98 * (Self::MEMORY as f64 / bytes as f64).cbrt();
             return Err(Error::Invalid(format!(
-                "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow \
-                 the range",
-                count,
+                "sgm: {width}x{height} pixels by {count} disparities take {} MiB, more than {}: \
+                 narrow the range; {}",
                 bytes >> 20,
-                Self::MEMORY >> 20
+                Self::MEMORY >> 20,
+                at_scale(most, f64::from(self.range.max()))
             )));
         }
         let costs = CostVolume::new(shape)?;

@@ -2,9 +2,11 @@
 
 use super::epipolar::inliers;
 use super::features::{PointMatch, matches};
+use crate::counted;
 use crate::statistics::{lower_median, nearest_rank};
-use crate::stereo::{Gray, GridShape, StereoPair};
+use crate::stereo::{Gray, GridShape, Rig, StereoPair};
 use nalgebra::{Matrix3, Vector3};
+use std::ops::RangeInclusive;
 
 /// Measures the vertical misalignment of point matches over pairs of one size.
 #[derive(Clone, Debug, Default)]
@@ -121,20 +123,42 @@ impl Alignment {
     pub fn is_off(&self) -> bool {
         self.median_abs_px > Self::TOLERABLE_PX
     }
+
+    /// The misalignment with its cases, and what it looks like.
+    pub fn words(&self) -> String {
+        let looks = match self.misfit {
+            Misfit::Shift => format!("the right image is {:+.1} px lower", self.median_px),
+            Misfit::Rotation { degrees, scale } => {
+                format!("the right image is rolled by {degrees:+.1}° and {scale:.3} times as large")
+            }
+            Misfit::Distortion => "lens distortion, or converging cameras".to_owned(),
+        };
+        format!(
+            "vertical misalignment of {:.1} px (median of {} points in {}; {looks})",
+            self.median_abs_px,
+            self.matches,
+            counted(self.pairs as u64, "pair")
+        )
+    }
 }
 
 /// Largest distance of an inlier from the epipolar geometry: lens distortion moves points farther
 /// than noise does.
 const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches for a result: in all, and in a part of the image.
-const MIN_MATCHES: usize = 40;
+const MIN_MATCHES: usize = 50;
 const MIN_MATCHES_OF_PART: usize = 8;
 /// Negative disparities of smaller magnitude may belong to points far away.
 const BEYOND_PX: f64 = 1.0;
-/// Greatest distance of points of one image, changed by noise or light.
-const SAME_PX: f64 = 0.2;
-/// Fraction of points above which they decide.
+/// Greatest distance of points of one picture, changed by noise or light, and the fraction of such
+/// points from which they decide.
+const SAME_PX: f64 = 0.25;
+const MIN_SAME: f64 = 0.95;
+/// Fraction of points beyond the range of a search above which they decide, of those that the
+/// range has to cover, and the multiple of pixels that is named to cover them.
 const MIN_SHARE: f64 = 0.8;
+const COVERED: f64 = 0.9;
+const STEP_PX: f64 = 8.0;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -168,14 +192,14 @@ impl AlignmentMeter {
         self.matches.extend(found);
     }
 
-    /// Pairs and matches that decide.
-    const SURE: (usize, usize) = (3, 50);
+    /// Pairs that decide, with enough matches.
+    const SURE_PAIRS: usize = 3;
     /// Greatest misalignment of aligned images: pixels, and as a fraction of that of others.
     const MAX_ALIGNED_PX: f64 = 1.0;
     const MAX_FRACTION: f64 = 0.5;
 
     fn is_sure(&self) -> bool {
-        self.pairs >= Self::SURE.0 && self.matches.len() >= Self::SURE.1
+        self.pairs >= Self::SURE_PAIRS && self.matches.len() >= MIN_MATCHES
     }
 
     /// True if these pairs are aligned and the others, of the same cameras, are not, or hardly any
@@ -195,10 +219,11 @@ impl AlignmentMeter {
         &self.matches
     }
 
-    /// Images that are no pair of a left and a right one, in words with the cure: one camera's are
-    /// turned, both are exchanged, or both are of one camera. `is_calibrated`: the calibrations,
-    /// which follow the names of their topics, are not exchanged.
-    pub fn doubt(&self, is_calibrated: bool) -> Option<String> {
+    /// Images that are no pair of a left and a right one, or that no algorithm can match, in words
+    /// with the cure: one camera's are turned, both are exchanged or converge, both are one
+    /// picture, or their disparities are beyond those that are searched, `range`. `rig`: that of
+    /// the calibrations, which follow the names of their topics and are not exchanged.
+    pub fn doubt(&self, rig: Option<&Rig>, range: RangeInclusive<i32>) -> Option<String> {
         let points = self.matches.len();
         let turned = self.turned.iter().zip(TURNS);
         let (&count, (way, filter, _)) = turned.max_by_key(|(count, _)| **count)?;
@@ -208,26 +233,70 @@ impl AlignmentMeter {
                  {points} as they are; `ffmpeg -i IN -vf {filter} OUT` turns an image or a video"
             ));
         }
-        let per_cent = |is: fn(&&PointMatch) -> bool| {
-            let share = self.matches.iter().filter(is).count() as f64 / points as f64;
-            (points >= MIN_MATCHES && share > MIN_SHARE).then_some(100.0 * share)
-        };
-        if let Some(share) = per_cent(|m| m.left.x - m.right.x < -BEYOND_PX) {
-            let calibrations = if is_calibrated {
-                ", and as the calibrations are not exchanged, --calib FILE gives theirs"
-            } else {
-                ""
-            };
+        if points < MIN_MATCHES {
+            return None;
+        }
+        let is_same = |m: &&PointMatch| (m.left - m.right).norm() <= SAME_PX;
+        let same = self.share(self.matches.iter().filter(is_same).count());
+        if same >= MIN_SAME {
+            let nearest_m = rig.and_then(|rig| rig.depth_m(SAME_PX));
+            let nearest = nearest_m.map_or("near".to_owned(), |m| format!("nearer than {m:.1} m"));
             return Some(format!(
-                "left and right look exchanged: {share:.0} % of {points} points are farther right \
-                 in the right image; unless both cameras are upside down, --left and --right name \
-                 them the other way round{calibrations}"
+                "left and right look like one picture twice, or nothing is {nearest}: {:.0} % of \
+                 {points} points are within {SAME_PX} px of the same place; --left and --right \
+                 name images of two cameras",
+                100.0 * same
             ));
         }
-        let share = per_cent(|m| (m.left - m.right).norm() < SAME_PX)?;
+        self.exchanged(rig.is_some(), *range.start())
+            .or_else(|| self.too_near(*range.end()))
+    }
+
+    fn share(&self, points: usize) -> f64 {
+        points as f64 / self.matches.len() as f64
+    }
+
+    /// The disparities beyond a limit, farthest first, in the direction of a sign; `None` unless
+    /// most are, and where a search to `searched_px` covers them.
+    fn beyond(&self, sign: f64, limit_px: f64, searched_px: f64) -> Option<(f64, f64)> {
+        let sizes = self.matches.iter().map(|m| sign * (m.left.x - m.right.x));
+        let mut sizes: Vec<_> = sizes.filter(|px| *px > limit_px).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        let reach_px = nearest_rank(&sizes, 0.98)?;
+        let share = self.share(sizes.len());
+        let covered = sizes.iter().filter(|px| **px <= searched_px).count() as f64;
+        let is_covered = covered >= COVERED * sizes.len() as f64;
+        (share > MIN_SHARE && !is_covered)
+            .then_some((100.0 * share, (reach_px / STEP_PX).ceil() * STEP_PX))
+    }
+
+    /// Points that are farther right in the right image, unless they are searched.
+    fn exchanged(&self, is_calibrated: bool, lowest_px: i32) -> Option<String> {
+        let (share, reach_px) = self.beyond(-1.0, BEYOND_PX, -f64::from(lowest_px))?;
+        let calibrations = if is_calibrated {
+            ", and as the calibrations are not exchanged, --calib FILE gives theirs"
+        } else {
+            ""
+        };
         Some(format!(
-            "left and right look like images of one camera: {share:.0} % of {points} points are at \
-             the same place; --left and --right name those of two"
+            "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
+             farther right in the right image; if exchanged (and not both upside down), \
+             --side-by-side=right-left, or --left and --right name them the other way \
+             round{calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
+             v4, bm and sgm covers them, and v5 and dp have none",
+            self.matches.len()
+        ))
+    }
+
+    /// Points that are nearer than those that are searched.
+    fn too_near(&self, highest_px: i32) -> Option<String> {
+        let highest_px = f64::from(highest_px);
+        let (share, reach_px) = self.beyond(1.0, highest_px, highest_px)?;
+        Some(format!(
+            "{share:.0} % of {} points have disparities above {highest_px} px, the range that is \
+             searched: `max_disparity={reach_px}` covers them, or --scale {:.2}",
+            self.matches.len(),
+            (100.0 * highest_px / reach_px).floor() / 100.0
         ))
     }
 
@@ -393,10 +462,10 @@ mod tests {
         };
         let image = |d: usize| Gray::from_fn(320, 240, |x, y| square(x + d, y)).unwrap();
         let (left, right) = (&image(0), &image(8));
-        let doubt = |left: &Gray, right: &Gray| {
+        let doubt = |left: &Gray, right: &Gray, range: RangeInclusive<i32>| {
             let mut meter = AlignmentMeter::new();
             meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
-            meter.doubt(false)
+            meter.doubt(None, range.clone())
         };
         let turned = TURNS.map(|(.., place)| {
             Gray::from_fn(320, 240, |x, y| {
@@ -405,14 +474,29 @@ mod tests {
             })
             .unwrap()
         });
-        assert_eq!(doubt(left, right), None);
+        assert_eq!(doubt(left, right, 0..=80), None);
+        // A range that covers the points, or does not.
+        for range in [-16..=80, -8..=0] {
+            assert_eq!(doubt(right, left, range.clone()), None, "{range:?}");
+        }
+        let near = doubt(left, right, 0..=5).unwrap();
+        assert!(
+            near.contains("`max_disparity=8`") && near.contains("--scale 0.62"),
+            "{near}"
+        );
+        let rig = Rig::new(100.0, (160.0, 120.0), 0.1, 0.0).unwrap();
+        let mut meter = AlignmentMeter::new();
+        meter.add(&StereoPair::new(left.clone(), left.clone()).unwrap());
+        let same = meter.doubt(Some(&rig), 0..=80).unwrap();
+        assert!(same.contains("or nothing is nearer than 40.0 m"), "{same}");
         for ((left, right), words) in [
             ((left, &turned[0]), "look upside down"),
             ((left, &turned[1]), "look mirrored"),
-            ((right, left), "look exchanged: 100 %"),
-            ((left, left), "images of one camera: 100 %"),
+            ((right, left), "or the cameras converge: 100 %"),
+            ((right, left), "`min_disparity=-8`"),
+            ((left, left), "one picture twice, or nothing is near: 100 %"),
         ] {
-            let doubt = doubt(left, right).unwrap_or_default();
+            let doubt = doubt(left, right, 0..=80).unwrap_or_default();
             assert!(doubt.contains(words), "{words}: {doubt}");
         }
     }

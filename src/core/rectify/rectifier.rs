@@ -19,6 +19,8 @@ pub struct Rectifier {
     right: Remap,
     rig: Option<Rig>,
     rotation: UnitQuaternion<f64>,
+    /// True if the pairs are rectified already, and stay as they are.
+    is_identity: bool,
 }
 
 impl Rectifier {
@@ -54,6 +56,7 @@ impl Rectifier {
             right,
             rig,
             rotation,
+            is_identity: calibration.is_rectified(),
         })
     }
 
@@ -101,6 +104,11 @@ impl Rectifier {
         let sources = [gapless(pair.left()), gapless(pair.right())];
         // `Gray::filled` above makes contiguous rows.
         let outs = [left, right].map(|out| out.as_mut_slice().expect("gapless"));
+        if self.is_identity {
+            let both = outs.into_iter().zip(&sources);
+            both.for_each(|(out, source)| out.copy_from_slice(source));
+            return Ok(());
+        }
         let threads = rayon::current_num_threads();
         // With one thread a band is the whole image: splitting would only add cost.
         let rows = if threads == 1 {

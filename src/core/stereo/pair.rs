@@ -36,6 +36,10 @@ pub struct StereoPair {
     right: Gray,
 }
 
+/// Texture: more than this many per cent of neighbours differ by more grey levels than noise makes.
+const MIN_EDGES: usize = 1;
+const MIN_EDGE: u8 = 8;
+
 impl StereoPair {
     /// # Errors
     /// [`Error::PairSize`] if the sizes differ.
@@ -62,6 +66,18 @@ impl StereoPair {
     /// Both images, left and right.
     pub fn into_images(self) -> [Gray; 2] {
         [self.left, self.right]
+    }
+
+    /// True if both images have the same pixels, and texture, which two cameras never see alike.
+    #[doc(hidden)]
+    pub fn is_one_picture(&self) -> bool {
+        let (width, height) = self.size();
+        let edges = |row: &[u8]| {
+            let steps = row.windows(2).map(|two| two[0].abs_diff(two[1]));
+            steps.filter(|step| *step > MIN_EDGE).count()
+        };
+        self.left == self.right
+            && 100 * self.left.rows().map(edges).sum::<usize>() > MIN_EDGES * width * height
     }
 
     /// Hash of size and pixels: equal pairs have equal hashes on every machine.

@@ -26,6 +26,7 @@ pub const DRIVER: Driver = Driver {
     options: &[],
     camera_options: &[],
     can_be_triggered: true,
+    can_be_split: false,
     default_seed: None,
     functions: FUNCTIONS,
 };

@@ -26,6 +26,7 @@ pub const DRIVER: Driver = Driver {
     options: config::OPTIONS,
     camera_options: config::CAMERA_OPTIONS,
     can_be_triggered: true,
+    can_be_split: false,
     default_seed: Some(1),
     functions: Ok(DriverFunctions { open, list }),
 };

@@ -20,13 +20,14 @@ use svl_core::matcher::{Parameter, Range};
 pub const DRIVER: Driver = Driver {
     name: "v4l2",
     cameras: "LEFT,RIGHT",
-    help: "two cameras of this machine, as /dev/video0,/dev/video2",
+    help: "two cameras of this machine, as /dev/video0,/dev/video2, or one with --side-by-side",
     options: &[
         Parameter {
             name: "size",
             unit: "px",
             range: Range::Text { default: "auto" },
-            description: "width and height; auto: nearest to 640x480 of those that hold the rate",
+            description: "width and height; auto: nearest to 640x480, with --side-by-side for one \
+                          half, of those that hold the rate",
         },
         Parameter {
             name: "format",
@@ -40,6 +41,7 @@ pub const DRIVER: Driver = Driver {
     ],
     camera_options: &[],
     can_be_triggered: false,
+    can_be_split: true,
     default_seed: None,
     functions: FUNCTIONS,
 };

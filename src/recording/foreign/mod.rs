@@ -60,7 +60,7 @@ use std::sync::Arc;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
 use svl_core::{Error, Result};
 use svl_core::{counted, listed};
-use svl_files::BitDepth;
+use svl_files::{BitDepth, SideBySide};
 use transforms::Transforms;
 use video::VideoTopic;
 
@@ -105,6 +105,8 @@ pub(super) struct PairReader {
     /// The videos of topics that hold such.
     videos: [Option<VideoTopic>; 2],
     depth: BitDepth,
+    /// The places of both images in those of one topic.
+    side_by_side: Option<SideBySide>,
     max_skew_ns: u64,
     /// Images of each camera, and those among them of which not even the stamp can be read.
     counts: [u64; 2],
@@ -225,6 +227,7 @@ impl PairReader {
             wait: None,
             videos: [None, None],
             depth: BitDepth::FULL,
+            side_by_side: selection.side_by_side,
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
             without_stamp: [0, 0],
@@ -488,10 +491,9 @@ impl PairReader {
         let pair = match (left, right) {
             (Ok(left), Ok(right)) => {
                 let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
-                let images = if self.images[0] == self.images[1] {
-                    images[0].halves()
-                } else {
-                    Ok(images)
+                let images = match self.side_by_side {
+                    Some(places) => images[0].halves(places),
+                    None => Ok(images),
                 };
                 let pair = images.and_then(|images| self.depth.pair(images));
                 pair.map_err(|e| e.to_string())

@@ -5,6 +5,7 @@ use crate::messages::Channel;
 use crate::stamp_rule::StampUnit;
 use std::collections::BTreeSet;
 use svl_core::{joined, listed};
+use svl_files::SideBySide;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,8 +15,8 @@ pub struct Selection {
     pub right: Option<String>,
     /// Topics of the calibrations of both; by default found by namespace and name.
     pub infos: [Option<String>; 2],
-    /// True if each image of one topic, the left one, holds both as its halves.
-    pub side_by_side: bool,
+    /// The places of both in each image of one topic, the left one, if that holds both.
+    pub side_by_side: Option<SideBySide>,
     /// Largest skew of a pair.
     pub max_skew_ns: u64,
     /// Number of bits of 16 that the images use; by default decided by the first images.
@@ -37,7 +38,7 @@ impl Selection {
     /// True if it tells how topics form pairs: then svl's own recordings are paired by stamp, too.
     pub fn names_topics(&self) -> bool {
         let infos = self.infos.iter();
-        infos.chain([&self.left, &self.right]).any(Option::is_some) || self.side_by_side
+        infos.chain([&self.left, &self.right]).any(Option::is_some) || self.side_by_side.is_some()
     }
 }
 
@@ -47,7 +48,7 @@ impl Default for Selection {
             left: None,
             right: None,
             infos: [None, None],
-            side_by_side: false,
+            side_by_side: None,
             max_skew_ns: Self::MAX_SKEW_NS,
             bits: None,
             stamps: None,
@@ -75,7 +76,7 @@ pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[St
             return Err(format!("{option}{fault}"));
         }
     }
-    if selection.side_by_side {
+    if selection.side_by_side.is_some() {
         return match (&selection.left, &selection.right, &topics[..]) {
             (_, Some(_), _) => Err("--side-by-side reads one topic: leave --right out".to_owned()),
             (Some(left), ..) => Ok([left.clone(), left.clone()]),

@@ -302,7 +302,7 @@ mod tests {
             "dataset" => "scenes = [\"a\"]\ndata = \"d\"",
             _ => {
                 "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nleft_info = \"i\"\n\
-                 right_info = \"j\"\nside_by_side = true\nfps = 1.0\nbits = 8\n\
+                 right_info = \"j\"\nside_by_side = \"left-right\"\nfps = 1.0\nbits = 8\n\
                  max_skew_ms = 1.0\nstamps = \"us\"\nright_offset_ms = 1.0\ntruth = \"t\"\n\
                  truth_skew_ms = 1.0\ncamera_height_m = 1.0\ncalib = \"c\"\n\
                  alpha = 0.5\ncrop = [0, 0, 9, 9]\nscale = 0.5"

@@ -12,6 +12,7 @@ use std::str::FromStr;
 use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::stereo::FloorPlane;
 use svl_core::{Error, Result, joined};
+use svl_files::SideBySide;
 
 const FPS: RangeInclusive<f64> = 0.001..=100_000.0;
 const BITS: RangeInclusive<u8> = 8..=16;
@@ -68,10 +69,14 @@ pub struct SourceOptions {
     /// Topic of the right camera's calibrations
     #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     pub right_info: Option<String>,
-    /// Each image holds the left and the right one, as its halves
-    #[arg(long)]
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub side_by_side: bool,
+    /// Each image holds the left and the right one, as its halves [default: no; without a layout
+    /// left-right]
+    #[arg(
+        long, value_name = "left-right|right-left|top-bottom", num_args = 0..=1,
+        require_equals = true, default_missing_value = "left-right",
+        value_parser = clap::value_parser!(SideBySide)
+    )]
+    pub side_by_side: Option<SideBySide>,
     /// Pairs per second of a folder or video [default: by its stamps; where there are none it is
     /// not known]
     #[arg(long, value_name = "HZ", value_parser = within(FPS))]

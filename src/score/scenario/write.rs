@@ -127,6 +127,7 @@ fn written(algorithm: &Algorithm) -> String {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use svl_files::SideBySide;
 
     fn equal(a: &Scenario, b: &Scenario) {
         assert_eq!(a.to_json().unwrap(), b.to_json().unwrap());
@@ -259,7 +260,7 @@ mod tests {
                 right,
                 left_info: infos.0,
                 right_info: infos.1,
-                side_by_side: flags.0,
+                side_by_side: flags.0.then_some(SideBySide::TopBottom),
                 bits: flags.1.map(|bits| 8 + bits % 9),
                 fps,
                 max_skew_ms: skews.0,

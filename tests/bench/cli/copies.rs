@@ -194,8 +194,8 @@ fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
     // The second pair of the first bag cannot be read.
     for (name, broken) in [("p", Some(1)), ("q", None)] {
         let images = (0..4_u64).flat_map(|i| {
-            ["/left/image_rect", "/right/image_rect"].map(|topic| {
-                let pixels: Vec<u8> = image((64, 32), i).pixels().collect();
+            [("/left/image_rect", i), ("/right/image_rect", i + 9)].map(|(topic, seed)| {
+                let pixels: Vec<u8> = image((64, 32), seed).pixels().collect();
                 let cut = if broken == Some(i) { 10 } else { 0 };
                 let stamp_ns = 1_700_000_000_000_000_000 + i * 50_000_000;
                 ros_image(topic, stamp_ns, (64, 32), "mono8", &pixels[cut..])

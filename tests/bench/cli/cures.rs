@@ -324,17 +324,20 @@ fn every_option_that_a_message_of_a_source_names_is_a_cure_or_says_why_not() {
     fixture.write_euroc("60.0");
     fixture.run("record mav0 --calib raw -o raw.mcap");
     fixture.write_pair("plain/left/a.pgm", "plain/right/a.pgm", (64, 48), 4);
-    let pixels: Vec<u8> = (0..64 * 48u32)
-        .map(|i| (i * 7 + i / 64 * 13) as u8)
-        .collect();
+    let pixels = |topic: &str| -> Vec<u8> {
+        let shift = u32::from(topic.as_bytes()[1]);
+        (0..64 * 48)
+            .map(|i| (i * 7 + i / 64 * 13 + shift) as u8)
+            .collect()
+    };
     let bag = |name: &str, topics: &[(&'static str, u64)]| {
         let images = (1..6u64).flat_map(|i| {
             topics
                 .iter()
                 .map(move |(topic, late_ms)| (topic, i * 100_000_000 + late_ms * 1_000_000))
         });
-        let images =
-            images.map(|(topic, stamp)| bag::ros_image(topic, stamp, (64, 48), "mono8", &pixels));
+        let images = images
+            .map(|(topic, stamp)| bag::ros_image(topic, stamp, (64, 48), "mono8", &pixels(topic)));
         let path = bag::write(&fixture.path(""), &images.collect::<Vec<_>>());
         std::fs::rename(path, fixture.path(name)).unwrap();
     };

@@ -22,7 +22,10 @@ fn a_program_matches_a_pair_and_says_why_it_does_not() {
     let zeros = "exec:command=sh 'zeros, all of them.sh'";
     let text = fixture.run(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", zeros]);
     assert_says(&text, &["100.0 % of the pixels"]);
-    let error = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "e.pfm", "--algo", FAILS]);
+    let line = [
+        "match", "l.pgm", "r.pgm", "-q", "-o", "e.pfm", "--algo", FAILS,
+    ];
+    let error = fixture.svl(&line);
     error.failed(1, &["sh -c", "exit status: 3", "it said: sorry"]);
     assert!(!fixture.path("e.pfm").exists());
 }

@@ -60,7 +60,10 @@ fn the_first_pairs_answer_the_first_questions() {
     fixture.run("record a.mcap --ros2 -o ros.mcap");
     let first = |name: &str| fixture.json(&format!("info {name} --json"))["first_pairs"].take();
     let own = first("a.mcap");
-    assert_eq!(own["chain"], serde_json::json!(["check", "floor"]));
+    assert_eq!(
+        own["chain"],
+        serde_json::json!(["distinct", "check", "floor"])
+    );
     assert_eq!(own["size_px"], serde_json::json!([320, 240]));
     let rig = |facts: &serde_json::Value, key: &str| facts["rig"][key].as_f64().unwrap();
     assert!((rig(&own, "baseline_m") - 0.044).abs() < 1e-9);
@@ -106,7 +109,10 @@ fn the_first_pairs_answer_the_first_questions() {
     fixture.write_euroc("57.0");
     let facts = first("mav0");
     assert_eq!(facts["geometry"], "raw");
-    assert_eq!(facts["chain"], serde_json::json!(["rectify", "check"]));
+    assert_eq!(
+        facts["chain"],
+        serde_json::json!(["distinct", "rectify", "check"])
+    );
     assert_eq!(facts["focal_px"], serde_json::json!([60.0, 57.0]));
     assert_eq!(facts["truths"], serde_json::json!([]));
     let lines = ["geometry        raw", "focal length    60.00 px, 57.00 px"];
@@ -252,4 +258,20 @@ fn the_facts_of_scaled_pairs_are_theirs() {
     let focal_px = |facts: &serde_json::Value| facts["rig"]["focal_px"].as_f64().unwrap();
     assert_eq!(2.0 * focal_px(&half), focal_px(&whole));
     assert_eq!(half["focal_px"][0], focal_px(&half));
+}
+
+#[test]
+fn images_of_different_moments_are_not_usable() {
+    let fixture = Fixture::new();
+    fixture.write_euroc("60.0");
+    for (late_ms, is_usable) in [(0, true), (20, true), (30, false), (433, false)] {
+        let stamps = [50, 100].map(|ms| (ms + late_ms) * 1_000_000);
+        let csv = format!("{},a.pgm\n{},b.pgm\n", stamps[0], stamps[1]);
+        fixture.write("mav0/cam1/data.csv", csv);
+        let usability = fixture.json("info mav0 --json")["usability"].take();
+        assert_eq!(usability["is_usable"], is_usable, "{usability}");
+        let words = format!("a median skew of {late_ms}.0 ms is above 25.0 ms");
+        let missing = usability["missing"].to_string();
+        assert_eq!(missing.contains(&words), !is_usable, "{missing}");
+    }
 }

@@ -15,19 +15,17 @@ pub(super) fn messages(
     seed: usize,
 ) -> Vec<Message> {
     let pixel = |i: usize| (i * i + seed) % 251;
-    let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(|i| pixel(i) as u8).collect();
-    let image = |topic, i: u64| {
-        ros_image(
-            topic,
-            1_000_000_000 + i * 33_333_333,
-            SIZE,
-            "mono8",
-            &pixels,
-        )
+    let pixels = [0, 2].map(|shift| -> Vec<u8> {
+        let pixels = (0..SIZE.0 * SIZE.1).map(|i| pixel(i + shift) as u8);
+        pixels.collect()
+    });
+    let image = |topic, i: u64, pixels| {
+        let stamp_ns = 1_000_000_000 + i * 33_333_333;
+        ros_image(topic, stamp_ns, SIZE, "mono8", pixels)
     };
-    let lefts = lefts.map(|i| image("/cam0/image_rect", i));
+    let lefts = lefts.map(|i| image("/cam0/image_rect", i, &pixels[0]));
     let mut messages: Vec<_> = lefts
-        .chain(rights.map(|i| image("/cam1/image_rect", i)))
+        .chain(rights.map(|i| image("/cam1/image_rect", i, &pixels[1])))
         .collect();
     messages.sort_by_key(|message| message.log_time);
     messages
@@ -242,8 +240,8 @@ fn with_a_bad_pair() -> Fixture {
     fixture.write("m.sh", SORTS_OUT);
     for (run, pair) in (0..2).flat_map(|run| (0..3).map(move |pair| (run, pair))) {
         let first = if (run, pair) == (1, 1) { 7 } else { 9 };
-        for side in ["left", "right"] {
-            let mut pixels: Vec<u8> = (0..800)
+        for (side, shift) in [("left", 0), ("right", 2)] {
+            let mut pixels: Vec<u8> = (shift..shift + 800)
                 .map(|i| (i * (i + pair + 3 * run) % 251) as u8)
                 .collect();
             pixels[0] = first;

@@ -1,6 +1,9 @@
 //! `svl match`.
 
 use super::fixture::{Fixture, assert_says, datasets, pgm};
+use super::own_data::frames;
+use ::image::codecs::jpeg::JpegEncoder;
+use svl::stereo::Gray;
 
 #[test]
 fn finds_the_shift_and_writes_what_was_asked_for() {
@@ -192,4 +195,231 @@ fn each_cell_has_the_parts_of_its_score() {
     fixture.write("flat.pgm", pgm(160, 96, &[7; 160 * 96]));
     let json = fixture.json("match flat.pgm flat.pgm --algo v3 -o f.pfm --json");
     assert_eq!(json["cells"][7]["reason"], "untextured");
+}
+
+/// A pair of the arena.
+fn arena_pair(fixture: &Fixture) -> [Gray; 2] {
+    fixture.run("record arena --frames 1 -o arena.mcap");
+    frames(fixture, "arena.mcap").remove(0).pair.into_images()
+}
+
+fn write_gray(fixture: &Fixture, name: &str, image: &Gray) {
+    let (width, height) = image.size();
+    let pixels: Vec<_> = image.pixels().collect();
+    fixture.write(name, pgm(width, height, &pixels));
+}
+
+/// An image whose pixels are at these places of another.
+fn moved(image: &Gray, place: impl Fn(f64, f64) -> (f64, f64)) -> Gray {
+    let (width, height) = image.size();
+    let pixel = |x: usize, y: usize| {
+        let (u, v) = place(x as f64, y as f64);
+        let (i, j) = (u.floor(), v.floor());
+        let at = |dx: f64, dy: f64| {
+            let (x, y) = ((i + dx).max(0.0) as usize, (j + dy).max(0.0) as usize);
+            f64::from(image.get(x.min(width - 1), y.min(height - 1)))
+        };
+        let rows = [0.0, 1.0].map(|dy| at(0.0, dy) * (1.0 + i - u) + at(1.0, dy) * (u - i));
+        (rows[0] * (1.0 + j - v) + rows[1] * (v - j)).round() as u8
+    };
+    Gray::from_fn(width, height, pixel).unwrap()
+}
+
+#[test]
+fn a_pair_that_is_off_is_named_with_the_number() {
+    let fixture = Fixture::new();
+    let [left, right] = arena_pair(&fixture);
+    write_gray(&fixture, "l.pgm", &left);
+    write_gray(&fixture, "r.pgm", &right);
+    write_gray(&fixture, "low.pgm", &moved(&right, |x, y| (x, y - 6.0)));
+    let (sin, cos) = 3_f64.to_radians().sin_cos();
+    let roll = |x: f64, y: f64| {
+        let (x, y) = (x - 159.5, y - 119.5);
+        (cos * x + sin * y + 159.5, cos * y - sin * x + 119.5)
+    };
+    write_gray(&fixture, "rolled.pgm", &moved(&right, roll));
+    let noise = |x: usize, y: usize| {
+        let mixed = ((x * 7919 + y * 104_729) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        left.get(x, y).saturating_add((mixed >> 62) as u8)
+    };
+    write_gray(
+        &fixture,
+        "noisy.pgm",
+        &Gray::from_fn(320, 240, noise).unwrap(),
+    );
+    write_gray(&fixture, "flat.pgm", &Gray::filled(320, 240, 7).unwrap());
+    write_gray(&fixture, "1700000000.000.pgm", &left);
+    write_gray(&fixture, "1700000000.433.pgm", &right);
+    let said = |images: &str, more: &str| {
+        let ran = fixture.svl(&format!("match {images} --algo v3{more} -o d.pfm --force"));
+        let said = ran.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        ran.done();
+        said
+    };
+    assert_eq!(said("l.pgm r.pgm", ""), "");
+    for (images, words) in [
+        (
+            "l.pgm low.pgm",
+            &[
+                "misalignment of 6.",
+                "the right image is +6.",
+                "--calib FILE",
+            ][..],
+        ),
+        (
+            "l.pgm rolled.pgm",
+            &["vertical misalignment", "rolled by +3.0°"],
+        ),
+        (
+            "r.pgm l.pgm",
+            &[
+                "look exchanged, or the cameras converge: ",
+                "v5 and dp have none",
+            ],
+        ),
+        (
+            "l.pgm noisy.pgm",
+            &["one picture twice, or nothing is near"],
+        ),
+        ("flat.pgm flat.pgm", &["alignment not measured (0 points)"]),
+        (
+            "1700000000.000.pgm 1700000000.433.pgm",
+            &["names are 433.0 ms apart"],
+        ),
+    ] {
+        assert_says(&said(images, ""), words);
+    }
+    // The cure that is named covers the points.
+    let exchanged = said("r.pgm l.pgm", "");
+    let cure = exchanged.split('`').nth(1).unwrap();
+    assert!(cure.starts_with("min_disparity=-"), "{exchanged}");
+    assert_eq!(said("r.pgm l.pgm", &format!(":{cure}")), "");
+    let near = said("l.pgm r.pgm", ":max_disparity=4");
+    assert_says(&near, &["disparities above 4 px", "--scale 0."]);
+    let cure = near.split('`').nth(1).unwrap();
+    assert_eq!(said("l.pgm r.pgm", &format!(":{cure}")), "");
+    let refused = fixture.svl("match l.pgm l.pgm -o d.pfm --force");
+    refused.failed(
+        1,
+        &[
+            "l.pgm and l.pgm: left and right are one picture twice",
+            "first 1 pair",
+        ],
+    );
+}
+
+#[test]
+fn a_scale_shrinks_the_map_and_keeps_the_distances() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (640, 480), 20);
+    let calib = "cam0=[500 0 320; 0 500 240; 0 0 1]\ncam1=[500 0 320; 0 500 240; 0 0 1]\n\
+                 doffs=0\nbaseline=100\nwidth=640\nheight=480\n";
+    fixture.write("calib.txt", calib);
+    let distance = |more: &str| {
+        let line = format!("match l.pgm r.pgm --calib calib.txt -o d.pfm --algo v3 --json {more}");
+        let json = fixture.json(&format!("{line} --force"));
+        let size = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap().size();
+        assert_eq!(
+            (json["width"].as_u64().unwrap() as usize, size.1 * 4),
+            (size.0, size.0 * 3)
+        );
+        (size.0, json["distances_m"][1][2].as_f64().unwrap())
+    };
+    assert_eq!(distance(""), (640, 2.5));
+    let (width, distance_m) = distance("--scale 0.5");
+    assert!(
+        width == 320 && (distance_m - 2.5).abs() < 0.05,
+        "{width} {distance_m}"
+    );
+    fixture.fails(
+        "match l.pgm r.pgm -o e.pfm --scale 1.5 => 2: scale
+         match l.pgm r.pgm -o e.pfm --algo v5:max_disparity=400 => 2: --scale 0.63 | =252",
+    );
+    fixture.write_pair("big.pgm", "bigr.pgm", (4000, 3000), 20);
+    let line =
+        |more: &str| format!("match big.pgm bigr.pgm -o big.pfm --algo sgm:max_disparity={more}");
+    let ran = fixture.svl(&line("511"));
+    let refused = ran.stderr.lines().last().unwrap_or_default();
+    assert!(
+        ran.code == Some(1) && refused.contains("sgm: 4000x3000 pixels"),
+        "{refused}"
+    );
+    let words: Vec<_> = refused.split_whitespace().collect();
+    let scale = words
+        .iter()
+        .find(|word| word.starts_with("0."))
+        .unwrap()
+        .trim_matches('`');
+    let px = refused.rsplit("max_disparity=").next().unwrap().trim();
+    assert!(scale.parse::<f64>().unwrap() > 0.5, "{refused}");
+    fixture.run(&line(&format!("{px} --scale {scale}")));
+}
+
+/// A JPEG with an EXIF orientation.
+fn oriented_jpeg(image: &Gray, orientation: u8) -> Vec<u8> {
+    let (width, height) = image.size();
+    let pixels: Vec<_> = image.pixels().collect();
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, 100)
+        .encode(
+            &pixels,
+            width as u32,
+            height as u32,
+            ::image::ExtendedColorType::L8,
+        )
+        .unwrap();
+    let tiff = [
+        &b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..],
+        &[orientation],
+        &[0; 6],
+    ];
+    let tiff = tiff.concat();
+    let segment = [&b"\xFF\xE1\0"[..], &[tiff.len() as u8 + 2], &tiff].concat();
+    [&jpeg[..2], &segment, &jpeg[2..]].concat()
+}
+
+#[test]
+fn the_orientation_of_photographs_is_applied_and_said() {
+    let fixture = Fixture::new();
+    let [left, right] = arena_pair(&fixture);
+    let turned = |image: &Gray| Gray::from_fn(320, 240, |x, y| image.get(319 - x, 239 - y));
+    // Orientation 6: the camera was upright, and its rows are columns from right to left.
+    let upright = |image: &Gray| Gray::from_fn(240, 320, |x, y| image.get(y, 239 - x));
+    for (folder, image, orientation) in [
+        ("plain", right.clone(), 1),
+        ("turned", turned(&right).unwrap(), 3),
+        ("upright", upright(&right).unwrap(), 8),
+    ] {
+        let photograph = oriented_jpeg(&image, orientation);
+        fixture.write(&format!("{folder}/right/1.jpg"), photograph);
+        fixture.write(&format!("{folder}/left/1.jpg"), oriented_jpeg(&left, 1));
+        let lines = [
+            format!("match {folder}/left/1.jpg {folder}/right/1.jpg -o {folder}.pfm"),
+            format!("record {folder} -o {folder}.mcap"),
+        ];
+        for line in lines {
+            let ran = fixture.svl(&line);
+            let word =
+                format!("{folder}/right/1.jpg: is turned as its EXIF orientation, {orientation}");
+            assert_eq!(
+                ran.stderr.contains(&word),
+                orientation > 1,
+                "{}",
+                ran.stderr
+            );
+            assert!(!ran.stderr.contains("exchanged"), "{}", ran.stderr);
+            ran.done();
+        }
+        let read = frames(&fixture, &format!("{folder}.mcap")).remove(0).pair;
+        let differences = read.right().pixels().zip(right.pixels());
+        let most = differences.map(|(a, b)| a.abs_diff(b)).max();
+        assert!(most < Some(40), "{folder}: {most:?}");
+    }
+    fixture.write("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic");
+    fixture.write("phone/left/1.heic", fixture.bytes("a.heic"));
+    fixture.write("phone/right/1.heic", fixture.bytes("a.heic"));
+    fixture.fails(
+        "match a.heic a.heic -o a.pfm => 1: a.heic | HEIC | heif-convert
+         record phone -o phone.mcap => 1: left/1.heic | HEIC | heif-convert",
+    );
 }

@@ -193,8 +193,9 @@ fn other_sources_can_be_tuned_on() {
         &["algorithms = [\"v3:min_disparity=1,max_disparity=16\", \"v3:max_disparity=16\"]"],
     );
     // Without a truth, metrics that need none are shown.
-    let rows: Vec<u8> = (0..160 * 120).map(|i| (i * 7919 % 251) as u8).collect();
-    for side in ["left", "right"] {
+    for (side, shift) in [("left", 0), ("right", 3)] {
+        let rows = (shift..shift + 160 * 120).map(|i| (i * 7919 % 251) as u8);
+        let rows: Vec<u8> = rows.collect();
         for i in 0..3 {
             std::fs::create_dir_all(fixture.path(&format!("pictures/{side}"))).unwrap();
             let name = format!("pictures/{side}/{i}.pgm");

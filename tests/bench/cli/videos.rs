@@ -1,6 +1,6 @@
 //! Users' videos, side by side and one of each camera, whole and damaged.
 
-use super::fixture::{Fixture, has};
+use super::fixture::{Fixture, has, pgm};
 use super::own_data::{frames, incomplete};
 use std::ops::Range;
 use std::process::Command;
@@ -24,7 +24,13 @@ fn two_videos_are_pairs() {
     }
     let fixture = Fixture::new();
     let film = |size: &str, rate: u32, frames: u32, name: &str| {
-        let source = format!("testsrc=size={size}:rate={rate}");
+        // The two cameras see different things.
+        let kind = if name.starts_with('b') {
+            "testsrc2"
+        } else {
+            "testsrc"
+        };
+        let source = format!("{kind}=size={size}:rate={rate}");
         let frames = frames.to_string();
         let args = [
             "-f",
@@ -228,4 +234,136 @@ fn a_damaged_frame_shifts_no_other() {
     // Numbers cannot tell where frames are lost, and say so.
     let ran = fixture.svl(&format!("{record} --fps 10"));
     incomplete(ran, &[dropped, "frames are counted without the 2 lost"]);
+}
+
+/// A video of 25 frames a second of a camera that shakes, from a frame on; the right one sees all
+/// farther left by that many pixels.
+fn write_shaken(fixture: &Fixture, from: u32, shift: u32, name: &str) {
+    let square = |i: usize| {
+        let number = (i % 480 / 9 * 7919 + i / 480 / 9 * 104_729) as u64;
+        (number.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as u8
+    };
+    let pixels: Vec<_> = (0..480 * 360).map(square).collect();
+    fixture.write("wall.pgm", pgm(480, 360, &pixels));
+    let wave = |size: u32, terms: [(u32, f64); 3]| {
+        let terms = terms.map(|(px, speed)| format!("{px}*sin((n+{from})*{speed})"));
+        format!("{size}+{}", terms.join("+"))
+    };
+    let x = wave(60 + shift, [(20, 0.31), (12, 0.83), (9, 0.123)]);
+    let y = wave(50, [(16, 0.27), (13, 0.71), (8, 0.057)]);
+    let crop = format!("crop=320:240:x='{x}':y='{y}',format=gray");
+    let args = [
+        "-loop",
+        "1",
+        "-framerate",
+        "25",
+        "-i",
+        "wall.pgm",
+        "-frames:v",
+        "120",
+        "-vf",
+        &crop,
+        "-c:v",
+        "mjpeg",
+        "-q:v",
+        "2",
+        name,
+    ];
+    ffmpeg(fixture, &args);
+}
+
+#[test]
+fn videos_that_were_started_by_hand_are_told_their_offset() {
+    if !has("ffmpeg", &["-version"]) {
+        return;
+    }
+    let fixture = Fixture::new();
+    fixture.write("films/README", "");
+    write_shaken(&fixture, 0, 0, "films/left.avi");
+    write_shaken(&fixture, 0, 8, "films/right.avi");
+    write_shaken(&fixture, 30, 8, "films/late.avi");
+    write_shaken(&fixture, 30, 0, "films/late_left.avi");
+    let record = |left: &str, right: &str, more: &str| {
+        let films = format!("films --left {left}.avi --right {right}.avi");
+        let ran = fixture.svl(&format!("record {films} -o out.mcap --force {more}"));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        ran.stderr
+    };
+    let said = record("left", "right", "");
+    assert!(!said.contains("right-offset-ms"), "{said}");
+    // Whichever is late; the proposal pairs images of one moment.
+    for (left, right, ms) in [
+        ("left", "late", "1200.0"),
+        ("late_left", "right", "-1200.0"),
+    ] {
+        let said = record(left, right, "");
+        let cure = format!("--right-offset-ms {ms}");
+        assert!(said.contains(&format!("`{cure}`")), "{said}");
+        for more in ["", " --fps 25 --allow-loss 30"] {
+            let said = record(left, right, &(cure.clone() + more));
+            assert!(!said.contains("`--right-offset-ms"), "{said}");
+            let pairs = frames(&fixture, "out.mcap");
+            assert_eq!(pairs.len(), 90, "{left}");
+            let [left, right] = [pairs[40].pair.left(), pairs[40].pair.right()];
+            let apart = (100..200).map(|x| left.get(x + 8, 120).abs_diff(right.get(x, 120)));
+            assert!(apart.max() < Some(60));
+        }
+    }
+    fixture.fails(
+        "record films --left l* --right r* --right-offset-ms 5 -o n.mcap => 2: two videos
+         info films --left left.avi --right left.avi => 1: one picture twice | first 16 pairs
+         record films --left left.avi --right left.avi -o n.mcap => 1: one picture twice
+         score films --left left.avi --right left.avi => 1: one picture twice",
+    );
+}
+
+#[test]
+fn a_video_is_turned_before_its_halves_are_cut() {
+    if !has("ffmpeg", &["-version"]) {
+        return;
+    }
+    let fixture = Fixture::new();
+    // Two halves of one grey each, then turned as a telephone's are.
+    let film = |filter: &str, name: &str| {
+        let source = format!("color=size=64x48:rate=10:d=1,format=gray,{filter}");
+        ffmpeg(
+            &fixture,
+            &[
+                "-f", "lavfi", "-i", &source, "-c:v", "mjpeg", "-q:v", "1", name,
+            ],
+        );
+    };
+    film("geq=lum='if(lt(X,32),50,200)'", "both.mov");
+    film("geq=lum='if(lt(Y,24),50,200)'", "upright.mov");
+    let turn = [
+        "-i",
+        "upright.mov",
+        "-c",
+        "copy",
+        "-metadata:s:v:0",
+        "rotate=270",
+        "turned.mov",
+    ];
+    ffmpeg(&fixture, &turn);
+    let greys = |name: &str, layout: &str| {
+        let line = format!("record {name} --side-by-side{layout} -o out.mcap --force");
+        let ran = fixture.svl(&line);
+        let said = ran.stderr.contains("turned.mov: is turned by");
+        ran.done();
+        let pair = frames(&fixture, "out.mcap").remove(0).pair;
+        let greys = [pair.left(), pair.right()].map(|image| i32::from(image.get(9, 9)) / 50);
+        (pair.size(), greys, said)
+    };
+    assert_eq!(greys("both.mov", ""), ((32, 48), [1, 4], false));
+    assert_eq!(greys("both.mov", "=right-left"), ((32, 48), [4, 1], false));
+    assert_eq!(
+        greys("upright.mov", "=top-bottom"),
+        ((64, 24), [1, 4], false)
+    );
+    if fixture.bytes("turned.mov") != fixture.bytes("upright.mov") {
+        let (size, mut greys, said) = greys("turned.mov", "");
+        greys.sort_unstable();
+        assert_eq!((size, greys, said), ((24, 64), [1, 4], true));
+    }
+    fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right | right-left");
 }

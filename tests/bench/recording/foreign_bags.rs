@@ -5,6 +5,7 @@ use super::frames::{PERIOD_NS, image, one_line, read};
 use crate::common::assert_says;
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
+use svl::files::SideBySide;
 use svl::losses::Losses;
 use svl::recording::{Reader, Recording, Selection};
 use svl::source::{RecordingSource, Source};
@@ -243,7 +244,7 @@ fn both_images_may_be_in_one_topic() {
     let (_folder, path) = write_bag((0..5).map(wide));
     assert!(complaint(&path).contains("--side-by-side if each shows both cameras"));
     let selection = Selection {
-        side_by_side: true,
+        side_by_side: Some(SideBySide::LeftRight),
         ..Selection::default()
     };
     let mut reader = Reader::new(Recording::open(&path).unwrap(), &selection).unwrap();

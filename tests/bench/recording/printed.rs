@@ -17,10 +17,11 @@ const TOPICS: [&str; 2] = [hostile!("left/image_rect"), hostile!("right/image_re
 const ESCAPED: &str = r"/\u001b[2J\u0007\u009b31m\u202e\u000ausable: left/image_rect";
 
 fn write(fixture: &Fixture) {
-    let pixels = image((64, 48), 1).pixels().collect::<Vec<_>>();
+    let pixels = [1, 2].map(|seed| image((64, 48), seed).pixels().collect::<Vec<_>>());
     let images = (0..4_u64).flat_map(|i| {
         let pixels = &pixels;
-        TOPICS.map(move |topic| {
+        [0, 1].map(move |side| {
+            let (topic, pixels) = (TOPICS[side], &pixels[side]);
             let stamp = 1_700_000_000_000_000_000 + i * 50_000_000;
             ros_image_in(hostile!("frame"), topic, stamp, (64, 48), ("mono8", pixels))
         })
@@ -91,7 +92,7 @@ fn names_of_files_and_words_of_programs_do_not_control_the_terminal() {
     fixture.write("program.sh", "printf '\\033[2J\\007gone' >&2; exit 3");
     let algorithm = "exec:command=sh program.sh";
     let ran = fixture.svl(&[
-        "match", "l.pgm", "r.pgm", "-o", "a.pfm", "--algo", algorithm,
+        "match", "l.pgm", "r.pgm", "-q", "-o", "a.pfm", "--algo", algorithm,
     ]);
     ran.failed(1, &[r"\u001b[2J\u0007gone"]);
     fixture.write("\u{1b}[2J/left/1.pgm", "no image");

@@ -370,8 +370,8 @@ fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
 fn a_disparity_image_beside_raw_images_is_of_the_rectified_camera() {
     // The distortion moves pixels at the border by 2 px.
     let distortion = [-150.0, 0.0, 0.0, 0.0, 0.0];
-    let pixels: Vec<u8> = image(SIZE, 0).pixels().collect();
-    let camera = |images, info, tx| {
+    let camera = |images, info, tx: f64| {
+        let pixels: Vec<u8> = image(SIZE, tx.abs() as u64).pixels().collect();
         [
             camera_info(info, stamp(0), &distortion, tx),
             ros_image(images, stamp(0), SIZE, "mono8", &pixels),

@@ -14,11 +14,12 @@ use cameras::{cameras, size_mismatch};
 use layout::Layout;
 use pairs::{PairFiles, pairs};
 use poses::poses;
+pub(super) use stamps::epoch_ns;
 use stamps::{Stamp, stamps};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, StereoCalibration};
 use svl_core::{Error, Result};
-use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
+use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide, read_image};
 use svl_recording::{SensorSelection, StampOrigin};
 use svl_score::losses::Losses;
 
@@ -28,8 +29,8 @@ pub struct FolderRequest {
     /// Patterns of the left and the right images below the folder, with one `*` for the part that
     /// is equal in both [default: as one of the layouts that svl knows].
     pub images: [Option<String>; 2],
-    /// True if each image is a pair side by side, left and right half.
-    pub side_by_side: bool,
+    /// The places of both in each image, if it holds both.
+    pub side_by_side: Option<SideBySide>,
     /// Pairs per second [default: by the stamps of the folder].
     pub fps: Option<f64>,
     /// Number of the 16 bits that are used [default: decided by the first pairs].
@@ -48,6 +49,7 @@ pub struct FolderSource {
     unpaired: u64,
     unreadable: u64,
     depth: BitDepth,
+    places: Option<SideBySide>,
     geometry: Geometry,
     calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
@@ -74,14 +76,15 @@ impl FolderSource {
                 (Some(origin), stamps)
             }
         };
-        let size = size(&found.pairs)?;
+        let places = request.side_by_side;
+        let size = size(&found.pairs, places)?;
         let calibrated = cameras(folder, found.layout, size)?;
         // One that cannot be read is reported in its turn.
         let readable = found
             .pairs
             .iter()
             .take(DECIDING_PAIRS)
-            .filter_map(|pair| read(pair).ok());
+            .filter_map(|pair| read(pair, places).ok());
         let depth = BitDepth::decide(
             request.bits,
             readable.map(|pair| DecodedImage::largest_of(&pair)),
@@ -95,6 +98,7 @@ impl FolderSource {
             unpaired: found.unpaired,
             unreadable: 0,
             depth,
+            places,
             geometry: calibrated.geometry,
             calibration: calibrated.calibration,
             size,
@@ -148,7 +152,7 @@ impl FolderSource {
     fn read(&mut self, number: usize) -> Result<Frame> {
         let (files, (stamp_ns, skew_ns)) = &self.pairs[number];
         let wrong = |reason: String| Error::format(&files.left, reason);
-        let pair = self.depth.pair(read(files)?);
+        let pair = self.depth.pair(read(files, self.places)?);
         let (pair, color) = pair.map_err(|e| wrong(e.to_string()))?;
         if self.geometry.rig().is_some() && pair.size() != self.size {
             return Err(wrong(size_mismatch(self.size, pair.size())));
@@ -171,12 +175,12 @@ impl FolderSource {
     }
 }
 
-fn read(files: &PairFiles) -> Result<[DecodedImage; 2]> {
+fn read(files: &PairFiles, places: Option<SideBySide>) -> Result<[DecodedImage; 2]> {
     let left = read_image(&files.left)?;
     match &files.right {
         Some(right) => Ok([left, read_image(right)?]),
         None => left
-            .halves()
+            .halves(places.unwrap_or(SideBySide::LeftRight))
             .map_err(|reason| Error::format(&files.left, reason.to_string())),
     }
 }
@@ -185,10 +189,10 @@ fn read(files: &PairFiles) -> Result<[DecodedImage; 2]> {
 ///
 /// # Errors
 /// That of the first one, where none can.
-fn size(pairs: &[PairFiles]) -> Result<(usize, usize)> {
+fn size(pairs: &[PairFiles], places: Option<SideBySide>) -> Result<(usize, usize)> {
     let mut first = None;
     for files in pairs {
-        match read(files) {
+        match read(files, places) {
             Ok([left, right]) if left.size() == right.size() => return Ok(left.size()),
             Ok([left, right]) => {
                 let (left, right) = (left.size(), right.size());

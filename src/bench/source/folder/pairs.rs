@@ -29,7 +29,7 @@ pub(super) struct PairFiles {
 /// [`Error::Io`]; [`Error::Usage`] for patterns that contradict each other; [`Error::Format`] if
 /// there is no pair, with the folder's contents.
 pub(super) fn pairs(folder: &Path, request: &FolderRequest) -> Result<FoundPairs> {
-    match (&request.images, request.side_by_side) {
+    match (&request.images, request.side_by_side.is_some()) {
         ([_, Some(_)], true) => Err(Error::Usage(
             "--side-by-side reads one image for both: leave --right out".to_owned(),
         )),

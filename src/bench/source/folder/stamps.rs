@@ -66,7 +66,7 @@ pub(super) fn stamps(
 
 /// The time in a file name, nanoseconds: seconds, milli-, micro- or nanoseconds since 1970, by the
 /// number of digits, or seconds with a fraction.
-pub(super) fn epoch_ns(key: &[u8]) -> Option<u64> {
+pub(crate) fn epoch_ns(key: &[u8]) -> Option<u64> {
     let text = std::str::from_utf8(key).ok()?;
     let text = text.trim_matches(|c: char| !c.is_ascii_digit());
     let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());

@@ -257,7 +257,7 @@ fn images_of_both_are_split() {
     write("1.png", 4, &[1, 1, 2, 2]);
     write("2.png", 4, &[3, 3, 4, 4]);
     let request = FolderRequest {
-        side_by_side: true,
+        side_by_side: Some(SideBySide::LeftRight),
         ..FolderRequest::default()
     };
     let mut source = FolderSource::new(folder.path(), &request).unwrap();

@@ -1,6 +1,7 @@
 //! Videos as a source: one of both images side by side, or one of each camera.
 
 mod log;
+mod offset;
 mod stamped;
 mod stream;
 
@@ -11,7 +12,7 @@ use stream::VideoStream;
 use svl_core::stereo::{Exposure, Frame, Geometry};
 use svl_core::{Error, Result};
 use svl_files::pairing::{Nearest, WaitingStamps};
-use svl_files::{BitDepth, DecodedImage};
+use svl_files::{BitDepth, DecodedImage, SideBySide};
 use svl_recording::StampOrigin;
 use svl_score::losses::Losses;
 
@@ -41,6 +42,8 @@ pub(super) fn is_video(name: &str) -> bool {
 pub struct VideoSource {
     /// Both cameras in one, or one each.
     cameras: Vec<StampedVideo>,
+    /// The places of both in one.
+    places: SideBySide,
     /// Origin of the stamps, if they count frames.
     numbers: Option<StampOrigin>,
     depth: BitDepth,
@@ -65,34 +68,50 @@ impl VideoSource {
     /// # Errors
     /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for a file that
     /// is not a video, has no frame, or frames of an odd width.
-    pub fn side_by_side(path: &Path, fps: Option<f64>) -> Result<Self> {
-        Self::new(vec![VideoStream::open(path)?], fps)
+    pub fn side_by_side(path: &Path, places: SideBySide, fps: Option<f64>) -> Result<Self> {
+        Self::new(vec![VideoStream::open(path)?], places, fps, None)
     }
 
-    /// A video of each camera.
+    /// A video of each camera; `right_offset_ns` is added to the stamps of the right one. Without
+    /// it the user is warned of another that fits the pixels better.
     ///
     /// # Errors
     /// The errors of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates
     /// or times.
-    pub fn pair(left: &Path, right: &Path, fps: Option<f64>) -> Result<Self> {
-        Self::new(
-            vec![VideoStream::open(left)?, VideoStream::open(right)?],
-            fps,
-        )
+    pub fn pair(
+        left: &Path,
+        right: &Path,
+        fps: Option<f64>,
+        right_offset_ns: Option<i64>,
+    ) -> Result<Self> {
+        let videos = vec![VideoStream::open(left)?, VideoStream::open(right)?];
+        Self::new(videos, SideBySide::LeftRight, fps, right_offset_ns)
     }
 
-    fn new(videos: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
+    fn new(
+        videos: Vec<VideoStream>,
+        places: SideBySide,
+        fps: Option<f64>,
+        right_offset_ns: Option<i64>,
+    ) -> Result<Self> {
         let clock = FrameClock::new(&videos, fps);
         let numbers = clock.numbers();
         let max_skew_ns = clock.period_ns() / 2;
         if let [left, right] = &videos[..] {
-            check_partners([left, right], numbers.is_none(), max_skew_ns)?;
+            check_partners([left, right], numbers.is_none())?;
+            if right_offset_ns.is_none() {
+                check_times([left, right], clock)?;
+                warn_of_offset([left, right], clock);
+            }
         }
-        let cameras = videos
-            .into_iter()
-            .map(|video| StampedVideo::new(video, clock));
+        // The stamps of one are later, as none is below 0.
+        let offset_ns = right_offset_ns.unwrap_or_default();
+        let shifts_ns = [offset_ns.saturating_neg(), offset_ns].map(|ns| ns.max(0) as u64);
+        let cameras = videos.into_iter().zip(shifts_ns);
+        let cameras = cameras.map(|(video, ns)| StampedVideo::new(video, clock, ns));
         let mut source = Self {
             cameras: cameras.collect(),
+            places,
             numbers,
             depth: BitDepth::FULL,
             first: None,
@@ -123,7 +142,7 @@ impl VideoSource {
             return Ok(None);
         };
         let images = image
-            .halves()
+            .halves(self.places)
             .map_err(|e| Error::format(&both.video.path, e.to_string()))?;
         Ok(Some(Pair {
             images,
@@ -172,7 +191,7 @@ impl VideoSource {
 }
 
 /// Fails for two videos that make no pairs, and warns of what the user may not expect.
-fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) -> Result<()> {
+fn check_partners(videos: [&VideoStream; 2], by_time: bool) -> Result<()> {
     let [left, right] = videos.map(|video| video.path.display());
     let [l, r] = videos.map(|video| &video.info);
     let unlike = |what: String| {
@@ -196,10 +215,7 @@ fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) ->
             "has {a:.3} frames a second, its partner {b:.3}: no pairs; {cure}"
         ));
     }
-    if by_time {
-        return check_times(videos, max_skew_ns);
-    }
-    if let (Some(a), Some(b)) = (l.frames, r.frames)
+    if let (false, Some(a), Some(b)) = (by_time, l.frames, r.frames)
         && a != b
     {
         tracing::warn!("{left} has {a} frames, {right} {b}: the rest has no partner");
@@ -208,13 +224,13 @@ fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) ->
 }
 
 /// Fails for two videos without a common time, and warns of one that starts later.
-fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
+fn check_times(mut videos: [&VideoStream; 2], clock: FrameClock) -> Result<()> {
     videos.sort_by_key(|video| video.first_ns);
     let [early, late] = videos;
-    let (Some(first), Some(start)) = (early.first_ns, late.first_ns) else {
+    let (None, Some(first), Some(start)) = (clock.numbers(), early.first_ns, late.first_ns) else {
         return Ok(());
     };
-    let after = |end: i64| start.saturating_sub(end) > max_skew_ns as i64;
+    let after = |end: i64| start.saturating_sub(end) > clock.period_ns() as i64 / 2;
     if early.info.last_ns.is_some_and(after) {
         return Err(apart(early, late));
     }
@@ -228,6 +244,21 @@ fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Warns of two videos whose pixels fit at another time: they were started by hand.
+fn warn_of_offset([left, right]: [&VideoStream; 2], clock: FrameClock) {
+    // What cannot be read is reported with the pairs.
+    if let Ok(Some((late, correlation, unmoved))) = offset::late([left, right], clock) {
+        tracing::warn!(
+            "{} changes as {} does with `--right-offset-ms {:.1}` (correlation of the changes \
+             {correlation:.2}, and {unmoved:.2} without), which pairs images of one moment; 0 \
+             leaves the times",
+            right.path.display(),
+            left.path.display(),
+            -late as f64 * clock.period_ns() as f64 / 1e6
+        );
+    }
 }
 
 /// The error of two videos with no pair.

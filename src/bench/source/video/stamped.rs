@@ -52,6 +52,8 @@ impl FrameClock {
 pub(super) struct StampedVideo {
     pub video: VideoStream,
     clock: FrameClock,
+    /// Added to the stamps.
+    shift_ns: u64,
     /// The next frames, with their stamps.
     waiting: VecDeque<(u64, DecodedImage)>,
     /// Number of frames read.
@@ -63,10 +65,11 @@ pub(super) struct StampedVideo {
 }
 
 impl StampedVideo {
-    pub(super) fn new(video: VideoStream, clock: FrameClock) -> Self {
+    pub(super) fn new(video: VideoStream, clock: FrameClock, shift_ns: u64) -> Self {
         Self {
             video,
             clock,
+            shift_ns,
             waiting: VecDeque::new(),
             read: 0,
             last_ns: None,
@@ -87,6 +90,7 @@ impl StampedVideo {
             let stamp_ns = self.stamp_ns(time_ns);
             self.read += 1;
             self.last_ns = Some(stamp_ns);
+            let stamp_ns = stamp_ns.saturating_add(self.shift_ns);
             self.waiting.push_back((stamp_ns, image));
         }
         Ok(())

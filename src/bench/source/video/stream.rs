@@ -16,10 +16,12 @@ const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
 const MAX_PROBE_BYTES: u64 = 1 << 30;
 
 /// Facts of a video before its frames.
-#[derive(Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct VideoInfo {
     pub size: (usize, usize),
     pub is_grey: bool,
+    /// Degrees by which its frames are turned.
+    pub rotation: i32,
     /// Frames per second.
     pub rate_hz: Option<f64>,
     /// Median time between frames, nanoseconds; that of the rate if the file has no times.
@@ -47,6 +49,13 @@ struct ProbeStream {
     pix_fmt: Option<String>,
     avg_frame_rate: Option<String>,
     nb_frames: Option<String>,
+    #[serde(default)]
+    side_data_list: Vec<ProbeSideData>,
+}
+
+#[derive(Default, serde::Deserialize)]
+struct ProbeSideData {
+    rotation: Option<f64>,
 }
 
 #[derive(serde::Deserialize)]
@@ -64,8 +73,8 @@ impl VideoInfo {
     /// [`Error::Io`]; [`Error::Program`] if ffprobe is missing; [`Error::Format`] for a file that
     /// it cannot read.
     fn read(path: &Path) -> Result<Self> {
-        let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:packet=pts_time:\
-                       format=duration";
+        let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:\
+                       stream_side_data=rotation:packet=pts_time:format=duration";
         // Another program opens it.
         inputs::register(path);
         let mut command = Command::new("ffprobe");
@@ -95,9 +104,14 @@ impl VideoInfo {
         let Some(stream) = probe.streams.into_iter().next() else {
             return Ok(None);
         };
-        let (Some(width), Some(height)) = (stream.width, stream.height) else {
+        let (Some(mut width), Some(mut height)) = (stream.width, stream.height) else {
             return Ok(None);
         };
+        let rotation = stream.side_data_list.iter().find_map(|data| data.rotation);
+        let rotation = rotation.map_or(0, |degrees| degrees.round() as i32);
+        if rotation % 180 != 0 && rotation % 90 == 0 {
+            (width, height) = (height, width);
+        }
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
             return Err(format!(
                 "has frames of {width}x{height} pixels, svl accepts {MAX_SIDE}"
@@ -139,6 +153,7 @@ impl VideoInfo {
         };
         Ok(Some(Self {
             size: (width, height),
+            rotation,
             is_grey: stream
                 .pix_fmt
                 .is_some_and(|format| format.starts_with("gray")),
@@ -170,12 +185,36 @@ pub(super) struct VideoStream {
 }
 
 impl VideoStream {
+    /// A video whose frames are turned as the file says.
+    ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for what it
     /// cannot read, or that has no frame.
     pub(super) fn open(path: &Path) -> Result<Self> {
         std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         let info = VideoInfo::read(path)?;
+        if info.rotation != 0 {
+            let degrees = info.rotation;
+            tracing::warn!("{}: is turned by {degrees}°, as it says", path.display());
+        }
+        Self::start(path, info, &[])
+    }
+
+    /// The same video from its begin, in grey, shrunk to a size.
+    ///
+    /// # Errors
+    /// The errors of [`VideoStream::open`].
+    pub(super) fn again(&self, size: (usize, usize)) -> Result<Self> {
+        let info = VideoInfo {
+            size,
+            is_grey: true,
+            ..self.info.clone()
+        };
+        let shrink = ["-s".to_owned(), format!("{}x{}", size.0, size.1)];
+        Self::start(&self.path, info, &shrink)
+    }
+
+    fn start(path: &Path, info: VideoInfo, shrink: &[String]) -> Result<Self> {
         let (width, height) = info.size;
         let (pixels, bytes) = if info.is_grey {
             ("gray", 1)
@@ -184,13 +223,13 @@ impl VideoStream {
         };
         let mut command = Command::new("ffmpeg");
         command
-            // The frame as recorded: a rotated one would have another size.
-            .args(["-nostdin", "-noautorotate"])
+            .arg("-nostdin")
             .args(BY_INDEX)
             .arg("-i")
             .arg(named(path))
             // Each frame once, and the same bytes on every machine.
             .args(["-map", "0:v:0"])
+            .args(shrink)
             .args(log::TIMES)
             .args(ffmpeg::SCALER)
             .args(["-f", "rawvideo", "-pix_fmt", pixels, "pipe:1"]);

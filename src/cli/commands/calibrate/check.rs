@@ -81,7 +81,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                  textured"
             )
         };
-        bail!("{name}: {}", meter.doubt(false).unwrap_or_else(too_few));
+        bail!(
+            "{name}: {}",
+            meter.doubt(None, 0..=i32::MAX).unwrap_or_else(too_few)
+        );
     };
     if args.json {
         print_json(&alignment)?
@@ -90,8 +93,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {
-        let off = alignment.median_abs_px;
-        bail!("{name}: vertical misalignment of {off:.1} px; {cure}");
+        bail!("{name}: {}; {cure}", alignment.words());
     }
     Ok(())
 }

@@ -31,11 +31,41 @@ const ROWS: f64 = 0.2;
 /// Matches that move farther than this in the refinement are rejected.
 const NEAR_PX: f64 = 2.0;
 
+/// Columns above which images are shrunk: the corners of photographs are wider than a patch.
+const MAX_COLUMNS: usize = 1600;
+
+/// A pair of the means of squares of pixels; `None` without a whole square.
+fn shrunk(pair: &StereoPair, factor: usize) -> Option<StereoPair> {
+    let (width, height) = pair.size();
+    let small = |image: &Gray| {
+        let mean = |x: usize, y: usize| {
+            let rows = (y * factor..(y + 1) * factor).map(|y| &image.row(y)[x * factor..]);
+            let greys = rows
+                .flat_map(|row| &row[..factor])
+                .map(|&grey| usize::from(grey));
+            (greys.sum::<usize>() / (factor * factor)) as u8
+        };
+        Gray::from_fn(width / factor, height / factor, mean)
+    };
+    StereoPair::new(small(pair.left()).ok()?, small(pair.right()).ok()?).ok()
+}
+
 /// Matches of a pair, accurate to about a tenth of a pixel; empty without texture.
 ///
 /// Each point is the other's best candidate (left-right consistency). Most are right, but not all:
 /// [`super::epipolar::inliers`] finds them.
 pub(super) fn matches(pair: &StereoPair) -> Vec<PointMatch> {
+    let factor = pair.size().0.div_ceil(MAX_COLUMNS);
+    if factor > 1
+        && let Some(small) = shrunk(pair, factor)
+    {
+        let place = |at: Point2<f64>| at.map(|px| (px + 0.5) * factor as f64 - 0.5);
+        let whole = |m: PointMatch| PointMatch {
+            left: place(m.left),
+            right: place(m.right),
+        };
+        return matches(&small).into_iter().map(whole).collect();
+    }
     let [left, right] = [described(pair.left()), described(pair.right())];
     let reach = pair.size().1 as f64 * ROWS;
     let found = |patches: &[Patch], others: &[Patch]| {
@@ -103,11 +133,28 @@ mod tests {
     }
 
     #[test]
+    fn photographs_are_shrunk() {
+        let image = |dx: f64, dy: f64| {
+            let grey = |x, y| scene(x as f64 / 2.0 + dx, y as f64 / 2.0 + dy) as u8;
+            Gray::from_fn(1920, 480, grey).unwrap()
+        };
+        let found = matches(&StereoPair::new(image(0.0, 0.0), image(5.0, -0.75)).unwrap());
+        assert!(found.len() > 60, "{}", found.len());
+        let off = |m: &&PointMatch| {
+            (m.left.x - m.right.x - 10.0).abs() > 0.4 || (m.left.y - m.right.y + 1.5).abs() > 0.4
+        };
+        let wrong = found.iter().filter(off).count();
+        assert!(wrong * 10 <= found.len(), "{wrong} of {}", found.len());
+    }
+
+    #[test]
     fn without_texture_there_are_no_matches() {
         let flat = Gray::filled(320, 240, 90).unwrap();
         assert_eq!(matches(&StereoPair::new(flat.clone(), flat).unwrap()), []);
         let tiny = Gray::from_fn(9, 5, |x, y| (x * y) as u8).unwrap();
         assert_eq!(matches(&StereoPair::new(tiny.clone(), tiny).unwrap()), []);
+        let thin = Gray::from_fn(4000, 1, |x, _| x as u8).unwrap();
+        assert_eq!(matches(&StereoPair::new(thin.clone(), thin).unwrap()), []);
         // Stripes: all positions along them look the same.
         let stripes = Gray::from_fn(320, 240, |x, _| {
             (128.0 + 100.0 * (x as f64 * 0.4).sin()) as u8

@@ -10,8 +10,8 @@ use svl_core::{Error, Result};
 /// Two cameras of this machine.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct V4l2Config {
-    /// Left and right.
-    pub devices: [PathBuf; 2],
+    /// Left and right, or one of both.
+    pub devices: Vec<PathBuf>,
     /// Columns and rows; `None` lets svl choose.
     pub size: Option<(usize, usize)>,
     pub format: Option<PixelFormat>,
@@ -20,27 +20,32 @@ pub(super) struct V4l2Config {
 impl V4l2Config {
     /// # Errors
     /// [`Error::Usage`] and [`Error::ParameterValue`].
-    pub(super) fn parse(driver: &Driver, text: &str) -> Result<Self> {
-        let mut parts = text.split(',').map(str::trim);
-        let mut device = || {
-            parts
-                .next()
-                // An option in place of a device: one camera is missing.
-                .filter(|name| !name.is_empty() && !name.contains('='))
+    pub(super) fn parse(driver: &Driver, text: &str, is_side_by_side: bool) -> Result<Self> {
+        // An option in place of a device: one camera is missing.
+        let is_device = |name: &&str| !name.is_empty() && !name.contains('=');
+        let mut parts = text.split(',').map(str::trim).peekable();
+        let devices = std::iter::from_fn(|| parts.next_if(is_device));
+        let devices: Vec<_> = devices.take(2).collect();
+        let expected = match devices[..] {
+            [_] if is_side_by_side => None,
+            _ if is_side_by_side => Some("one device, v4l2:BOTH, with --side-by-side"),
+            [left, right] if left == right => {
+                return Err(Error::Usage(format!(
+                    "v4l2: {left} is named twice; left and right are two cameras, or one with \
+                     --side-by-side"
+                )));
+            }
+            [_, _] => None,
+            _ => Some("two devices, v4l2:LEFT,RIGHT, or one with --side-by-side"),
         };
-        let (Some(left), Some(right)) = (device(), device()) else {
+        if let Some(expected) = expected {
             let cure = "`svl record --list` lists them";
             return Err(Error::Usage(format!(
-                "v4l2: expected two devices, v4l2:LEFT,RIGHT, not '{text}'; {cure}"
-            )));
-        };
-        if left == right {
-            return Err(Error::Usage(format!(
-                "v4l2: {left} is named twice; left and right are two cameras"
+                "v4l2: expected {expected}, not '{text}'; {cure}"
             )));
         }
         let mut config = Self {
-            devices: [left.into(), right.into()],
+            devices: devices.into_iter().map(PathBuf::from).collect(),
             size: None,
             format: None,
         };
@@ -64,7 +69,7 @@ mod tests {
 
     #[test]
     fn two_devices_and_options_of_both() {
-        let parse = |text| V4l2Config::parse(&DRIVER, text);
+        let parse = |text| V4l2Config::parse(&DRIVER, text, false);
         let text = "/dev/video0, /dev/v4l/by-path/pci-0:14.0-video-index0,size=320x240";
         let config = parse(text).unwrap();
         assert_eq!(
@@ -95,6 +100,13 @@ mod tests {
         ] {
             let error = parse(wrong).unwrap_err().to_string();
             assert!(error.contains(expected) && !error.contains('\n'), "{error}");
+        }
+        let both = |text| V4l2Config::parse(&DRIVER, text, true);
+        let config = both("/dev/video0,size=1280x480").unwrap();
+        assert_eq!((config.devices.len(), config.size), (1, Some((1280, 480))));
+        for wrong in ["a,b", "", "size=3x3"] {
+            let error = both(wrong).unwrap_err().to_string();
+            assert!(error.contains("expected one device, v4l2:BOTH"), "{error}");
         }
     }
 }

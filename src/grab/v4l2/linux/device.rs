@@ -4,7 +4,7 @@ use super::abi::{
     self, CAP_DEVICE_CAPS, CAP_STREAMING, CAP_TIME_PER_FRAME, CAP_VIDEO_CAPTURE,
     CAP_VIDEO_CAPTURE_MPLANE, DISCRETE, FIELD_ANY, FIELD_NONE, VIDEO_CAPTURE,
 };
-use super::mode::{Mode, PixelFormat, USUAL};
+use super::mode::{Mode, PixelFormat};
 use super::pixels::Layout;
 use crate::camera_error;
 use rustix::fd::OwnedFd;
@@ -69,9 +69,8 @@ impl V4l2Device {
         number(self) == number(other)
     }
 
-    /// Modes in the formats that svl reads. From a range of sizes: the greatest, 640 × 480, and
-    /// `size`.
-    pub(super) fn modes(&self, size: Option<(usize, usize)>) -> Vec<Mode> {
+    /// Modes in the formats that svl reads. From a range of sizes: the greatest, and the `wanted`.
+    pub(super) fn modes(&self, wanted: &[(usize, usize)]) -> Vec<Mode> {
         let formats = (0..LISTED).map_while(|index| {
             let mut listed = abi::FormatDescription {
                 index,
@@ -85,7 +84,7 @@ impl V4l2Device {
         });
         let mut modes = Vec::new();
         for format in formats.filter_map(PixelFormat::from_code) {
-            for size in self.sizes(format, size) {
+            for size in self.sizes(format, wanted) {
                 let max_rate_hz = self.max_rate_hz(format, size);
                 modes.push(Mode {
                     format,
@@ -97,7 +96,7 @@ impl V4l2Device {
         modes
     }
 
-    fn sizes(&self, format: PixelFormat, wanted: Option<(usize, usize)>) -> Vec<(usize, usize)> {
+    fn sizes(&self, format: PixelFormat, wanted: &[(usize, usize)]) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
         // Drivers end a list with an error, EINVAL.
         for index in 0..LISTED {
@@ -118,8 +117,8 @@ impl V4l2Device {
                 (min..=max).contains(&n) && (n - min).is_multiple_of(step.max(1))
             };
             let within = wanted
-                .into_iter()
-                .chain([USUAL])
+                .iter()
+                .copied()
                 .filter(|&(w, h)| fits(w, [a, b, c]) && fits(h, [d, e, f]));
             sizes.extend(within.chain([(b, e)]));
             break;

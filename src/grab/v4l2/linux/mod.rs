@@ -14,38 +14,44 @@ mod stream;
 
 use crate::camera::Camera;
 use crate::driver::{CameraPair, CameraRequest, ListedCamera};
+use crate::split::split;
 use crate::trigger::Trigger;
 use crate::{CameraError, camera_error};
 use camera::V4l2Camera;
 use config::V4l2Config;
 use device::V4l2Device;
-use mode::{Mode, Wish, choose};
+use mode::{Mode, USUAL, Wish, choose};
 use stamp::Times;
 use std::path::Path;
 use stream::{MappedStream, monotonic_ns};
 use svl_core::Result;
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
-    let config = V4l2Config::parse(request.driver, request.text)?;
+    let config = V4l2Config::parse(request.driver, request.text, request.side_by_side.is_some())?;
     // Before the streams start, as it may take seconds and their buffers would overflow.
     let controller = request.controller()?;
     let triggered = controller.is_some();
-    let [left, right] = &config.devices;
-    let devices = [V4l2Device::open(left)?, V4l2Device::open(right)?];
+    let opened = config.devices.iter().map(|device| V4l2Device::open(device));
+    let devices = opened.collect::<Result<Vec<_>>>()?;
     // By device number, as links under /dev/v4l/by-path refer to the same camera.
-    if devices[0].is(&devices[1]) {
-        let [left, right] = devices.map(|device| device.name);
-        let reason = format!("{left} and {right} are one camera; name two");
+    if let [left, right] = &devices[..]
+        && left.is(right)
+    {
+        let reason = format!("{} and {} are one camera; name two", left.name, right.name);
         return Err(camera_error("v4l2", reason));
     }
     let rate_hz = request.rate_hz;
+    let usual = request.side_by_side.map_or(USUAL, |both| both.whole(USUAL));
     let wish = Wish {
         size: config.size,
         format: config.format,
         rate_hz,
+        usual,
     };
-    let modes = [devices[0].modes(config.size), devices[1].modes(config.size)];
-    let (format, size) = choose(wish, [&modes[0], &modes[1]])?;
+    let wanted = [config.size.unwrap_or(usual), usual];
+    let modes: Vec<_> = devices.iter().map(|device| device.modes(&wanted)).collect();
+    let both = [modes.first(), modes.last()].map(|modes| modes.map_or(&[][..], Vec::as_slice));
+    let (format, size) = choose(wish, both)?;
     // Read once for both cameras: two readings of the clocks would add a constant skew.
     let times = Times::begin(request.clock, monotonic_ns());
     let ready = |device: V4l2Device| -> Result<(Box<dyn Camera>, f64)> {
@@ -64,16 +70,21 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         let camera = V4l2Camera::new(name, MappedStream::start(device)?, layout, triggered, times)?;
         Ok((Box::new(camera), hz))
     };
-    let [left, right] = devices;
-    let ((left, left_hz), (right, right_hz)) = (ready(left)?, ready(right)?);
+    let ready = devices.into_iter().map(ready).collect::<Result<Vec<_>>>()?;
+    let reached_hz = ready
+        .iter()
+        .map(|(_, hz)| *hz)
+        .fold(f64::INFINITY, f64::min);
+    let mut cameras = ready.into_iter().map(|(camera, _)| camera);
+    let cameras = match (cameras.next(), cameras.next(), request.side_by_side) {
+        (Some(both), None, Some(places)) => split(both, places),
+        (Some(left), Some(right), _) => [left, right],
+        _ => return Err(camera_error("v4l2", "no camera")),
+    };
     Ok(CameraPair {
-        cameras: [left, right],
+        cameras,
         trigger: controller.map(|controller| Box::new(controller) as Box<dyn Trigger>),
-        rate_hz: if triggered {
-            rate_hz
-        } else {
-            left_hz.min(right_hz)
-        },
+        rate_hz: if triggered { rate_hz } else { reached_hz },
         rig: None,
     })
 }
@@ -102,7 +113,7 @@ fn list_in(folder: &Path) -> Vec<ListedCamera> {
 /// A line for each format of a device, with the sizes and their rates.
 fn modes(device: &Path) -> Vec<String> {
     let modes = match V4l2Device::open(device) {
-        Ok(device) => device.modes(None),
+        Ok(device) => device.modes(&[USUAL]),
         // Without the remedy, which is to list the cameras.
         Err(error) => {
             let text = match error.downcast_ref() {

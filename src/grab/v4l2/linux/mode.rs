@@ -75,14 +75,16 @@ pub(super) struct Wish {
     pub size: Option<(usize, usize)>,
     pub format: Option<PixelFormat>,
     pub rate_hz: f64,
+    /// If there is a choice, the size nearest to this one is used.
+    pub usual: (usize, usize),
 }
 
-/// If there is a choice, the size nearest to this one is used.
+/// The usual size of an image.
 pub(super) const USUAL: (usize, usize) = (640, 480);
 
 /// Format and size for both cameras. Among the modes that both have and the user allows: those that
-/// hold the rate or come nearest to it; among these the size nearest to 640 × 480; and that in the
-/// simplest format.
+/// hold the rate or come nearest to it; among these the size nearest to the usual one; and that in
+/// the simplest format.
 ///
 /// # Errors
 /// [`crate::CameraError`] if there is none.
@@ -100,7 +102,7 @@ pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (u
         is_wanted.then_some((missing_hz, left.size.0 * left.size.1, *left))
     });
     let best = common.min_by(|(a_hz, a_px, a), (b_hz, b_px, b)| {
-        let off = |px: &usize| px.abs_diff(USUAL.0 * USUAL.1);
+        let off = |px: &usize| px.abs_diff(wish.usual.0 * wish.usual.1);
         a_hz.total_cmp(b_hz)
             .then(off(a_px).cmp(&off(b_px)))
             .then(a.size.cmp(&b.size))
@@ -138,6 +140,7 @@ mod tests {
         size: None,
         format: None,
         rate_hz: 30.0,
+        usual: USUAL,
     };
 
     #[test]
