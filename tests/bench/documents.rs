@@ -135,11 +135,11 @@ const SHORTER: [(&str, &str); 5] = [
     ("svl record arena", "svl record --frames 4 arena"),
     (
         "svl record sim:",
-        "svl record --frames 4 sim:pictures=4,size=160x120,",
+        "svl record --frames 4 --allow-loss 100% sim:pictures=4,size=160x120,",
     ),
     (
         "svl record sim ",
-        "svl record --frames 4 sim:pictures=4,size=160x120 ",
+        "svl record --frames 4 --allow-loss 100% sim:pictures=4,size=160x120 ",
     ),
 ];
 

@@ -68,11 +68,11 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12909),
+    ("bench", 12923),
     ("c", 470),
     ("calibrate", 4909),
-    ("cli", 11696),
-    ("core", 18694),
+    ("cli", 11698),
+    ("core", 18715),
     ("files", 2208),
     ("grab", 5175),
     ("live", 419),

@@ -22,12 +22,16 @@ pub struct AlignmentMonitor<'a> {
     range: RangeInclusive<i32>,
     taken: u64,
     measured: u64,
+    /// True once all is measured and said.
+    is_over: bool,
 }
 
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 /// Odd, as faults of every second pair are measured, too.
 const EVERY: u64 = 7;
 const MAX_MEASURED: u64 = 5;
+/// The same while they have too few points for a result.
+const MAX_OF_FEW_POINTS: u64 = 20;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>, lowest_px: i32) -> Self {
@@ -41,26 +45,38 @@ impl<'a> AlignmentMonitor<'a> {
             range: lowest_px..=i32::MAX,
             taken: 0,
             measured: 0,
+            is_over: false,
         }
     }
 
+    /// True if the next pair is measured: one of a few, and all until they have enough points.
+    fn is_due(&self) -> bool {
+        !self.is_over && (!self.meter.is_enough() || self.taken.is_multiple_of(EVERY))
+    }
+
     fn measure(&mut self, frame: Option<&Frame>) {
-        let due = self.taken.is_multiple_of(EVERY) && self.measured < MAX_MEASURED;
+        let due = self.is_due();
         self.taken += 1;
         let last = match frame {
             Some(frame) if due => {
                 self.meter.add(&frame.pair);
                 self.measure_apart(frame);
                 self.measured += 1;
-                self.measured == MAX_MEASURED
+                let most = if self.meter.is_enough() {
+                    MAX_MEASURED
+                } else {
+                    MAX_OF_FEW_POINTS
+                };
+                self.measured >= most
             }
-            Some(frame) => {
-                let is_next_due = self.taken.is_multiple_of(EVERY) && self.measured < MAX_MEASURED;
-                self.before = is_next_due.then(|| (frame.pair.clone(), frame.stamp_ns));
-                false
-            }
-            None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
+            Some(_) => false,
+            None => !self.is_over,
         };
+        self.is_over |= last;
+        let is_next_due = self.is_due();
+        self.before = frame
+            .filter(|_| is_next_due)
+            .map(|frame| (frame.pair.clone(), frame.stamp_ns));
         self.rig = self.rig.or_else(|| frame?.rig().copied());
         if last && let Some(doubt) = self.doubt() {
             tracing::warn!("{}: {doubt}", self.source.name());

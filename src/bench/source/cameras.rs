@@ -103,9 +103,12 @@ impl Source for CameraSource {
             text += &format!("; {missed}");
             facts.insert("rate".to_owned(), missed);
         }
+        let damaged = tally.count(|reason| reason == Unpaired::Damaged);
+        let partners = tally.count(|reason| !reason.is_outside() && reason != Unpaired::Damaged);
         Losses {
-            unpaired: tally.count(|reason| !reason.is_outside() && reason != Unpaired::Damaged),
-            unreadable: tally.count(|reason| reason == Unpaired::Damaged),
+            // The partner of a damaged image is lost with it.
+            unpaired: partners.saturating_sub(damaged),
+            unreadable: damaged,
             outside: tally.count(Unpaired::is_outside),
             dropped: tally.dropped,
             grabber: Some(GrabberReport { facts, text }),

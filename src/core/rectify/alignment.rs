@@ -127,7 +127,14 @@ impl Alignment {
     /// The misalignment with its cases, and what it looks like.
     pub fn words(&self) -> String {
         let looks = match self.misfit {
-            Misfit::Shift => format!("the right image is {:+.1} px lower", self.median_px),
+            Misfit::Shift => {
+                let place = if self.median_px < 0.0 {
+                    "higher"
+                } else {
+                    "lower"
+                };
+                format!("the right image is {:.1} px {place}", self.median_px.abs())
+            }
             Misfit::Rotation { degrees, scale } => {
                 format!("the right image is rolled by {degrees:+.1}° and {scale:.3} times as large")
             }
@@ -159,6 +166,8 @@ const MIN_SAME: f64 = 0.95;
 const MIN_SHARE: f64 = 0.8;
 const COVERED: f64 = 0.9;
 const STEP_PX: f64 = 8.0;
+/// Longest range that every algorithm has.
+const SHORT_PX: f64 = 255.0;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -198,8 +207,13 @@ impl AlignmentMeter {
     const MAX_ALIGNED_PX: f64 = 1.0;
     const MAX_FRACTION: f64 = 0.5;
 
+    /// True if there are enough points for a result.
+    pub fn is_enough(&self) -> bool {
+        self.matches.len() >= MIN_MATCHES
+    }
+
     fn is_sure(&self) -> bool {
-        self.pairs >= Self::SURE_PAIRS && self.matches.len() >= MIN_MATCHES
+        self.pairs >= Self::SURE_PAIRS && self.is_enough()
     }
 
     /// True if these pairs are aligned and the others, of the same cameras, are not, or hardly any
@@ -243,8 +257,8 @@ impl AlignmentMeter {
             let nearest = nearest_m.map_or("near".to_owned(), |m| format!("nearer than {m:.1} m"));
             return Some(format!(
                 "left and right look like one picture twice, or nothing is {nearest}: {:.0} % of \
-                 {points} points are within {SAME_PX} px of the same place; --left and --right \
-                 name images of two cameras",
+                 {points} points are within {SAME_PX} px of the same place; name images of two \
+                 cameras (--left and --right)",
                 100.0 * same
             ));
         }
@@ -280,9 +294,9 @@ impl AlignmentMeter {
         };
         Some(format!(
             "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
-             farther right in the right image; if exchanged (and not both upside down), \
-             --side-by-side=right-left, or --left and --right name them the other way \
-             round{calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
+             farther right in the right image; if exchanged (and not both upside down), name them \
+             the other way round (--left and --right; --side-by-side=right-left for halves of one \
+             image){calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
              v4, bm and sgm covers them, and v5 and dp have none",
             self.matches.len()
         ))
@@ -292,11 +306,21 @@ impl AlignmentMeter {
     fn too_near(&self, highest_px: i32) -> Option<String> {
         let highest_px = f64::from(highest_px);
         let (share, reach_px) = self.beyond(1.0, highest_px, highest_px)?;
+        let scale = (100.0 * highest_px / reach_px).floor() / 100.0;
+        let limit = if reach_px > SHORT_PX {
+            " of v1 to v4, bm and sgm"
+        } else {
+            ""
+        };
+        let or_scale = if scale > 0.0 {
+            format!(", or --scale {scale:.2}")
+        } else {
+            String::new()
+        };
         Some(format!(
             "{share:.0} % of {} points have disparities above {highest_px} px, the range that is \
-             searched: `max_disparity={reach_px}` covers them, or --scale {:.2}",
-            self.matches.len(),
-            (100.0 * highest_px / reach_px).floor() / 100.0
+             searched: `max_disparity={reach_px}`{limit} covers them{or_scale}",
+            self.matches.len()
         ))
     }
 

@@ -141,7 +141,9 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
     let providers = Command::new(&python).args(["-c", ask]).output().unwrap();
     let on_cuda = format!("'{ROOT}/adapters/svl_onnx.py' tiny.onnx --multiple 1 --device cuda");
     let on_cuda = program(&python, &on_cuda);
-    let line = ["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &on_cuda];
+    let line = [
+        "-q", "match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &on_cuda,
+    ];
     if String::from_utf8_lossy(&providers.stdout).contains("CUDAExecutionProvider") {
         fixture.run(&line);
     } else {
@@ -157,7 +159,9 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
         ),
     ] {
         let net = program(&python, &format!("'{ROOT}/adapters/svl_onnx.py' {words}"));
-        let ran = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &net]);
+        let ran = fixture.svl(&[
+            "-q", "match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &net,
+        ]);
         ran.failed(1, &[told]);
     }
 }

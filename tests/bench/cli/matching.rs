@@ -262,7 +262,7 @@ fn a_pair_that_is_off_is_named_with_the_number() {
             "l.pgm low.pgm",
             &[
                 "misalignment of 6.",
-                "the right image is +6.",
+                "the right image is 6.",
                 "--calib FILE",
             ][..],
         ),

@@ -63,7 +63,7 @@ fn fix_unit_times(fixture: &Fixture, report: &str) {
 fn screen(fixture: &Fixture, command: &str, columns: usize) -> String {
     let text = fixture.svl_with(command, &[("COLUMNS", &columns.to_string())]);
     let text = text.done();
-    let mut is_of_build = false;
+    let (mut is_of_build, mut is_of_machine) = (false, false);
     let mut lines = vec![format!("> svl {command}")];
     for line in text.lines() {
         assert!(line.chars().count() <= columns, "{columns}: {line}");
@@ -75,10 +75,12 @@ fn screen(fixture: &Fixture, command: &str, columns: usize) -> String {
         let machine = machine.iter().find(|(start, _)| line.starts_with(start));
         is_of_build =
             line.starts_with("warning: built with") || is_of_build && line.starts_with("  ");
+        // A long name of a CPU goes on in the next line.
+        is_of_machine = machine.is_some() || is_of_machine && line.starts_with("       ");
         let is_double = line.is_empty() && lines.last().is_some_and(String::is_empty);
         match machine {
             Some((_, words)) => lines.push((*words).to_owned()),
-            None if is_of_build || is_double => {}
+            None if is_of_build || is_of_machine || is_double => {}
             None => lines.push(line.to_owned()),
         }
     }

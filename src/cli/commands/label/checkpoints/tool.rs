@@ -102,8 +102,7 @@ impl Labelling {
                 Edited::Done(text) if self.is_doubtful(&text) => {
                     let key = self.moved_by.take().unwrap_or_default();
                     stepper.say(format!(
-                        "not labelled: is it {text} or {key}{text}? {key} has moved to another \
-                         frame; type = before a label"
+                        "not labelled: is it {text} or {key}{text}? {key} has moved; type = first"
                     ));
                 }
                 Edited::Done(text) if text == NONE => self.label(None, stepper),

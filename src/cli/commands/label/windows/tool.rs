@@ -66,6 +66,9 @@ impl Categorizer {
     fn save(&self) -> anyhow::Result<()> {
         let path = &self.labels.path;
         let part = path.with_extension("csv.part");
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|error| svl::Error::io(folder, error))?;
+        }
         write(&part, self.labels.to_text())?;
         std::fs::rename(&part, path).with_context(|| path.display().to_string())
     }
