@@ -25,7 +25,7 @@ struct CourseOptions {
 }
 
 impl Default for CourseOptions {
-    /// As in `scenarios/drive.toml`.
+    /// The options of `scenarios/drive.toml`.
     fn default() -> Self {
         Self {
             arena: ArenaConfig {

@@ -79,7 +79,8 @@ fn record(faults: &[&str], rate: &str, frames: &str) -> Option<Recorded> {
     let trigger = format!("serial:{}", board.port);
     let sim = "sim:size=64x48,pictures=2";
     let ran = fixture.svl(&format!(
-        "record {sim} --trigger {trigger} --rate {rate} --frames {frames} --allow-loss 100% -o a.mcap"
+        "record {sim} --trigger {trigger} --rate {rate} --frames {frames} --allow-loss 100% -o \
+         a.mcap"
     ));
     let warnings = ran.stderr.clone();
     let text = ran.done();

@@ -58,7 +58,7 @@ fn the_viewer_ends_with_svl() {
     let fixture = Fixture::new();
     fixture.run("record --frames 2 -o a.mcap");
     std::fs::create_dir(fixture.path("bin")).unwrap();
-    // As that of pip, a script that starts another program.
+    // A script that starts another program, like that of pip.
     let script =
         "#!/bin/sh\n[ \"$1\" = --version ] && exit\nsleep 300 &\necho $! > started\nwait\n";
     fixture.write("bin/rerun", script);

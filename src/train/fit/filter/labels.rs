@@ -44,7 +44,8 @@ impl FrameLabels {
         }
     }
 
-    /// The usual path of a table: next to the recording or the folder, named after it and the filter.
+    /// The usual path of a table: next to the recording or the folder, named after it and
+    /// the filter.
     pub fn beside(source: &Path, kind: FilterKind) -> PathBuf {
         // A dot in a folder's name does not start a file extension.
         let name = if source.is_dir() {
