@@ -134,7 +134,7 @@ mod tests {
         );
         expect(
             Courses,
-            &["finished", "collisions", "near_misses", "driven"],
+            &["finished", "late", "collisions", "near_misses", "driven"],
         );
         expect(
             NoTruth,
