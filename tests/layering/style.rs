@@ -68,10 +68,10 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12923),
+    ("bench", 12929),
     ("c", 470),
     ("calibrate", 4909),
-    ("cli", 11698),
+    ("cli", 11700),
     ("core", 18715),
     ("files", 2208),
     ("grab", 5175),
@@ -79,7 +79,7 @@ const LINES: [(&str, usize); 16] = [
     ("python", 323),
     ("recording", 13762),
     ("report", 12593),
-    ("score", 8105),
+    ("score", 8109),
     ("sim", 3533),
     ("thesis", 3693),
     ("train", 3511),

@@ -282,5 +282,5 @@ fn rectified_data_sets_raise_no_alarm() {
         assert!(!alignment.is_off(), "{scene}: {alignment:?}");
         told += 1;
     }
-    assert!(told >= 26, "{told} scenes have texture enough to tell");
+    assert!(told >= 25, "{told} scenes have texture enough to tell");
 }

@@ -110,8 +110,11 @@ impl Source for CameraSource {
             unpaired: partners.saturating_sub(damaged),
             unreadable: damaged,
             outside: tally.count(Unpaired::is_outside),
-            dropped: tally.dropped,
-            grabber: Some(GrabberReport { facts, text }),
+            grabber: Some(GrabberReport {
+                facts,
+                text,
+                dropped: tally.dropped,
+            }),
             ..Losses::default()
         }
     }

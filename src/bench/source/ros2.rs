@@ -377,7 +377,11 @@ impl Receiver {
             .map(|(topic, n)| (format!("lost {topic}"), n.to_string()));
         let facts = counts.into_iter().chain(lost);
         let facts = facts.chain([("counts".to_owned(), text.clone())]).collect();
-        GrabberReport { facts, text }
+        GrabberReport {
+            facts,
+            text,
+            dropped,
+        }
     }
 }
 
@@ -460,7 +464,6 @@ impl Source for TopicSource {
             outside: facts.outside,
             unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),
-            dropped,
             grabber: Some(receiver.report(taken)),
             ..Losses::default()
         }

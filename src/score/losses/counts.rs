@@ -21,7 +21,7 @@ pub struct Losses {
     /// Unreadable messages other than images, by topic: their pairs are used without them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub broken: BTreeMap<String, u64>,
-    /// Pairs of a live source that a full queue dropped.
+    /// Pairs that a full queue dropped, of a recording: others take what they can.
     #[serde(default)]
     pub dropped: u64,
     /// Frames for which the requested truth has no measurement, if it has any.
@@ -48,6 +48,11 @@ impl Losses {
     pub fn lost(&self) -> u64 {
         // A late image has no partner, either.
         self.unpaired.max(self.late) + self.unreadable + self.cut + self.dropped
+    }
+
+    /// Counts the pairs that a full queue dropped as lost.
+    pub fn count_drops(&mut self) {
+        self.dropped = self.grabber.as_ref().map_or(0, |grabber| grabber.dropped);
     }
 
     /// Adds those of another run; the last grabber report is kept.
@@ -96,4 +101,6 @@ pub struct GrabberReport {
     pub facts: BTreeMap<String, String>,
     /// For the terminal.
     pub text: String,
+    /// Pairs that a full queue dropped.
+    pub dropped: u64,
 }

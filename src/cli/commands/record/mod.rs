@@ -117,7 +117,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
     let began = Instant::now();
     let pairs = opened.source.pairs();
-    let (outcome, ran) = recordings::record(opened, &output, format(args), quiet);
+    let (mut outcome, ran) = recordings::record(opened, &output, format(args), quiet);
+    outcome.losses.count_drops();
     let reached_end = reached_end(source, &outcome, pairs);
     let is_kept = output.exists();
     // Decided before anything is printed: a closed or full standard output costs no recording.
@@ -171,7 +172,8 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
     }
     let opened = limited(source::open(request(args, source), quiet)?, args)?;
     let pairs = opened.source.pairs();
-    let (outcome, ran) = recordings::stream(opened, quiet);
+    let (mut outcome, ran) = recordings::stream(opened, quiet);
+    outcome.losses.count_drops();
     ran?;
     reached_end(source, &outcome, pairs)?;
     Ok(complete(&Ending::new(
