@@ -353,7 +353,8 @@ pub(super) mod tests {
         assert_eq!(best(&courses(8, once)), none);
         let alone: Vec<_> = (0..8).map(|seed| drive(seed, "a")).collect();
         assert_eq!(best(&alone), none);
-        // Who finishes nothing hits nothing here, and is not best; nor is who hits more.
+        // The one that finishes nothing hits nothing here, and is not best; nor is one that hits
+        // more.
         let late = |row: &mut DriveRow| (row.finished, row.arrived) = (false, false);
         let mut drives = courses(8, late);
         let own = drives

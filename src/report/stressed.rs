@@ -1,5 +1,5 @@
-//! What breaks an algorithm under stress: losses from unperturbed pairs, or drives, to perturbed
-//! ones that are no chance.
+//! Losses of an algorithm under stress, from unperturbed pairs or drives to perturbed ones, that
+//! are no chance.
 
 use super::compare::{Change, Judgement, changes};
 use super::drives::DriveRow;
@@ -333,7 +333,7 @@ mod tests {
         let words = "10: missed near 4 → 10 %, found near 80 → 70 %, wrong 16 → 22 %, \
                      right 60 → 52 %";
         assert_eq!(broken(&all), words);
-        // Who goes blind misses nothing.
+        // A blind algorithm misses nothing.
         let blind = [
             ("missed", 0.0),
             ("found", 0.0),

@@ -31,7 +31,7 @@ pub struct AlignmentMonitor<'a> {
 const EVERY: u64 = 7;
 const MAX_MEASURED: u64 = 5;
 /// The same while they have too few points for a result.
-const MAX_OF_FEW_POINTS: u64 = 20;
+const MAX_TRIED: u64 = 20;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>, lowest_px: i32) -> Self {
@@ -65,7 +65,7 @@ impl<'a> AlignmentMonitor<'a> {
                 let most = if self.meter.is_enough() {
                     MAX_MEASURED
                 } else {
-                    MAX_OF_FEW_POINTS
+                    MAX_TRIED
                 };
                 self.measured >= most
             }
@@ -181,5 +181,43 @@ impl Source for AlignmentMonitor<'_> {
         let frame = self.source.next()?;
         self.measure(frame.as_ref());
         Ok(frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Geometry, Gray};
+
+    /// Pairs without texture, or of squares.
+    struct Pairs(u64, bool);
+
+    impl Source for Pairs {
+        fn name(&self) -> String {
+            "pairs".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            let mixed = |x: usize, y: usize| {
+                let mixed = ((x / 9) << 32 | y / 9) as u64;
+                let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                ((mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) >> 56) as u8
+            };
+            let grey = |x, y| if self.1 { mixed(x, y) } else { 90 };
+            let image = |d: usize| Gray::from_fn(320, 240, |x, y| grey(x + d, y));
+            self.0 += 1;
+            let pair = StereoPair::new(image(0)?, image(8)?)?;
+            Ok((self.0 <= 60).then(|| Frame::new(pair, Geometry::Raw)))
+        }
+    }
+
+    #[test]
+    fn pairs_are_measured_until_they_have_points_enough() {
+        for (has_texture, measured) in [(true, MAX_MEASURED), (false, MAX_TRIED)] {
+            let mut monitor = AlignmentMonitor::new(Box::new(Pairs(0, has_texture)), 0);
+            while monitor.next().unwrap().is_some() {}
+            assert_eq!(monitor.measured, measured);
+            assert_eq!(monitor.meter.is_enough(), has_texture);
+        }
     }
 }

@@ -17,7 +17,7 @@ const MAX_PAIRS: usize = 16;
 /// of black or saturated pairs tell nothing.
 pub struct DistinctSource<'a> {
     source: Box<dyn Source + 'a>,
-    /// What was read to decide.
+    /// Pairs that were read to decide.
     ahead: VecDeque<Result<Frame>>,
     is_decided: bool,
 }

@@ -508,6 +508,9 @@ mod tests {
             near.contains("`max_disparity=8`") && near.contains("--scale 0.62"),
             "{near}"
         );
+        // No scale makes a range of nothing cover anything.
+        let none = doubt(left, right, -8..=0).unwrap();
+        assert!(none.ends_with("`max_disparity=8` covers them"), "{none}");
         let rig = Rig::new(100.0, (160.0, 120.0), 0.1, 0.0).unwrap();
         let mut meter = AlignmentMeter::new();
         meter.add(&StereoPair::new(left.clone(), left.clone()).unwrap());

@@ -68,7 +68,7 @@ fn is_alike([a, b]: &[&DriveRow; 2]) -> bool {
 }
 
 impl Change {
-    /// The change of a metric of drives over the courses of both, as one of so many tests.
+    /// The change of a metric of drives over the courses of both, as one of `tests`.
     pub(crate) fn from_drives(
         metric: &'static Metric,
         courses: &[[&DriveRow; 2]],

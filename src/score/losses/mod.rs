@@ -308,6 +308,22 @@ mod tests {
     }
 
     #[test]
+    fn dropped_pairs_are_lost_where_they_are_recorded() {
+        let mut losses = Losses {
+            grabber: Some(GrabberReport {
+                dropped: 3,
+                ..GrabberReport::default()
+            }),
+            ..Losses::default()
+        };
+        assert_eq!(losses.lost(), 0);
+        losses.count_drops();
+        assert_eq!(losses.lost(), 3);
+        let words = missing(9, losses, &[]).words();
+        assert_eq!(words.as_deref(), Some("3 pairs dropped by a full queue"));
+    }
+
+    #[test]
     fn lost_pairs_are_per_cent_of_all_that_were_read() {
         let unpaired = |unpaired, skipped| Losses {
             unpaired,

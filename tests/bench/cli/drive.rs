@@ -357,7 +357,10 @@ fn a_course_that_cannot_be_passed_is_refused() {
     let fixture = Fixture::new();
     let steering = "steering = { lookahead_m = 0.1, stop_m = 0.1, resume_m = 0.1 }";
     fixture.write("near.toml", format!("{}[drive]\n{steering}\n", courses("")));
-    fixture.fails("score near.toml => 1: course 1: none of 30 layouts can be passed");
+    let cause = "with drive.steering.lookahead_m = 0.8 in place of 0.1 one can";
+    fixture.fails(&format!(
+        "score near.toml => 1: course 1: none of 30 layouts can be passed | {cause}"
+    ));
 }
 
 #[test]

@@ -248,7 +248,7 @@ fn check_times(mut videos: [&VideoStream; 2], clock: FrameClock) -> Result<()> {
 
 /// Warns of two videos whose pixels fit at another time: they were started by hand.
 fn warn_of_offset([left, right]: [&VideoStream; 2], clock: FrameClock) {
-    // What cannot be read is reported with the pairs.
+    // Errors are reported with the pairs.
     if let Ok(Some((late, correlation, unmoved))) = offset::late([left, right], clock) {
         tracing::warn!(
             "{} changes as {} does with `--right-offset-ms {:.1}` (correlation of the changes \

@@ -68,7 +68,7 @@ fn best(left: &FrameChanges, right: &FrameChanges) -> Option<(i64, f64, f64)> {
     (most >= MIN_CORRELATION && most - next >= MIN_AHEAD).then_some((late, most, unmoved))
 }
 
-/// The correlation of changes, the right ones so many frames later; `None` of few frames.
+/// The correlation of changes, the right ones `late` frames later; `None` of few frames.
 fn correlation(left: &FrameChanges, right: &FrameChanges, late: i64) -> Option<f64> {
     let both = left.iter().enumerate().filter_map(|(place, left)| {
         let place = usize::try_from(place as i64 + late).ok()?;
@@ -115,7 +115,7 @@ mod tests {
             None,
             "noise"
         );
-        // What repeats, or hardly changes, fits everywhere.
+        // Scenes that repeat, or hardly change, fit everywhere.
         let still = vec![Some(3.0); 150];
         assert_eq!(best(&still, &still), None, "still");
         let wave = |from: u32| -> FrameChanges {
