@@ -199,7 +199,7 @@ mod tests {
 
         fn next(&mut self) -> Result<Option<Frame>> {
             let mixed = |x: usize, y: usize| {
-                let mixed = ((x / 9) << 32 | y / 9) as u64;
+                let mixed = (((x / 9) << 32) | (y / 9)) as u64;
                 let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
                 ((mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) >> 56) as u8
             };
