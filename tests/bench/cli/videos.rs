@@ -335,16 +335,14 @@ fn a_video_is_turned_before_its_halves_are_cut() {
     };
     film("geq=lum='if(lt(X,32),50,200)'", "both.mov");
     film("geq=lum='if(lt(Y,24),50,200)'", "upright.mov");
-    let turn = [
-        "-i",
-        "upright.mov",
-        "-c",
-        "copy",
-        "-metadata:s:v:0",
-        "rotate=270",
-        "turned.mov",
-    ];
-    ffmpeg(&fixture, &turn);
+    // By the matrix of its track header, the second of the file's: options of ffmpeg differ.
+    let mut turned = fixture.bytes("upright.mov");
+    let matrix = |cells: [i32; 5]| cells.map(i32::to_be_bytes).concat();
+    let upright = matrix([0x1_0000, 0, 0, 0, 0x1_0000]);
+    let mut places = (0..turned.len()).filter(|at| turned[*at..].starts_with(&upright));
+    let track = places.nth(1).unwrap();
+    turned[track..track + 20].copy_from_slice(&matrix([0, 0x1_0000, 0, -0x1_0000, 0]));
+    fixture.write("turned.mov", &turned);
     let greys = |name: &str, layout: &str| {
         let line = format!("record {name} --side-by-side{layout} -o out.mcap --force");
         let ran = fixture.svl(&line);
@@ -360,10 +358,6 @@ fn a_video_is_turned_before_its_halves_are_cut() {
         greys("upright.mov", "=top-bottom"),
         ((64, 24), [1, 4], false)
     );
-    if fixture.bytes("turned.mov") != fixture.bytes("upright.mov") {
-        let (size, mut greys, said) = greys("turned.mov", "");
-        greys.sort_unstable();
-        assert_eq!((size, greys, said), ((24, 64), [1, 4], true));
-    }
+    assert_eq!(greys("turned.mov", ""), ((24, 64), [4, 1], true));
     fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right | right-left");
 }
