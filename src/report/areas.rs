@@ -72,6 +72,15 @@ impl Results {
         is_told.then(|| format!("{own} of {all} scored cells are {words}"))
     }
 
+    /// The number of near obstacles: missed and found ones are of these.
+    pub(super) fn near_words(&self) -> Option<String> {
+        let near = Metric::find("near").filter(|_| self.drives.is_empty())?;
+        let algorithms = self.algorithms.iter();
+        let most = algorithms.filter_map(|a| self.value(&a.algorithm, near, None));
+        let most = most.reduce(f64::max)?;
+        Some(format!("{most} near obstacles"))
+    }
+
     /// Caution where no cell is of the area.
     pub(super) fn empty_area(&self) -> Option<String> {
         let is_empty = self.most_cells(self.basis.area).is_none();

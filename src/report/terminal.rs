@@ -132,7 +132,8 @@ impl Results {
         };
         let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
         let (scored, area) = (self.scored_words(), self.area_words());
-        let parts = [Some(pairs), scored, area, courses.or(runs), Some(truth)];
+        let near = self.near_words();
+        let parts = [Some(pairs), scored, area, near, courses.or(runs), Some(truth)];
         joined(parts.into_iter().flatten().filter(|part| !part.is_empty()))
     }
 }
