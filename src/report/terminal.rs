@@ -133,7 +133,14 @@ impl Results {
         let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
         let (scored, area) = (self.scored_words(), self.area_words());
         let near = self.near_words();
-        let parts = [Some(pairs), scored, area, near, courses.or(runs), Some(truth)];
+        let parts = [
+            Some(pairs),
+            scored,
+            area,
+            near,
+            courses.or(runs),
+            Some(truth),
+        ];
         joined(parts.into_iter().flatten().filter(|part| !part.is_empty()))
     }
 }
