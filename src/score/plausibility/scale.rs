@@ -1,9 +1,10 @@
 //! A constant factor between a truth and every algorithm of a run: the sign of a wrong unit.
 //!
-//! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs.
+//! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs. v5
+//! leaves unknown what it is not sure of: a truth that denies most of its cells is doubtful, too.
 
 use super::unit::{cure, disparity_cure, rounded, usual};
-use crate::judge::Judged;
+use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::statistics::upper_median;
@@ -22,6 +23,9 @@ const CONSTANT: f64 = 0.1;
 const MIN_RAY_ERROR: f64 = 0.02;
 /// Factors up to this are errors of algorithms.
 pub(super) const MIN_FACTOR: f64 = 1.5;
+/// The algorithm whose known cells are hardly ever wrong, and the fewest of them that tell.
+const SURE: &str = "v5";
+const MIN_CELLS: u64 = 30;
 
 /// Compares the truth of a run's first frames with the estimates of its algorithms.
 #[derive(Default)]
@@ -42,6 +46,8 @@ struct Ratios {
     along_rays: Vec<f64>,
     /// Pixels that are those of a recorded map.
     recorded: usize,
+    right: u64,
+    wrong: u64,
 }
 
 impl TruthScales {
@@ -49,8 +55,7 @@ impl TruthScales {
         let Some(truth) = &judged.frame.truth else {
             return;
         };
-        let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
-        if self.frames == SCALE_FRAMES || is_reference || judged.estimates.is_empty() {
+        if self.frames == SCALE_FRAMES || judged.estimates.is_empty() {
             return;
         }
         self.frames += 1;
@@ -59,6 +64,7 @@ impl TruthScales {
             let label = scored.estimate.algorithm.clone();
             let ratios = self.algorithms.entry(label).or_default();
             ratios.add(&judged.frame, truth, &scored.estimate);
+            ratios.count(scored);
         }
     }
 
@@ -73,6 +79,8 @@ impl TruthScales {
             inverse: constant(&ratios.inverse),
             is_along_rays: ratios.are_along_rays(),
             is_recorded: 2 * ratios.recorded > ratios.factors.len(),
+            right: ratios.right,
+            wrong: ratios.wrong,
         };
         MeasuredScales {
             origin: self.origin.clone(),
@@ -102,6 +110,9 @@ pub struct AlgorithmScale {
     is_along_rays: bool,
     /// True of a map that the source has, which may have a wrong unit as a truth may.
     is_recorded: bool,
+    /// Cells, of all areas.
+    right: u64,
+    wrong: u64,
 }
 
 impl MeasuredScales {
@@ -129,7 +140,10 @@ impl MeasuredScales {
             origin: self.origin.clone(),
             algorithms: algorithms.clone(),
         };
-        if let Some(doubt) = by(others).truth_doubt() {
+        let is_reference = matches!(self.origin, TruthOrigin::Reference(_));
+        let by_others = Some(by(others)).filter(|_| !is_reference);
+        let sure = || Self::denied(&matched);
+        if let Some(doubt) = by_others.and_then(|scales| scales.truth_doubt().or_else(sure)) {
             let either = if matched.is_empty() {
                 ", or the unit of the recorded map is wrong"
             } else {
@@ -137,9 +151,31 @@ impl MeasuredScales {
             };
             return vec![format!("the truth is doubtful: {doubt}{either}")];
         }
-        let maps = recorded.iter().filter(|_| !matched.is_empty());
-        maps.filter_map(|(label, scale)| scale.map_doubt(label))
+        let maps = recorded
+            .iter()
+            .filter(|_| is_reference || !matched.is_empty());
+        let others = if is_reference {
+            "the reference"
+        } else {
+            "the truth and of the matchers"
+        };
+        maps.filter_map(|(label, scale)| scale.map_doubt(label, others))
             .collect()
+    }
+
+    /// The reason to doubt a truth that denies most cells of an algorithm that is hardly ever wrong.
+    fn denied(matched: &BTreeMap<String, AlgorithmScale>) -> Option<String> {
+        let is_sure = |label: &&String| label.split(':').next() == Some(SURE);
+        let label = matched.keys().find(is_sure)?;
+        let AlgorithmScale { right, wrong, .. } = matched[label];
+        (wrong > right && right + wrong >= MIN_CELLS).then(|| {
+            format!(
+                "{wrong} of {} cells that {label} knows in the first pairs are wrong by it; it, a \
+                 calibration or the times may not belong to the images: svl info shows what is \
+                 measured of them",
+                right + wrong
+            )
+        })
     }
 
     /// The reason to doubt the truth, with the likely unit.
@@ -170,6 +206,8 @@ impl MeasuredScales {
                     )
                 })
             }
+            // Cells that are right deny it: beyond an algorithm's range its pixels are wrong.
+            Some(_) if self.algorithms.values().any(|own| own.right > own.wrong) => None,
             Some(factor) => {
                 let factor = usual(factor);
                 Some(format!(
@@ -194,8 +232,8 @@ impl MeasuredScales {
 }
 
 impl AlgorithmScale {
-    /// The reason to doubt a recorded map, where other algorithms agree with the truth.
-    fn map_doubt(&self, label: &str) -> Option<String> {
+    /// The reason to doubt a recorded map, where others agree with the truth.
+    fn map_doubt(&self, label: &str, others: &str) -> Option<String> {
         let doubtful = |what: &str| Some(format!("the map of {label} is doubtful: {what}"));
         let Some(factor) = self.factor else {
             self.inverse?;
@@ -214,7 +252,7 @@ impl AlgorithmScale {
             "likely another unit, or its f or T is of another image size"
         };
         doubtful(&format!(
-            "its distances are {} times those of the truth and of the matchers; {cause}",
+            "its distances are {} times those of {others}; {cause}",
             rounded(factor)
         ))
     }
@@ -253,6 +291,13 @@ impl Ratios {
                 let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
                 self.inverse.extend(distance_m.map(|z| z / px));
             }
+        }
+    }
+
+    fn count(&mut self, scored: &JudgedEstimate) {
+        for cell in scored.cells.iter().flatten() {
+            self.right += u64::from(cell.verdict == Verdict::Right);
+            self.wrong += u64::from(cell.verdict == Verdict::Wrong);
         }
     }
 
