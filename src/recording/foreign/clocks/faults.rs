@@ -141,6 +141,9 @@ impl<'a> ClockCheck<'a> {
             return self.between_fault(clock);
         }
         let behind = clock.behind?;
+        if self.is_as_right(behind) {
+            return None;
+        }
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
@@ -165,6 +168,24 @@ impl<'a> ClockCheck<'a> {
             format!("{words}: {cure}"),
             false,
         ))
+    }
+
+    /// True for an offset that is that of the right images, while these are found right: the left
+    /// ones come late.
+    fn is_as_right(&self, behind: ClockOffset) -> bool {
+        let is_right = !matches!(
+            self.between,
+            Some(CameraFault::Offset | CameraFault::Step(_))
+        );
+        let right = self.clock(&self.images[1]).filter(|_| is_right);
+        right.is_some_and(|right| {
+            let limit_ns = self.right_limit_ns(right);
+            let apart_ns = right
+                .behind
+                .map(|own| own.median_ns.abs_diff(behind.median_ns));
+            apart_ns.is_some_and(|ns| ns as f64 <= limit_ns)
+                && is_beyond(right, MIN_RIGHT_NS, limit_ns)
+        })
     }
 
     /// True if a clock of the cameras permits no pair, as the user does not say otherwise.
@@ -457,7 +478,17 @@ pub(super) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
         );
         ClockFault::new(name, reason, false)
     });
-    faults.collect()
+    let mixed = scan.topics.iter().filter(|(_, topic)| is_used(topic));
+    let mixed = mixed.filter_map(|(name, topic)| {
+        let copied = topic.mixed_copies()?;
+        let reason = format!(
+            "{copied} of the first {} messages are copies of the one before, with stamps of their \
+             own: a copy is older than it says; record again without the node that repeats them",
+            topic.runs.iter().sum::<usize>()
+        );
+        Some(ClockFault::new(name, reason, false))
+    });
+    faults.chain(mixed).collect()
 }
 
 fn seconds(ns: i64) -> String {

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use svl_core::nanoseconds;
 use svl_core::statistics::nearest_rank;
 
+const LOG_IS_STAMP: &str = "log times are stamps";
 /// A stamp and a log time that differ by no more are equal: one of them went through a
 /// floating-point number.
 const MAX_ROUNDING_NS: u64 = 1_000;
@@ -14,12 +15,18 @@ const MAX_ROUNDING_NS: u64 = 1_000;
 const BURST: f64 = 3.0;
 /// Offsets are compared if the log times of both topics run alike against their stamps.
 const MAX_SPEED_RATIO: f64 = 1.5;
+/// From the fifth to the 95th percentile of a normal distribution, in widths of its middle half.
+const MIDDLE_HALVES: f64 = 2.44;
+/// Seconds above this are those since 1970.
+const MIN_EPOCH_S: u64 = 100_000_000;
 /// Greatest rate of a sensor by its stamps, and the ratio of a higher one to that by log times from
 /// which on it is refused.
 const MAX_RATE_HZ: f64 = 500.0;
 const UNIT_RATIO: f64 = 100.0;
 /// Largest difference of a ratio from that of a unit.
 const UNIT_TOLERANCE: f64 = 0.2;
+/// Longer than the step that nine tenths do not exceed, times this, is a pause.
+const PAUSE_STEPS: u64 = 3;
 /// Log time around a message in which offsets are compared, and the same in periods.
 const WINDOW_NS: f64 = 0.25e9;
 const WINDOW_PERIODS: f64 = 2.5;
@@ -81,13 +88,16 @@ pub(super) struct WrongUnit {
 }
 
 /// An offset of clocks, nanoseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ClockOffset {
     #[serde(serialize_with = "nanoseconds::as_text")]
     pub median_ns: i64,
     /// From the fifth to the 95th percentile.
     #[serde(serialize_with = "nanoseconds::as_text")]
     pub spread_ns: i64,
+    /// The same of random ones, by the middle half: a few far ones are none.
+    #[serde(skip)]
+    pub(super) usual_spread_ns: f64,
     /// At least as far from 0, and in the same direction, are three fifths of the messages.
     #[serde(skip)]
     pub(super) usual_ns: i64,
@@ -100,6 +110,7 @@ impl ClockOffset {
         Some(Self {
             median_ns: rank(0.5)?,
             spread_ns: rank(0.95)?.saturating_sub(rank(0.05)?),
+            usual_spread_ns: MIDDLE_HALVES * rank(0.75)?.saturating_sub(rank(0.25)?) as f64,
             usual_ns: rank(0.4)?.max(0).max(rank(0.6)?.saturating_neg()),
         })
     }
@@ -118,10 +129,7 @@ impl TopicTimes {
     fn new(topic: &TopicScan, rule: StampRule) -> Self {
         let restamped = |sample: &TimedMessage| sample.restamped(rule);
         let first: Vec<_> = topic.first.iter().map(restamped).collect();
-        let rate = |time: fn(&TimedMessage) -> u64| {
-            let (least, most) = (first.iter().map(time).min()?, first.iter().map(time).max()?);
-            (most > least).then(|| (first.len() - 1) as f64 * 1e9 / (most - least) as f64)
-        };
+        let rate = |time: fn(&TimedMessage) -> u64| rate_hz(first.iter().map(time).collect());
         let rates = [rate(|sample| sample.stamp_ns), rate(|sample| sample.log_ns)];
         let mut steps: Vec<_> = first
             .windows(2)
@@ -148,7 +156,7 @@ impl TopicTimes {
         } else if self.all.first().map(log_ns) == self.all.last().map(log_ns) {
             Some("log times do not advance")
         } else if self.all.iter().all(is_equal) {
-            Some("log times are stamps")
+            Some(LOG_IS_STAMP)
         } else if self.speed().is_some_and(|speed| speed > BURST) {
             Some("written in a burst")
         } else {
@@ -211,23 +219,23 @@ impl TopicTimes {
         shift_ns.saturating_add(nearest_rank(&missing, 0.5).unwrap_or(0))
     }
 
-    /// From the fifth to the 95th percentile of the delays less the median around each.
-    fn jitter_ns(&self) -> f64 {
+    /// The delays less the median around each.
+    fn jitter(&self) -> ClockOffset {
         let window_ns = window_ns(self.period_ns());
         let apart = |sample: &TimedMessage| {
             let usual = self.delay_at(sample.log_ns, window_ns, 0.5)?;
             Some(sample.delay_ns().saturating_sub(usual))
         };
-        let apart = ClockOffset::new(self.all.iter().filter_map(apart).collect());
-        apart.map_or(0.0, |apart| apart.spread_ns as f64)
+        ClockOffset::new(self.all.iter().filter_map(apart).collect()).unwrap_or_default()
     }
 
     /// Several standard errors of the difference of two medians. Places of one message have no
     /// jitter of their own.
     fn noise_ns(&self, left: &Self, behind: &ClockOffset) -> f64 {
         let messages = self.all.len().min(left.all.len()) as f64;
-        let spread_ns = 2.0 * behind.spread_ns as f64;
-        (self.jitter_ns() + left.jitter_ns()).max(spread_ns) / messages.sqrt()
+        let spread_ns = 2.0 * behind.usual_spread_ns;
+        let jitter_ns = [self, left].map(|times| times.jitter().usual_spread_ns);
+        jitter_ns.into_iter().sum::<f64>().max(spread_ns) / messages.sqrt()
     }
 
     /// The delay at that rank less that of `left` at equal log times. Ranks on both sides: a
@@ -253,6 +261,7 @@ impl TopicTimes {
     /// The clock of a topic that is `behind` that of the left images.
     fn compared(&self, left: &Self, behind: &ClockOffset) -> ComparedClock {
         let period_ns = self.period_ns().max(left.period_ns());
+        let jitter_ns = [self, left].map(|times| times.jitter().spread_ns as f64);
         let mut bins = OffsetBins::new(period_ns);
         bins.take_in_all([&left.all, &self.all]);
         let is_late = |(own, left): (&TimedMessage, &TimedMessage)| {
@@ -264,10 +273,23 @@ impl TopicTimes {
         ComparedClock {
             shift_ns: self.shift_ns(left, behind.median_ns),
             is_late: self.all.first().zip(left.all.first()).is_some_and(is_late),
-            bin_noise_ns: self.jitter_ns() + left.jitter_ns() + left.drift() * bins.width_ns as f64,
+            bin_noise_ns: jitter_ns.into_iter().sum::<f64>() + left.drift() * bins.width_ns as f64,
             bins,
         }
     }
+}
+
+/// Messages per second by times of theirs. A pause, or a time that is far from the others, is no
+/// part of the rate.
+fn rate_hz(mut times_ns: Vec<u64>) -> Option<f64> {
+    times_ns.sort_unstable();
+    let steps = times_ns.windows(2).map(|two| two[1] - two[0]);
+    let mut steps: Vec<_> = steps.collect();
+    steps.sort_unstable();
+    let pause_ns = nearest_rank(&steps, 0.9)?.saturating_mul(PAUSE_STEPS);
+    let most_ns = if pause_ns > 0 { pause_ns } else { u64::MAX };
+    let span_ns: u64 = steps.iter().map(|step| (*step).min(most_ns)).sum();
+    (span_ns > 0).then(|| steps.len() as f64 * 1e9 / span_ns as f64)
 }
 
 /// Log time around a message in which offsets are compared.
@@ -341,14 +363,21 @@ impl TopicScan {
     fn is_below_second(&self, samples: &TopicTimes) -> bool {
         let below = |sample: &TimedMessage| sample.stamp_ns % 1_000_000_000;
         let seconds = |sample: &TimedMessage| sample.stamp_ns / 1_000_000_000;
-        let [Some(stamps_hz), Some(log_hz)] = samples.rates else {
+        let Some(log_hz) = samples.rates[1] else {
             return false;
         };
+        let stamps_ns = |edge: Option<u64>| edge.unwrap_or(0) as f64;
+        let stamps = || self.first.iter().map(|sample| sample.stamp_ns);
+        let span_ns = stamps_ns(stamps().max()) - stamps_ns(stamps().min());
+        let stamps_hz = self.first.len() as f64 * 1e9 / span_ns;
         let step_hz = samples.step_ns.map_or(0.0, |step_ns| 1e9 / step_ns as f64);
         let spread = self.first.first().map(seconds) != self.first.last().map(seconds);
-        spread
-            && self.first.iter().all(|sample| below(sample) < 1_000_000)
-            && stamps_hz < UNIT_RATIO * log_hz
+        let is_epoch = self.first.first().map_or(0, seconds) > MIN_EPOCH_S;
+        (if spread {
+            stamps_hz < UNIT_RATIO * log_hz
+        } else {
+            is_epoch
+        }) && self.first.iter().all(|sample| below(sample) < 1_000_000)
             && step_hz > MAX_RATE_HZ
             && step_hz >= UNIT_RATIO * log_hz
     }
@@ -367,7 +396,9 @@ impl ClockScan {
         let [left_name, right_name] = &self.images;
         let left = self.topics.get(left_name).map(|topic| {
             let left = samples(left_name, topic);
-            let is_measured = left.not_measured().is_none() && topic.wrong_unit(&left).is_none();
+            // Where the log times of others are no stamps, those of the left images are measured.
+            let reason = left.not_measured().filter(|reason| *reason != LOG_IS_STAMP);
+            let is_measured = reason.is_none() && topic.wrong_unit(&left).is_none();
             (left, is_measured)
         });
         let left = left.filter(|(_, is_measured)| *is_measured);

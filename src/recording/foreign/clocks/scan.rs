@@ -6,7 +6,7 @@ use super::super::{Transforms, camera, head, is_image, sensor};
 use crate::Recording;
 use crate::messages::{Channel, EventReader, FileEvent};
 use crate::stamp_rule::StampRule;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
 
 /// Number of first messages of each camera, and of places behind them.
@@ -15,9 +15,12 @@ const PLACES: usize = 20;
 /// Number of images of each camera that the first messages have to contain.
 pub(super) const MIN_MESSAGES: usize = 10;
 /// Bytes of the first messages, unless they have too few images, and then; bytes of a place, and of
-/// one without an image of each camera.
+/// one without what is needed of it.
 const FIRST_BYTES: [usize; 2] = [8 << 20, 64 << 20];
 const PLACE_BYTES: [usize; 2] = [128 << 10, 8 << 20];
+
+/// Longest run of equal messages of a node that repeats them.
+const MAX_RUN: usize = 4;
 
 /// The use of a topic's messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -114,6 +117,18 @@ impl TopicScan {
         let copies = *runs.first()?;
         let is_even = runs.len() > 3 && runs.iter().all(|run| *run == copies);
         (copies > 1 && is_even).then_some(copies)
+    }
+
+    /// The number of messages that are copies of the one before, if a part of all come several
+    /// times: those of a camera that is slower than the node that repeats it. A robot that stands
+    /// before a simulated camera has longer runs.
+    pub(super) fn mixed_copies(&self) -> Option<usize> {
+        let copied = self.runs.iter().filter(|run| **run > 1).count();
+        let is_mixed = self.runs.iter().all(|run| *run <= MAX_RUN)
+            && self.runs.len() >= MIN_MESSAGES
+            && 5 * copied >= self.runs.len()
+            && self.copies().is_none();
+        is_mixed.then(|| self.runs.iter().map(|run| run - 1).sum())
     }
 
     /// Stamp of the first message that is not a copy of the one before, and the period.
@@ -284,8 +299,16 @@ impl ClockScan {
 
     fn read_place(&mut self, messages: &mut dyn EventReader) {
         let [least, most] = PLACE_BYTES;
-        let (mut bytes, mut seen) = (0, [false; 2]);
-        while bytes < least || bytes < most && seen.contains(&false) {
+        // Depth images and other measurements are needed only of a topic with few of them.
+        let is_few = |topic: &TopicScan| {
+            matches!(topic.role, ClockRole::Image | ClockRole::Measurement)
+                && topic.first.len() + topic.later.len() < MIN_MESSAGES
+        };
+        let few = self.topics.iter().filter(|(_, topic)| is_few(topic));
+        let wanted = few.map(|(name, _)| name).chain(&self.images).cloned();
+        let mut wanted: BTreeSet<_> = wanted.collect();
+        let mut bytes = 0;
+        while bytes < least || bytes < most && !wanted.is_empty() {
             let Ok(Some(event)) = messages.next() else {
                 return;
             };
@@ -293,9 +316,7 @@ impl ClockScan {
                 continue;
             };
             bytes += data.len();
-            for (topic, seen) in self.images.iter().zip(&mut seen) {
-                *seen |= *topic == channel.topic;
-            }
+            wanted.remove(&channel.topic);
             self.take_in_later(channel, log_ns, &data);
         }
     }

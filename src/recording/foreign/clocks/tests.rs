@@ -587,3 +587,100 @@ fn no_right_recording_is_warned_of() {
         }
     }
 }
+
+/// The messages of a robot whose measurements are 3 s behind, changed.
+fn behind(change: impl Fn(&mut Logged)) -> Vec<Logged> {
+    let mut robot = robot();
+    robot[2].clock_ns = -3 * S;
+    let mut messages = logged(&robot, &mut Rng::with_seed(1));
+    messages.iter_mut().for_each(change);
+    messages.sort_by_key(|(log, ..)| *log);
+    messages
+}
+
+#[test]
+fn a_pause_or_a_few_odd_times_hide_no_clock() {
+    let first = BEGIN + 10 * MS;
+    let pause = |message: &mut Logged| {
+        let later = i64::from(message.0 > BEGIN + 6 * S) * 60 * S;
+        (message.0, message.3) = (message.0 + later, message.3 + later);
+    };
+    let log_pause =
+        |message: &mut Logged| message.0 += i64::from(message.0 > BEGIN + 6 * S) * 60 * S;
+    let odd_stamp = |message: &mut Logged| {
+        let is_odd = message.1 == IMAGES[0] && message.3 == BEGIN + 33 * 9 * MS;
+        message.3 -= i64::from(is_odd) * 50 * S;
+    };
+    let early_log = |message: &mut Logged| message.0 -= i64::from(message.0 < first) * 20 * S;
+    let changes: [&dyn Fn(&mut Logged); 4] = [&pause, &log_pause, &odd_stamp, &early_log];
+    for change in changes {
+        let found = table(&behind(change));
+        let fault = found.faults.iter().find(|fault| fault.topic == "/points");
+        let reason = &fault.unwrap().reason;
+        assert!(
+            reason.contains("3.000 s behind") || reason.contains("2.99"),
+            "{reason}"
+        );
+    }
+    // Pauses of a sound recording are no fault.
+    let mut sound = logged(&robot(), &mut Rng::with_seed(1));
+    sound.iter_mut().for_each(pause);
+    assert_eq!(table(&sound).faults, []);
+}
+
+#[test]
+fn left_log_times_that_are_stamps_are_compared_with_others() {
+    let mut robot = robot();
+    (robot[0].latency_ns, robot[0].jitter_ns) = (0, 0);
+    assert_eq!(robot_table(&robot).faults, []);
+    robot[2].clock_ns = -S;
+    names(&robot_table(&robot), "/points", false, "1.006 s behind");
+}
+
+#[test]
+fn images_that_a_node_repeats_at_times_are_named() {
+    let messages = logged(&robot(), &mut Rng::with_seed(1));
+    let copied = |is_copy: fn(u32) -> bool| {
+        let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
+        let (mut bytes, mut count) = (0, 0);
+        for &(log, topic, schema, stamp) in &messages {
+            if topic == IMAGES[1] {
+                bytes += u32::from(!is_copy(count));
+                count += 1;
+            }
+            let bytes = if topic == IMAGES[1] {
+                bytes
+            } else {
+                log as u32
+            };
+            scan.take_in(&channel(topic, schema), log as u64, &message(stamp, bytes));
+        }
+        ClockTable::new(&scan, &[], &Selection::default())
+    };
+    // 20 images a second at 30, and every image twice but one.
+    for is_copy in [|i| i % 3 == 2, |i| i % 2 == 1 && i != 99] {
+        names(
+            &copied(is_copy),
+            IMAGES[1],
+            false,
+            "are copies of the one before",
+        );
+    }
+    // A robot that stands, and one image that comes twice.
+    for is_copy in [|i| (100..300).contains(&i), |i| i == 50] {
+        assert_eq!(copied(is_copy).faults, []);
+    }
+}
+
+#[test]
+fn units_below_a_second_are_read_within_one() {
+    let within = |message: &Logged| message.3 - BEGIN < S && message.0 < BEGIN + 2 * S;
+    let parts = stamped(None, |stamp| stamp / S * S + stamp % S / 1_000);
+    let parts: Vec<_> = parts.into_iter().filter(within).collect();
+    assert!(table(&parts).faults[0].reason.contains("--stamps us"));
+    let selection = Selection {
+        stamps: Some(StampUnit::Microseconds),
+        ..Selection::default()
+    };
+    assert_eq!(table_with(&parts, &selection).faults, []);
+}
