@@ -36,6 +36,31 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
     }))
 }
 
+/// Depths of programs that write a number where there is none, metres: the largest of 16 bits and
+/// of half floats, in millimetres or metres, and limits of sensors.
+const NO_DEPTHS: [f32; 9] = [
+    65.535, 65.534, 65.504, 32.767, 10.0, 20.0, 40.0, 100.0, 65504.0,
+];
+/// Fraction of the pixels from which on such a depth, if it is the largest, stands for none.
+const MIN_NO_DEPTHS: f64 = 0.01;
+
+/// The largest depth of an image in words, if it likely stands for no depth.
+pub fn no_depth(depths: &Plane<f32>) -> Option<String> {
+    let known = || depths.pixels().filter(|depth| depth.is_finite());
+    let most = known().fold(0.0, f32::max);
+    // A depth in metres went through a division.
+    let is_near = |other: f32| (most - other).abs() <= 1e-6 * other;
+    let count = known().filter(|depth| *depth == most).count();
+    let (width, height) = depths.size();
+    let part = count as f64 / (width * height) as f64;
+    (part > MIN_NO_DEPTHS && NO_DEPTHS.into_iter().any(is_near)).then(|| {
+        format!(
+            "more than 1 % of the pixels of a depth image have the largest depth, {most} m, which \
+             likely stands for none: write 0 where there is no depth (REP 118)"
+        )
+    })
+}
+
 /// The points of KITTI's velodyne `.bin`, metres in the scanner's frame; one at its origin is none.
 ///
 /// # Errors

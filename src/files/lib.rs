@@ -21,7 +21,7 @@ mod rvl;
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide};
-pub use depth::{read_depth, read_points};
+pub use depth::{no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
 pub use image::{IMAGE_ENDINGS, read_image};

@@ -111,7 +111,10 @@ impl Opened {
             }
         }
         let options = Chain::for_options(&request.options, request.raw)?;
+        // The user's word that the pairs are rectified is all that is known of them.
+        let is_assumed = request.calib() == Calib::None && declare.is_none();
         let chain = Chain {
+            assume: is_assumed.then_some(()),
             distinct: options.distinct.filter(|()| !self.is_live),
             rectify,
             declare,
@@ -196,6 +199,11 @@ impl Opened {
                 return Ok(None);
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
+                if calib == Calib::None {
+                    let note = "--calib none uses the images as they are, without distances";
+                    self.notes.push(format!("{name}: {note}"));
+                    return Ok(None);
+                }
                 if calib != Calib::Raw {
                     let remarks = self.facts.remarks.iter();
                     remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));

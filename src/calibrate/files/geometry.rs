@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 use svl_core::Result;
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
-    StereoCalibration, check_size, motion,
+    StereoCalibration, check_offsets, check_size, motion,
 };
 
 /// Rectified cameras count as one pinhole if they differ by at most this fraction of the focal
@@ -211,6 +211,9 @@ pub(super) fn rig(
     }
     if !same(left[(1, 1)], focal) || !same(right[(1, 1)], focal) {
         return Err("rectified cameras have one focal length, along x and along y".into());
+    }
+    if unit == LengthUnit::Metres {
+        check_offsets(left, right).map_err(|e| e.to_string())?;
     }
     Rig::from_projections(left, right, SAME, SAME * focal.abs(), unit).map_err(|e| e.to_string())
 }

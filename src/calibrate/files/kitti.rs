@@ -12,7 +12,9 @@ use super::unit::FileUnit;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{DistortionModel, LengthUnit, Rectification, Rig, Side, StereoCalibration};
+use svl_core::stereo::{
+    CalibrationCheck, DistortionModel, LengthUnit, Rectification, Rig, Side, StereoCalibration,
+};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
@@ -120,7 +122,9 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let size = image_size(&document, None, hints)?;
     let cameras = rectified(&document, size, rig)?;
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
-    let mut remarks = Vec::new();
+    let offsets =
+        CalibrationCheck::offsets(&document.projection(left)?, &document.projection(right)?);
+    let mut remarks = Vec::from_iter(offsets.doubt);
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
         remarks.push("cameras 0 and 1 were used; 2 and 3 were dropped".to_owned());
     }

@@ -8,7 +8,9 @@ use super::numbers::{listed, rows};
 use super::unit::FileUnit;
 use nalgebra::{Matrix3x4, Rotation3};
 use svl_core::Result;
-use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Side, StereoCalibration};
+use svl_core::stereo::{
+    CalibrationCheck, Intrinsics, LengthUnit, Rectification, Side, StereoCalibration,
+};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
@@ -52,7 +54,8 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         right_from_left: None,
         rectification: Some(rectification),
     };
-    cameras.loaded(&FORMAT, &left, unit, Vec::new())
+    let offsets = CalibrationCheck::offsets(&projections.0, &projections.1);
+    cameras.loaded(&FORMAT, &left, unit, Vec::from_iter(offsets.doubt))
 }
 
 fn one(document: &Document, hints: &Hints) -> Result<Intrinsics> {

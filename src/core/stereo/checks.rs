@@ -1,6 +1,7 @@
 //! The numbers of a stereo calibration that are named where they are unusual.
 
 use super::{Rig, StereoCalibration};
+use nalgebra::Matrix3x4;
 use serde::Serialize;
 
 /// Distances of a principal point from the middle, as a fraction of the image's side: the middle
@@ -45,6 +46,27 @@ impl CalibrationCheck {
 
     /// The principal points of two cameras; of both, the one farther from the middle.
     fn centers(name: &'static str, kind: &str, cameras: [((f64, f64), (usize, usize)); 2]) -> Self {
+        let kinds = ["left", "right"].map(|side| format!("{side} {kind}"));
+        Self::centers_of(name, kinds, cameras, "--calib FILE")
+    }
+
+    /// The principal point of the camera of other images than the pairs'.
+    pub fn center(kind: &str, center_px: (f64, f64), size: (usize, usize)) -> Self {
+        let kinds = [kind.to_owned(), String::new()];
+        Self::centers_of(
+            "center",
+            kinds,
+            [(center_px, size); 2],
+            "correct its camera_info",
+        )
+    }
+
+    fn centers_of(
+        name: &'static str,
+        kinds: [String; 2],
+        cameras: [((f64, f64), (usize, usize)); 2],
+        cure: &str,
+    ) -> Self {
         let off = |((x, y), (width, height)): ((f64, f64), (usize, usize))| {
             // A size of 0 was not set.
             let off = |at: f64, side: usize| match side {
@@ -54,10 +76,10 @@ impl CalibrationCheck {
             off(x, width).max(off(y, height))
         };
         let [left, right] = cameras.map(off);
-        let (side, ((x, y), (width, height)), value) = if left >= right {
-            ("left", cameras[0], left)
+        let (kind, ((x, y), (width, height)), value) = if left >= right {
+            (&kinds[0], cameras[0], left)
         } else {
-            ("right", cameras[1], right)
+            (&kinds[1], cameras[1], right)
         };
         let place = if value > 0.5 {
             "outside"
@@ -66,9 +88,9 @@ impl CalibrationCheck {
         };
         let check = Self::new(name, value, CENTER, || {
             format!(
-                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is {place} its image of \
+                "the principal point ({x:.0}, {y:.0}) of the {kind} is {place} its image of \
                  {width}x{height}: unless the images are cropped, the calibration is of another \
-                 size or binning, and distances are wrong: --calib FILE"
+                 size or binning, and distances are wrong: {cure}"
             )
         });
         let is_half = |at: f64, side: usize| HALF.contains(&(2.0 * (at + 0.5) / side as f64));
@@ -77,10 +99,9 @@ impl CalibrationCheck {
             .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));
         let half = || {
             format!(
-                "the principal point ({x:.0}, {y:.0}) of the {side} {kind} is the middle of \
+                "the principal point ({x:.0}, {y:.0}) of the {kind} is the middle of \
                  {:.0}x{:.0} pixels, and its image has {width}x{height}: unless the images are \
-                 cropped, the calibration is of half the size, and distances are wrong: \
-                 --calib FILE",
+                 cropped, the calibration is of half the size, and distances are wrong: {cure}",
                 2.0 * x + 1.0,
                 2.0 * y + 1.0
             )
@@ -106,9 +127,10 @@ impl CalibrationCheck {
         })
     }
 
-    /// The offsets in the projections of both cameras, metres: equal ones of opposite signs are
-    /// each that to the other camera.
-    pub fn offsets([left_m, right_m]: [f64; 2]) -> Self {
+    /// The offsets in the projections of both cameras: equal ones of opposite signs are each that
+    /// to the other camera.
+    pub fn offsets(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Self {
+        let [left_m, right_m] = [left, right].map(|p| p[(0, 3)] / p[(0, 0)]);
         let apart = match left_m.abs().max(right_m.abs()) {
             0.0 => 1.0,
             most => (left_m + right_m).abs() / most,
@@ -246,7 +268,9 @@ mod tests {
         assert!(doubts(1.0).contains("1.0 px, and the images are 640 px wide"));
         assert!(doubts(70_000.0).contains("no camera has it"));
         assert_eq!(doubts(64.0) + &doubts(20_000.0), "");
-        let offsets = |left, right| CalibrationCheck::offsets([left, right]).doubt;
+        let projection = |m: f64| Matrix3x4::new(1., 0., 0., m, 0., 1., 0., 0., 0., 0., 1., 0.);
+        let offsets =
+            |left, right| CalibrationCheck::offsets(&projection(left), &projection(right)).doubt;
         assert!(
             offsets(0.1, -0.1)
                 .unwrap()
@@ -256,6 +280,15 @@ mod tests {
             [offsets(0.0, -0.1), offsets(0.06, -0.47), offsets(0.0, 0.0)],
             [None, None, None]
         );
+    }
+
+    #[test]
+    fn the_camera_of_depths_is_named_with_its_own_cure() {
+        let doubt = |x, y| CalibrationCheck::center("depth camera", (x, y), (160, 120)).doubt;
+        assert_eq!(doubt(80.0, 60.0), None);
+        let words = doubt(160.0, 120.0).unwrap();
+        assert!(words.starts_with("the principal point (160, 120) of the depth camera is"));
+        assert!(words.ends_with("correct its camera_info"), "{words}");
     }
 
     #[test]

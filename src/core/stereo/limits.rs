@@ -2,10 +2,13 @@
 //! disparities, images of another size.
 
 use crate::error::{Error, Result};
+use nalgebra::Matrix3x4;
 
 /// Baselines of stereo cameras, metres. A shorter one is rounding, or in metres where millimetres
 /// are expected; a longer one is in millimetres.
 const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
+/// A shorter one is rounding.
+const MIN_WRITTEN_M: f64 = 1e-6;
 /// The factor between the units that are mistaken for each other.
 const MILLI: f64 = 1000.0;
 /// Greatest difference of `doffs` from the distance of the principal points, pixels.
@@ -39,6 +42,26 @@ pub(super) fn check_baseline(baseline: f64, unit: LengthUnit) -> Result<()> {
     };
     Err(Error::Rig(format!(
         "its baseline of {baseline:.3e} m is not between 0.5 mm and 30 m{likely}"
+    )))
+}
+
+/// Checks that the offsets of two projections are focal length times baseline, where this is in
+/// metres.
+///
+/// # Errors
+/// [`Error::Rig`] for one that is likely the baseline itself.
+#[doc(hidden)]
+pub fn check_offsets(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<()> {
+    let offset = left[(0, 3)] - right[(0, 3)];
+    let baseline_m = offset / left[(0, 0)];
+    let is_long = |metres: f64| metres >= *BASELINES_M.start();
+    if baseline_m <= MIN_WRITTEN_M || is_long(baseline_m) || !is_long(offset) {
+        return Ok(());
+    }
+    Err(Error::Rig(format!(
+        "P has an offset of {:.4}, which makes a baseline of {baseline_m:.3e} m: the offset is \
+         likely the baseline itself, {offset:.4} m, and has to be multiplied by the focal length",
+        -offset
     )))
 }
 
@@ -102,6 +125,19 @@ mod tests {
             let refusal = refusal(metres);
             assert!(refusal.contains(words), "{refusal}");
         }
+        // P has the baseline where its product with the focal length is expected.
+        let p = |offset: f64| {
+            Matrix3x4::new(
+                328.0, 0.0, 160.0, offset, 0.0, 328.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            )
+        };
+        let by = |offset| check_offsets(&p(0.0), &p(offset));
+        let refusal = by(-0.044).unwrap_err().to_string();
+        assert!(
+            refusal.contains("likely the baseline itself, 0.0440 m"),
+            "{refusal}"
+        );
+        assert!(by(-0.044 * 328.0).is_ok());
         // Squares of a board are no metres.
         assert!(Rig::in_unit(500.0, (9.0, 9.0), 100.0, 0.0, LengthUnit::Squares).is_ok());
     }

@@ -129,8 +129,12 @@ impl PairReader {
         camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
     }
 
-    /// The checks of the current calibrations; none without both.
-    pub(super) fn checks(&self, raw: Option<&StereoCalibration>) -> Vec<CalibrationCheck> {
+    /// The checks of the current calibrations, for images of that size; none without both.
+    pub(super) fn checks(
+        &self,
+        raw: Option<&StereoCalibration>,
+        size: (usize, usize),
+    ) -> Vec<CalibrationCheck> {
         let rig = match raw {
             Some(calibration) => calibration.rig().ok_or_else(String::new),
             None => self.rig(),
@@ -140,7 +144,7 @@ impl PairReader {
             _ => None,
         };
         match (self.both(), rig) {
-            (Ok(cameras), Ok(rig)) => camera::checks(cameras, &rig, raw, apart_m),
+            (Ok(cameras), Ok(rig)) => camera::checks((cameras, size), &rig, raw, apart_m),
             _ => Vec::new(),
         }
     }

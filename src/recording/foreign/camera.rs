@@ -6,7 +6,7 @@ use crate::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use svl_core::stereo::{
     CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,
-    StereoCalibration, check_size, rotation,
+    StereoCalibration, check_offsets, check_size, rotation,
 };
 
 /// Schemas of calibration messages.
@@ -304,6 +304,25 @@ impl Calibration {
         check_size(own, size).map_err(|e| e.to_string())
     }
 
+    /// The check of a binning.
+    fn binning_check(&self, size: (usize, usize)) -> Option<CalibrationCheck> {
+        let [_, _, cx, _, _, cy, ..] = self.k[..] else {
+            return None;
+        };
+        let is_binned = self.binning != [1, 1];
+        is_binned.then(|| CalibrationCheck::binning((cx, cy), self.binning, size))
+    }
+
+    /// The doubts about the calibration of a depth camera whose principal point is `center_px`, for
+    /// images of that size.
+    pub(super) fn depth_doubts(&self, center_px: (f64, f64), size: (usize, usize)) -> Vec<String> {
+        let center = CalibrationCheck::center("depth camera", center_px, size);
+        let checks = [self.binning_check(size), Some(center)];
+        let mut doubts = checks.into_iter().flatten().filter_map(|check| check.doubt);
+        // The first is the cause of the other.
+        doubts.next().into_iter().collect()
+    }
+
     /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
     /// that projects to other pixels than K.
     pub(super) fn is_of_raw_camera(&self) -> bool {
@@ -412,13 +431,10 @@ pub(super) fn rig(
             right[(0, 3)] = -offset;
         }
     }
-    let rig = Rig::from_projections(
-        &left,
-        &right,
-        FOCAL_TOLERANCE,
-        ROW_TOLERANCE_PX,
-        LengthUnit::Metres,
-    );
+    let rig = check_offsets(&left, &right).and_then(|()| {
+        let (focal, row) = (FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+        Rig::from_projections(&left, &right, focal, row, LengthUnit::Metres)
+    });
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
@@ -435,14 +451,18 @@ pub(super) fn rig(
 }
 
 /// The checks of the numbers of two cameras, of which `rig` is that of rectified images.
-/// `apart_m`: distance of the cameras by the static transforms.
+/// `size`: that of the images, for calibrations that have none. `apart_m`: distance of the cameras
+/// by the static transforms.
 pub(super) fn checks(
-    [left, right]: [&Calibration; 2],
+    ([left, right], size): ([&Calibration; 2], (usize, usize)),
     rig: &Rig,
     calibration: Option<&StereoCalibration>,
     apart_m: Option<f64>,
 ) -> Vec<CalibrationCheck> {
-    let size = (left.size.0 as usize, left.size.1 as usize);
+    let size = match left.size {
+        (0, 0) => size,
+        (width, height) => (width as usize, height as usize),
+    };
     let mut checks = match calibration {
         Some(calibration) => calibration.checks(),
         None => rig.checks(size),
@@ -451,11 +471,17 @@ pub(super) fn checks(
         checks.push(CalibrationCheck::focal(rig.focal_px(), raw_px));
     }
     if let (Ok(left), Ok(right)) = (left.projection(), right.projection()) {
-        let offsets_m = [left, right].map(|p| p[(0, 3)] / p[(0, 0)]);
-        checks.push(CalibrationCheck::offsets(offsets_m));
+        let mut offsets = CalibrationCheck::offsets(&left, &right);
+        // Those to the middle of the cameras are right, as the transforms say.
+        let is_right = |apart_m| {
+            CalibrationCheck::baseline(rig.baseline_m(), apart_m, "")
+                .doubt
+                .is_none()
+        };
+        offsets.doubt = offsets.doubt.filter(|_| !apart_m.is_some_and(is_right));
+        checks.push(offsets);
     }
-    if let ([_, _, cx, _, _, cy, ..], true) = (&left.k[..], left.binning != [1, 1]) {
-        let binning = CalibrationCheck::binning((*cx, *cy), left.binning, size);
+    if let Some(binning) = left.binning_check(size) {
         // It is the cause of the others.
         if binning.doubt.is_some() {
             checks.iter_mut().for_each(|check| check.doubt = None);
@@ -586,7 +612,7 @@ mod tests {
         says(
             &left,
             &camera(500.0, 120.0, -0.1),
-            "2.000e-4 m is not between",
+            "2.000e-4 m: the offset is likely the baseline itself",
         );
         let rounded = camera(500.0, 120.0, -1e-9);
         let found = rig(&left, &rounded, Some(0.05)).unwrap();

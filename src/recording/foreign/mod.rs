@@ -601,7 +601,7 @@ impl PairReader {
             note: self.depth.note(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
             camera: CameraFacts {
-                checks: self.checks(raw.as_ref().and_then(|raw| raw.as_ref().ok())),
+                checks: self.checks(raw.as_ref().and_then(|raw| raw.as_ref().ok()), self.size),
                 focal_px: left.and_then(|left| left.focal_px(are_raw)),
                 distortion_model: raw_left
                     .and_then(|left| left.distortion_model())

@@ -25,7 +25,7 @@ const MIN_RAY_ERROR: f64 = 0.02;
 pub(super) const MIN_FACTOR: f64 = 1.5;
 /// The algorithm whose known cells are hardly ever wrong, and the fewest of them that tell.
 const SURE: &str = "v5";
-const MIN_CELLS: u64 = 30;
+const MIN_CELLS: u64 = 20;
 
 /// Compares the truth of a run's first frames with the estimates of its algorithms.
 #[derive(Default)]

@@ -16,7 +16,7 @@ const BASELINE_M: f64 = 0.044;
 #[derive(Clone, Copy)]
 pub(super) struct Info {
     size: (u32, u32),
-    k: [f64; 3],
+    pub(super) k: [f64; 3],
     pub(super) d: [f64; 5],
     p: [f64; 3],
     pub(super) tx: f64,
@@ -130,7 +130,16 @@ fn contradictions_in_a_bag_are_named_first() {
     let none: &[Link] = &[];
     let apart = |metres: f64| [("cam0", "cam1", [metres, 0.0, 0.0])];
     let (near, far) = (apart(0.045), apart(0.06));
-    let cases: [(&str, [Info; 2], &[Link]); 9] = [
+    let (middle, to_each_other) = (
+        apart(BASELINE_M),
+        [0.5, -0.5].map(|part| part * F * BASELINE_M),
+    );
+    let offsets = |both: [f64; 2]| {
+        let mut all = infos();
+        (all[0].tx, all[1].tx) = (both[0], both[1]);
+        all
+    };
+    let cases: [(&str, [Info; 2], &[Link]); 13] = [
         (
             "usable: 4 rectified pairs, calibrated, no truth",
             infos(),
@@ -173,6 +182,31 @@ fn contradictions_in_a_bag_are_named_first() {
             "its baseline of 4.400e1 m is not between 0.5 mm and 30 m: likely 0.0440 m, written in \
              millimetres where metres are expected",
             with(&|info| info.tx *= 1000.0),
+            none,
+        ),
+        (
+            "of 0.0220 m in the left camera and of -0.0220 m in the right one",
+            offsets(to_each_other),
+            none,
+        ),
+        // Offsets to the middle of the cameras.
+        (
+            "usable: 4 rectified pairs, calibrated, no truth",
+            offsets(to_each_other),
+            &middle,
+        ),
+        (
+            "the offset is likely the baseline itself, 0.0440 m",
+            with(&|info| info.tx /= F),
+            none,
+        ),
+        // A calibration without a size is for that of the images.
+        (
+            "is the middle of 160x120 pixels, and its image has 320x240",
+            with(&|info| {
+                (info.size, info.tx) = ((0, 0), info.tx / 2.0);
+                (info.k, info.p) = ([F / 2.0, 79.5, 59.5], [F / 2.0, 79.5, 59.5]);
+            }),
             none,
         ),
         (
@@ -318,6 +352,28 @@ fn files_are_checked_as_bags_are() {
         let text = ran.stdout + &ran.stderr;
         let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(text.contains(named), "{command}: {text}");
+    }
+    // Offsets of which each is that to the other camera.
+    let kitti = |offset: f64| {
+        format!(
+            "P0: 500 0 320 {offset} 0 500 240 0 0 0 1 0\nP1: 500 0 320 -88 0 500 240 0 0 0 1 0\n"
+        )
+    };
+    for (offset, is_named) in [(0.0, false), (88.0, true)] {
+        fixture.write("k.txt", kitti(offset));
+        for command in &commands("k.txt")[2..] {
+            let ran = fixture.svl(
+                &command
+                    .replace("convert", "convert --size 640x480")
+                    .replace("-o d.pfm", "-o d.pfm --force"),
+            );
+            let text = ran.stdout + &ran.stderr;
+            assert_eq!(
+                text.contains("distances are twice too long"),
+                is_named,
+                "{text}"
+            );
+        }
     }
     // svl's own crop is named to nobody.
     fixture.write("p/calib.txt", calib("176", "31", "320"));

@@ -109,10 +109,15 @@ fn a_map_and_a_truth_of_another_unit_are_told_apart() {
 fn values_that_are_no_depths_are_named() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let cases: [(&str, &str, Change<'_>); 4] = [
+    let cases: [(&str, &str, Change<'_>); 5] = [
+        (
+            "/depth",
+            "have the largest depth, 10 m, which likely stands for none",
+            &|z| if z > 1.0 { 10.0 } else { z },
+        ),
         (
             "/depth16",
-            "more than 1 % of the pixels of a depth image are 65535",
+            "have the largest depth, 65.535 m, which likely stands for none",
             &|z| {
                 if z > 1.0 { 65535.0 } else { 1000.0 * z }
             },
@@ -128,6 +133,28 @@ fn values_that_are_no_depths_are_named() {
         assert_eq!(is_named, !words.is_empty(), "{line}");
         assert!(line.contains(words), "{line}");
     }
+}
+
+/// The camera of depths has the K of images of twice the size.
+#[test]
+fn the_calibration_of_a_depth_camera_is_checked() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    let says = |factor: f64| {
+        let mut all = messages(&frames, infos());
+        all.extend(depth_messages(&frames, "/z/image", &|z| z));
+        let mut camera = infos()[0];
+        camera.k[1..]
+            .iter_mut()
+            .for_each(|center| *center *= factor);
+        let stamps = (1..=frames.len() as u64).map(|i| i * 100_000_000);
+        all.extend(stamps.map(|stamp| camera_info("/z/camera_info", "cam0", stamp, &camera)));
+        bag::write(&fixture.path(""), &all);
+        said(&fixture, "--algo v3 --truth /z/image")
+    };
+    let words = "/z/image: the principal point (319, 239) of the depth camera is far from";
+    assert!(says(2.0).contains(words), "{}", says(2.0));
+    assert!(!says(1.0).contains("depth camera"), "{}", says(1.0));
 }
 
 /// A depth camera with nearly the left camera's K: its distortion moves its pixels.

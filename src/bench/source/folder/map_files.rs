@@ -10,8 +10,8 @@ use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, counted, inputs};
-use svl_files::{has_ending, read_depth, read_disparity_steps, read_points};
-use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities};
+use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
+use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
 use svl_score::plausibility::{TruthUnit, is_better_match};
 
 /// Extensions of the files that are read.
@@ -315,6 +315,9 @@ impl MapFiles {
             (None, _) => None,
         };
         let read = read_depth(path, unit_m)?;
+        if let Some(words) = no_depth(&read) {
+            warn_once(format!("{}: {words}", self.asked()));
+        }
         let depth = self.role.depths(&read);
         let rig = rig.ok_or_else(|| self.wrong("depths need a calibration: --calib FILE"))?;
         let from_depth = disparities(&depth, &rig);

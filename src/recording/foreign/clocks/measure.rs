@@ -11,6 +11,8 @@ const LOG_IS_STAMP: &str = "log times are stamps";
 /// A stamp and a log time that differ by no more are equal: one of them went through a
 /// floating-point number.
 const MAX_ROUNDING_NS: u64 = 1_000;
+/// Greatest difference of two cameras' usual latencies.
+const MAX_LATENCY_NS: u64 = 100_000_000;
 /// Log times that are that much faster than the stamps are those of a script.
 const BURST: f64 = 3.0;
 /// Offsets are compared if the log times of both topics run alike against their stamps.
@@ -70,7 +72,8 @@ pub struct TopicClock {
 pub(super) struct ComparedClock {
     /// The shift of its stamps by which the images are of one moment, nanoseconds.
     pub(super) shift_ns: i64,
-    /// True if the first images of both have the same stamp, but were logged that far apart.
+    /// True if the first images of both have the same stamp, but were logged that far apart; or if
+    /// one camera begins later, and a usual latency and the equal stamps of all explain the rest.
     pub(super) is_late: bool,
     /// Part of the difference of two bins that random latencies, and log times of another speed
     /// than that of the stamps, explain.
@@ -264,14 +267,19 @@ impl TopicTimes {
         let jitter_ns = [self, left].map(|times| times.jitter().spread_ns as f64);
         let mut bins = OffsetBins::new(period_ns);
         bins.take_in_all([&left.all, &self.all]);
+        let shift_ns = self.shift_ns(left, behind.median_ns);
+        let is_usual = behind.median_ns.unsigned_abs() < MAX_LATENCY_NS
+            && (self.shift_ns(left, 0).unsigned_abs() as f64) < period_ns / 10.0;
         let is_late = |(own, left): (&TimedMessage, &TimedMessage)| {
             let logged = own.log_ns.wrapping_sub(left.log_ns).cast_signed();
-            (own.stamp_ns.abs_diff(left.stamp_ns) as f64) < period_ns / 4.0
+            let begins_apart = logged.unsigned_abs() as f64 > period_ns / 2.0;
+            let has_one_stamp = (own.stamp_ns.abs_diff(left.stamp_ns) as f64) < period_ns / 4.0
                 && logged.signum() == behind.median_ns.signum()
-                && logged.unsigned_abs() > behind.median_ns.unsigned_abs() / 2
+                && logged.unsigned_abs() > behind.median_ns.unsigned_abs() / 2;
+            has_one_stamp || is_usual && begins_apart
         };
         ComparedClock {
-            shift_ns: self.shift_ns(left, behind.median_ns),
+            shift_ns,
             is_late: self.all.first().zip(left.all.first()).is_some_and(is_late),
             bin_noise_ns: jitter_ns.into_iter().sum::<f64>() + left.drift() * bins.width_ns as f64,
             bins,

@@ -673,6 +673,17 @@ fn images_that_a_node_repeats_at_times_are_named() {
 }
 
 #[test]
+fn a_latency_is_no_offset_of_a_camera_that_begins_later() {
+    let mut robot = robot();
+    robot[1].latency_ns += 40 * MS;
+    assert_eq!(robot_table(&robot).faults, [], "one stamp");
+    robot[1].from_ns = 3 * 33 * MS;
+    assert_eq!(robot_table(&robot).faults, [], "later");
+    robot[1].latency_ns += 100 * MS;
+    names(&robot_table(&robot), IMAGES[1], true, "0.140 s behind");
+}
+
+#[test]
 fn units_below_a_second_are_read_within_one() {
     let within = |message: &Logged| message.3 - BEGIN < S && message.0 < BEGIN + 2 * S;
     let parts = stamped(None, |stamp| stamp / S * S + stamp % S / 1_000);

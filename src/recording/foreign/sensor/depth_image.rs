@@ -15,15 +15,12 @@ use svl_files::{self as files, InverseDepth, RVL_HEADER};
 pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let image = ros::read(channel, data, ros::image)?.1;
     let depths = depths(&image)?;
-    warn_of_values(channel, image.encoding, &depths);
+    warn_of_values(channel, &depths);
     Ok(depths)
 }
 
-/// Fraction of the pixels with the largest value of 16 bits that stand for no depth.
-const MAX_LARGEST: f64 = 0.01;
-
-/// Warns of depths that are likely none: the largest value of 16 bits, and images of ranges.
-fn warn_of_values(channel: &Channel, encoding: &str, depths: &Plane<f32>) {
+/// Warns of depths that are likely none, and of images of ranges.
+fn warn_of_values(channel: &Channel, depths: &Plane<f32>) {
     let topic = &channel.topic;
     let words = topic
         .rsplit('/')
@@ -36,15 +33,8 @@ fn warn_of_values(channel: &Channel, encoding: &str, depths: &Plane<f32>) {
              along the axis, which are shorter beside the middle: publish depths"
         ));
     }
-    let largest = metres(u16::MAX);
-    let count = depths.pixels().filter(|depth| *depth == largest).count();
-    let (width, height) = depths.size();
-    let is_largest = count as f64 > MAX_LARGEST * (width * height) as f64;
-    if is_largest && !encoding.starts_with("32FC1") {
-        warn_once(format!(
-            "{topic}: more than 1 % of the pixels of a depth image are 65535, which is 65.535 m: \
-             write 0 where there is no depth (REP 118)"
-        ));
+    if let Some(words) = files::no_depth(depths) {
+        warn_once(format!("{topic}: {words}"));
     }
 }
 
@@ -71,7 +61,7 @@ pub(super) fn foxglove_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32
         big_endian: false,
         data: &image.data,
     })?;
-    warn_of_values(channel, &image.encoding, &depths);
+    warn_of_values(channel, &depths);
     Ok(depths)
 }
 
@@ -87,7 +77,7 @@ pub(super) fn foxglove_compressed(channel: &Channel, data: &[u8]) -> Result<Plan
 
 fn compressed(channel: &Channel, format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
     let depths = decompress(format, data)?;
-    warn_of_values(channel, format, &depths);
+    warn_of_values(channel, &depths);
     Ok(depths)
 }
 

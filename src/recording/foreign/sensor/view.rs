@@ -7,6 +7,7 @@ use super::{topics, truth};
 use crate::foreign::camera::Calibration;
 use crate::foreign::camera_track::CameraTrack;
 use crate::foreign::realsense;
+use crate::messages::warn_once;
 use crate::ros::FLOOR_FRAME;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -280,6 +281,11 @@ impl SensorSetup {
                 .and_then(|()| pinhole(own, is_rectified, depth.size()))
         });
         let own = own.transpose()?;
+        if let (Some((own, _)), Some(calibration)) = (&own, &camera.own) {
+            for doubt in calibration.depth_doubts(own.center_px(), depth.size()) {
+                warn_once(format!("{topic}: {doubt}"));
+            }
+        }
         let is_of_rig = own.is_none_or(|(own, _)| is_same(&own, rig));
         if self.is_left && raw.is_none() && is_of_rig {
             if depth.size() == size {

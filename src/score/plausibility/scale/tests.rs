@@ -109,3 +109,58 @@ fn every_algorithm_has_to_agree() {
     // One without pixels does not, either.
     assert!(doubt("d/*.png", |d| d / 2.0, right(|_| 0.0)).is_some());
 }
+
+/// The doubts about a truth of that origin by an algorithm of such cells and such a factor.
+fn doubts_of(
+    label: &str,
+    origin: TruthOrigin,
+    factor: Option<f64>,
+    cells: [u64; 2],
+) -> Vec<String> {
+    let scale = AlgorithmScale {
+        factor,
+        inverse: None,
+        is_along_rays: false,
+        is_recorded: label == "map",
+        right: cells[0],
+        wrong: cells[1],
+    };
+    let algorithms = BTreeMap::from([(label.to_owned(), scale)]);
+    MeasuredScales { origin, algorithms }.doubts()
+}
+
+#[test]
+fn cells_that_are_right_deny_a_factor() {
+    let sensor = || TruthOrigin::Sensor("d/*.png".into());
+    // Beyond the range of an algorithm its pixels are wrong, and its cells unknown.
+    let doubts = doubts_of("v5", sensor(), Some(2.0), [90, 2]);
+    assert_eq!(doubts, Vec::<String>::new());
+    let doubts = doubts_of("v5", sensor(), Some(2.0), [0, 90]);
+    assert!(doubts[0].contains("0.5 times"), "{doubts:?}");
+}
+
+#[test]
+fn a_truth_that_denies_what_v5_knows_is_doubtful() {
+    let sensor = || TruthOrigin::Sensor("/depth".into());
+    let doubts = doubts_of("v5:max_disparity=96", sensor(), None, [20, 40]);
+    let words = "40 of 60 cells that v5:max_disparity=96 knows in the first pairs are wrong";
+    assert!(doubts[0].contains(words), "{doubts:?}");
+    for (label, cells) in [("v5", [40, 20]), ("v5", [0, 19]), ("v3", [20, 40])] {
+        let doubts = doubts_of(label, sensor(), None, cells);
+        assert_eq!(doubts, Vec::<String>::new(), "{label} {cells:?}");
+    }
+}
+
+#[test]
+fn a_map_is_doubtful_beside_a_reference() {
+    let reference = || TruthOrigin::Reference("v5".into());
+    let doubts = doubts_of("map", reference(), Some(0.001), [0, 60]);
+    assert!(
+        doubts[0].starts_with("the map of map is doubtful"),
+        "{doubts:?}"
+    );
+    assert!(doubts[0].contains("those of the reference"), "{doubts:?}");
+    // The reference is none of the matchers that it comes from.
+    let doubts = doubts_of("v5", reference(), Some(0.5), [0, 60]);
+    assert_eq!(doubts, Vec::<String>::new());
+}
