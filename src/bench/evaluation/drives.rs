@@ -11,10 +11,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
+use svl_files::outputs::remove_file;
 use svl_files::safe_name;
 use svl_report::CoursePlan;
 use svl_report::units::{
-    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter, remove_file,
+    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter,
 };
 use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
