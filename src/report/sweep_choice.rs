@@ -9,10 +9,10 @@ use super::choice::better_first;
 use super::prior_test::merit_sample;
 use super::results::Results;
 use super::rows::Row;
-use super::samples::{is_scene, run_key, sample};
+use super::samples::{blocks, sample};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::counted;
-use svl_score::bootstrap::{METHOD, block_length};
+use svl_score::bootstrap::METHOD;
 use svl_score::judge::{Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
 
@@ -147,21 +147,6 @@ impl SweepChoice {
             show(self.score)
         )
     }
-}
-
-/// The number of the block of each row, those of a run beside each other.
-fn blocks(rows: &[&Row]) -> Vec<usize> {
-    let mut blocks: Vec<usize> = Vec::new();
-    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
-        let length = if run.iter().all(|row| is_scene(row)) {
-            1
-        } else {
-            block_length(run.len())
-        };
-        let first = blocks.last().map_or(0, |last| last + 1);
-        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
-    }
-    blocks
 }
 
 #[cfg(test)]

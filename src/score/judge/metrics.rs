@@ -989,6 +989,13 @@ impl Metric {
         self.by_area || area == AreaChoice::default()
     }
 
+    /// The areas that it has a value for.
+    pub fn areas(&self) -> impl Iterator<Item = AreaChoice> {
+        AreaChoice::ALL
+            .into_iter()
+            .filter(|area| self.has_area(*area))
+    }
+
     /// True if any frame of an algorithm can have it, without checkpoints and drives.
     pub fn is_of_frames(&self) -> bool {
         matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)

@@ -453,7 +453,7 @@ pub struct CellFinding {
 }
 
 /// Result of a checkpoint in one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CheckpointFrame {
     pub passed: bool,
     /// Cells that must be right and are not, or that must show something and are unknown.
@@ -464,7 +464,16 @@ pub struct CheckpointFrame {
     pub order_holds: bool,
     /// The largest relative error of distance among the cells whose distance is known; infinite if
     /// one is not reported.
+    #[serde(deserialize_with = "infinite_if_null")]
     pub error: f64,
+}
+
+/// JSON has no infinite number: serde writes null.
+fn infinite_if_null<'de, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<f64, D::Error> {
+    let number: Option<f64> = serde::Deserialize::deserialize(deserializer)?;
+    Ok(number.unwrap_or(f64::INFINITY))
 }
 
 impl CheckpointFrame {
