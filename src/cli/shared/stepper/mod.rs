@@ -37,7 +37,9 @@ pub(crate) trait StepTool {
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
 
     /// Question of the tool at the moment, in place of the message.
-    fn question(&self) -> Option<String>;
+    fn question(&self) -> Option<String> {
+        None
+    }
 
     /// Receives the results of its work in the background; true if there is something to draw.
     fn poll(&mut self, _stepper: &mut Stepper<'_>) -> bool {
