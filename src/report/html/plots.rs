@@ -215,12 +215,7 @@ fn scatter(
         series.extend(page.sweeps.iter().flat_map(|sweep| joined(sweep, find)));
     }
     let [x, y] = trade_off.axes.map(|axis| axis.axis());
-    let chart = Chart {
-        x,
-        y,
-        series,
-        ..Chart::default()
-    };
+    let chart = Chart::untitled(x, y, series);
     // Equal ones share a point.
     let name = |_: &Series, point| {
         let own = placed.iter().filter(|(_, own)| *own == point);
@@ -289,7 +284,7 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
     let places: Vec<_> = points
         .filter_map(|(value, label)| Some((value, label, find(label)?)))
         .collect();
-    let points = places.iter().map(|(.., point)| *point).collect();
+    let points = places.iter().map(|(.., point)| *point);
     let line = Series::new(&sweep.algorithm, SeriesStyle::Joined, points);
     let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
         // A label without settings is how the algorithm is called in the tables.
@@ -326,7 +321,7 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
         let own = own.filter(|row| row.algorithm == a.algorithm);
         let own = own.filter(|row| row.area == summary.basis.area && !row.is_of_all());
         let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
-        let points = points.filter(|(_, error_m)| *error_m > 0.0).collect();
+        let points = points.filter(|(_, error_m)| *error_m > 0.0);
         Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
