@@ -389,7 +389,9 @@ impl Checkpoint {
     ) -> CheckpointFrame {
         let judgement = |[column, row]: [usize; 2]| {
             let place = row * grid.shape().columns + column;
-            judgements.map_or(&CellJudgement::NO_TRUTH, |judgements| &judgements[place])
+            judgements
+                .map(|judgements| judgements[place])
+                .unwrap_or_default()
         };
         let count = |cells: &[[usize; 2]], v: Verdict| {
             cells.iter().filter(|&&c| judgement(c).verdict == v).count()
@@ -548,7 +550,7 @@ mod tests {
             verdict,
             true_px: Some(9.0),
             true_m: Some(1.0),
-            ..CellJudgement::NO_TRUTH
+            ..CellJudgement::default()
         };
         let judgements = cells.map(|(_, verdict)| judgement(verdict));
         opening().judge(&grid, Some(&judgements), CellRule::default())
@@ -575,7 +577,7 @@ mod tests {
         let failures = |distances: [Option<f64>; 3], verdicts: [Verdict; 3]| {
             let judgements = verdicts.map(|verdict| CellJudgement {
                 verdict,
-                ..CellJudgement::NO_TRUTH
+                ..CellJudgement::default()
             });
             opening().failures(&grid_of(distances), Some(&judgements))
         };
