@@ -20,7 +20,7 @@ pub(super) struct ReadyMatcher {
     /// pair.
     failed_pairs: u64,
     failure: Option<String>,
-    is_failing: bool,
+    pub(super) is_failing: bool,
     /// Maps that the sinks no longer need.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
@@ -250,11 +250,6 @@ impl ReadyMatcher {
         // Pairs of a pass that was interrupted.
         self.ahead.clear();
         self.matcher.reset();
-    }
-
-    /// Notes that it has an estimate of a pair.
-    pub(super) fn succeeded(&mut self) {
-        self.is_failing = false;
     }
 
     /// Notes that it failed on a pair; returns `true` unless it failed for the same reason on the
