@@ -42,7 +42,7 @@ pub fn record(
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(RecordingSink::new(writer, stored))];
     let (outcome, ran) = run(
         &mut *opened.source,
-        &mut Matchers::none(),
+        &mut Matchers::default(),
         &start,
         Pace::Asap,
         &mut sinks,
@@ -74,7 +74,7 @@ pub fn stream(
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(PairStreamSink::new(to))];
     run_through(
         &mut *opened.source,
-        &mut Matchers::none(),
+        &mut Matchers::default(),
         &start,
         Pace::Asap,
         &mut sinks,

@@ -107,12 +107,6 @@ impl FilterTraining {
         }
     }
 
-    /// Number of recordings in a part.
-    pub fn recordings_of(&self, part: SamplePart) -> usize {
-        let parts = SamplePart::deal(self.recordings);
-        parts.iter().filter(|own| **own == part).count()
-    }
-
     /// Facts in the model's file.
     pub(super) fn facts(&self) -> ModelFacts {
         let share = |rate: f64| format!("{rate:.5}");
@@ -242,10 +236,12 @@ impl Display for FilterTraining {
             "filter {}: {} hidden neurons, windows of {}, {}",
             self.filter, self.hidden, self.window, self.scaling
         )?;
+        let parts = SamplePart::deal(self.recordings);
         for part in SamplePart::ALL {
             let name = part.name();
             let [yes, no] = self.samples[name];
-            let recordings = svl_core::counted(self.recordings_of(part) as u64, "recording");
+            let recordings = parts.iter().filter(|own| **own == part).count();
+            let recordings = svl_core::counted(recordings as u64, "recording");
             writeln!(f, "{name:<18}{recordings}: {yes} {is}, {no} {is_not}")?;
         }
         let ended = if self.interrupted {

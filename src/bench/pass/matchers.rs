@@ -11,6 +11,7 @@ use svl_score::memory::{self, MemoryUse};
 use svl_score::notice::Notice;
 
 /// The algorithms of a pass, ready to match.
+#[derive(Default)]
 pub struct Matchers(pub(super) Vec<ReadyMatcher>);
 
 pub(super) struct ReadyMatcher {
@@ -130,11 +131,6 @@ impl Matchers {
         let entries = self.0.iter();
         let entries = entries.filter(|entry| entry.matcher.has_run_memory());
         entries.map(|entry| entry.label.as_str())
-    }
-
-    /// No algorithms: the frames go to the sinks as they are.
-    pub fn none() -> Self {
-        Self(Vec::new())
     }
 
     /// Completes the manifest with the memory of each algorithm, known after a measured pass whose
