@@ -1,7 +1,7 @@
 //! Records a source into an MCAP file or a stream, and keeps a cache of simulated runs.
 
 use crate::pass::{Matchers, Monitor, Outcome, Pace, run, run_through};
-use crate::sink::{PairStreamSink, PassStart, Sink, SinkRequest, Sinks};
+use crate::sink::{PairStreamSink, PassStart, RecordingSink, Sink, finish};
 use crate::source::{Opened, RecordingSource, Source, open_arena};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -38,27 +38,18 @@ pub fn record(
     let has_results =
         |recording: &&Recording| format.dialect == Dialect::Ros2 && recording.header().is_ok();
     let own = opened.recording.as_ref().filter(has_results);
-    let request = SinkRequest {
-        recording: Some(writer),
-        stored: own.and_then(|recording| recording.stored_results().ok()),
-        ..SinkRequest::default()
-    };
-    let mut sinks = match Sinks::open(request) {
-        Ok(sinks) => sinks,
-        Err(error) => return (Outcome::default(), Err(error)),
-    };
-    let source = &mut *opened.source;
-    let mut matchers = Matchers::none();
+    let stored = own.and_then(|recording| recording.stored_results().ok());
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(RecordingSink::new(writer, stored))];
     let (outcome, ran) = run(
-        source,
-        &mut matchers,
+        &mut *opened.source,
+        &mut Matchers::default(),
         &start,
         Pace::Asap,
-        sinks.as_mut_slice(),
+        &mut sinks,
         monitor,
     );
     // The file is completed first, then the error is returned.
-    let finished = sinks.finish().1;
+    let finished = finish(sinks);
     if ran.is_err() && outcome.frames == 0 {
         // A file without a pair is useless, and would block the next attempt.
         let _ = std::fs::remove_file(path);
@@ -83,7 +74,7 @@ pub fn stream(
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(PairStreamSink::new(to))];
     run_through(
         &mut *opened.source,
-        &mut Matchers::none(),
+        &mut Matchers::default(),
         &start,
         Pace::Asap,
         &mut sinks,

@@ -52,6 +52,7 @@ pub use serial::{SerialTrigger, serial_ports};
 pub use tally::Tally;
 pub use trigger::{Policy, Pulse, RATES_HZ, Trigger, TriggerSource};
 
+use std::time::Duration;
 use svl_core::{Error, Result};
 
 /// Every camera driver of svl. A new one is its folder and one line here.
@@ -67,6 +68,8 @@ pub fn driver(source: &str) -> Option<&'static Driver> {
 const FIRST: Settings = Settings::new(4_000, 0);
 /// Pairs from one step of the exposure balance to the next.
 const BALANCE_EVERY: u32 = 10;
+const QUEUE: usize = 64;
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Opens the two cameras that `source` names and grabs from them.
 ///
@@ -122,9 +125,9 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         // The other half of a period is left for arming and transfer.
         max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
         balance_every: BALANCE_EVERY,
-        timeout: request.timeout(),
-        queue: request.queue(),
-        when_full: request.when_full(),
+        timeout: request.timeout.unwrap_or(TIMEOUT),
+        queue: request.queue.unwrap_or(QUEUE),
+        when_full: request.when_full.unwrap_or(WhenFull::Drop),
         rig: pair.rig,
     })
 }

@@ -45,22 +45,8 @@ pub enum PairBy {
 }
 
 const RATE_HZ: f64 = 30.0;
-const QUEUE: usize = 64;
-const TIMEOUT: Duration = Duration::from_secs(1);
 
 impl GrabRequest {
-    pub(super) fn queue(&self) -> usize {
-        self.queue.unwrap_or(QUEUE)
-    }
-
-    pub(super) fn when_full(&self) -> WhenFull {
-        self.when_full.unwrap_or(WhenFull::Drop)
-    }
-
-    pub(super) fn timeout(&self) -> Duration {
-        self.timeout.unwrap_or(TIMEOUT)
-    }
-
     /// The trigger source for cameras of a driver.
     ///
     /// # Errors

@@ -63,11 +63,14 @@ impl Tally {
 
     /// Images that are unpaired for such reasons.
     pub fn count(&self, is: impl Fn(Unpaired) -> bool) -> u64 {
+        let counts = self.reasons().filter(|(reason, _)| is(*reason));
+        counts.map(|(_, n)| n).sum()
+    }
+
+    /// The reasons that left images unpaired, with their numbers.
+    fn reasons(&self) -> impl Iterator<Item = (Unpaired, u64)> {
         let counts = Unpaired::ALL.into_iter().zip(self.unpaired);
-        counts
-            .filter(|(reason, _)| is(*reason))
-            .map(|(_, n)| n)
-            .sum()
+        counts.filter(|(_, n)| *n > 0)
     }
 
     /// The counts by name, and all of them in one line as `counts`.
@@ -87,12 +90,9 @@ impl Tally {
             .into_iter()
             .map(|(name, n)| (name.to_owned(), n.to_string()));
         // Reasons that did not occur are omitted; the counts above are always there.
-        let unpaired = Unpaired::ALL
-            .iter()
-            .zip(self.unpaired)
-            .filter(|(_, n)| *n > 0);
-        let unpaired =
-            unpaired.map(|(reason, n)| (format!("unpaired_{}", reason.name()), n.to_string()));
+        let unpaired = self
+            .reasons()
+            .map(|(reason, n)| (format!("unpaired_{}", reason.name()), n.to_string()));
         counts
             .chain(unpaired)
             .chain([("counts".to_owned(), self.to_string())])
@@ -122,11 +122,8 @@ impl fmt::Display for Tally {
             counted(*right, "right image"),
             counted(*pairs, "pair")
         )?;
-        let unpaired = Unpaired::ALL
-            .iter()
-            .zip(self.unpaired)
-            .filter(|(_, n)| *n > 0);
-        let unpaired: Vec<_> = unpaired
+        let unpaired: Vec<_> = self
+            .reasons()
             .map(|(reason, n)| format!("{n} {}", reason.words()))
             .collect();
         if unpaired.is_empty() {

@@ -6,7 +6,7 @@ use super::choice::better_first;
 use super::drives::{self, DriveRow, MIN_DRIVEN};
 use super::results::{AlgorithmSummary, Results};
 use super::rows::Row;
-use super::samples::{RunKey, resamples, run_key, sample};
+use super::samples::{RunKey, grouped, resamples, run_key, sample};
 use super::words::ms;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -199,21 +199,12 @@ impl Results {
             );
             return Vec::from_iter(none.then_some(words));
         }
-        let mut names: Vec<(&str, Vec<&str>)> = Vec::new();
-        for Best {
-            algorithm, metric, ..
-        } in &self.best
-        {
-            let place = names.iter().position(|(name, _)| name == algorithm);
-            let place = place.unwrap_or_else(|| {
-                names.push((algorithm, Vec::new()));
-                names.len() - 1
-            });
-            names[place].1.push(metric.name);
-        }
-        let names = names.iter();
-        let names = names.map(|(name, by)| format!("{name} by {}", joined(by)));
-        let names = names.collect::<Vec<_>>().join("; ");
+        let best: Vec<_> = self.best.iter().collect();
+        let names = |own: &[&Best]| {
+            let by = joined(own.iter().map(|best| best.metric.name));
+            format!("{} by {by}", own[0].algorithm)
+        };
+        let names = grouped(&best, |best| &best.algorithm, names).join("; ");
         let shown = self.shown.columns.metrics(self.kind());
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
         let others = marked.flat_map(|best| &best.others);

@@ -4,13 +4,14 @@ use super::descriptions::TABLES;
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
 use super::maps::maps;
-use super::results::{ReportTables, ResultParts, Shown, TopicDelay};
+use super::results::{ReportTables, ResultParts, Shown, TopicDelay, pairs_hash};
 use super::rows::Row;
+use super::samples::grouped;
 use super::sources::{SUMMARY, Sources};
 use super::sweeps::sweeps;
 use super::units::{
     REPORT_LIST, ReportPlan, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
-    read_tables, remove_file, write_tables,
+    read_tables, write_tables,
 };
 use super::{GateResult, Results, limit_results, shots, write_algorithms};
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,10 +19,10 @@ use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, counted, joined};
-use svl_files::outputs::{FolderRule, remove_special_files, write, write_json};
+use svl_files::outputs::{FolderRule, remove_file, remove_special_files, write, write_json};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{EndState, Ending, FailedPairs, LossLimit};
-use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
+use svl_score::manifest::{AlgorithmRecord, Manifest};
 use svl_score::notice::Notice;
 use svl_score::scenario::{Limit, SourceOptions};
 
@@ -168,7 +169,7 @@ impl Report<'_> {
         }
         summary.complete(&mut manifest);
         for run in &mut manifest.runs {
-            run.pairs_hash = pairs_hash(&tables.rows, &run.name);
+            run.pairs_hash = recording_hash(&tables.rows, &run.name);
         }
         write_algorithms(folder, &manifest.algorithms)?;
         write_json(&folder.join(MANIFEST), &manifest)?;
@@ -482,29 +483,23 @@ fn nothing_scored(manifest: &Manifest, summary: &Results) -> Option<String> {
     ))
 }
 
-/// Digest of the pairs of a recording, each once, in their order.
-fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
+/// Digest of the unperturbed pairs of a recording.
+fn recording_hash(rows: &[Row], run: &str) -> Option<String> {
     let own = rows.iter();
     let own = own.filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
-    let pairs = own.map(|row| (row.sequence, row.pair_hash.as_str()));
-    let pairs: BTreeMap<_, _> = pairs.collect();
-    let hashes: Vec<_> = pairs.into_values().collect();
-    (!hashes.is_empty()).then(|| hash(&hashes.join("\n")))
+    pairs_hash(&own.collect::<Vec<_>>())
 }
 
 /// Per algorithm the time of each pair, ms.
 fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
-    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
-    for row in rows.iter().filter(|row| row.stress.is_none()) {
-        let ms = row.total_us.map(|us| us as f64 / 1e3);
-        let mut known = times.iter_mut();
-        match (known.find(|(algorithm, _)| *algorithm == row.algorithm), ms) {
-            (Some((_, own)), _) => own.extend(ms),
-            (None, Some(ms)) => times.push((row.algorithm.clone(), vec![ms])),
-            (None, None) => {}
-        }
-    }
-    times
+    let timed = rows.iter();
+    let timed = timed.filter(|row| row.stress.is_none() && row.total_us.is_some());
+    let times = |own: &[&Row]| {
+        let times = own.iter().filter_map(|row| row.total_us);
+        let times = times.map(|us| us as f64 / 1e3).collect();
+        (own[0].algorithm.clone(), times)
+    };
+    grouped(&timed.collect::<Vec<_>>(), |row| &row.algorithm, times)
 }
 
 /// The file that identifies the run of a report.

@@ -5,7 +5,7 @@ use super::choice::better_first;
 use super::drives::DriveRow;
 use super::results::Results;
 use super::rows::Row;
-use super::samples::{is_scene, total};
+use super::samples::{grouped, is_scene, total};
 use super::table::{NONE, Table};
 use super::words::number;
 use std::collections::BTreeMap;
@@ -67,21 +67,30 @@ impl Results {
 fn scenes(metric: &Metric, rows: &[Row]) -> Vec<Case> {
     let rows = rows.iter();
     let rows = rows.filter(|row| row.stress.is_none() && is_scene(row));
-    collect(rows.map(|row| {
+    let outcome = |row: &&Row| {
         let value = total(metric, &[row]);
         let words = value.map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value));
-        (row.name.clone(), &row.algorithm, (value, words))
-    }))
+        (row.algorithm.clone(), (value, words))
+    };
+    let case = |own: &[&Row]| Case {
+        name: own[0].name.clone(),
+        outcomes: own.iter().map(outcome).collect(),
+    };
+    grouped(&rows.collect::<Vec<_>>(), |row| &row.name, case)
 }
 
 fn courses(drives: &[DriveRow]) -> Vec<Case> {
     let drives = drives.iter().filter(|drive| drive.stress.is_none());
-    collect(drives.map(|drive| {
+    let outcome = |drive: &&DriveRow| {
         // A drive that did not finish without a collision is worse than a finished one.
         let value = drive.collisions as f64 + if drive.finished { 0.0 } else { 0.5 };
-        let name = format!("course {}", drive.seed);
-        (name, &drive.algorithm, (Some(value), drive_words(drive)))
-    }))
+        (drive.algorithm.clone(), (Some(value), drive_words(drive)))
+    };
+    let case = |own: &[&DriveRow]| Case {
+        name: format!("course {}", own[0].seed),
+        outcomes: own.iter().map(outcome).collect(),
+    };
+    grouped(&drives.collect::<Vec<_>>(), |drive| drive.seed, case)
 }
 
 fn drive_words(drive: &DriveRow) -> String {
@@ -93,24 +102,6 @@ fn drive_words(drive: &DriveRow) -> String {
     let late = (!drive.arrived).then(|| "late".to_owned());
     let words = hits.into_iter().chain(stuck).chain(late);
     words.collect::<Vec<_>>().join(", ")
-}
-
-/// The cases in the order of their first outcomes.
-fn collect<'a>(
-    outcomes: impl Iterator<Item = (String, &'a String, (Option<f64>, String))>,
-) -> Vec<Case> {
-    let mut cases: Vec<Case> = Vec::new();
-    for (name, algorithm, outcome) in outcomes {
-        // The outcomes of a case are neighbours, or nearly so.
-        let known = cases.iter().rposition(|case| case.name == name);
-        let place = known.unwrap_or_else(|| {
-            let outcomes = BTreeMap::new();
-            cases.push(Case { name, outcomes });
-            cases.len() - 1
-        });
-        cases[place].outcomes.insert(algorithm.clone(), outcome);
-    }
-    cases
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::rows::{CsvCells, Record};
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_files::ColumnPlaces;
@@ -125,13 +125,9 @@ pub(super) fn rows_to_text<R: Record>(rows: &[R]) -> std::result::Result<String,
 
 /// The rows of such a text.
 pub(super) fn rows_from_text<R: Record>(text: &str) -> std::result::Result<Vec<R>, String> {
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let places = ColumnPlaces::new(reader.headers().map_err(|e| e.to_string())?);
-    let row = |line: csv::Result<csv::StringRecord>| {
-        let (places, line) = (&places, &line.map_err(|e| e.to_string())?);
-        R::parse(CsvCells { places, line })
-    };
-    reader.records().map(row).collect()
+    let text = Cursor::new(text.to_owned());
+    let rows = RowReader::new(Path::new("rows"), Box::new(text));
+    rows.and_then(Iterator::collect).map_err(|e| e.to_string())
 }
 
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {

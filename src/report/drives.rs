@@ -2,6 +2,7 @@
 //! the sums with intervals over the courses.
 
 use super::rows::record;
+use super::samples::grouped;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
@@ -168,18 +169,8 @@ pub(super) fn has_driven<'a>(rows: impl Iterator<Item = &'a DriveRow>) -> bool {
 /// Sums over an algorithm's drives with pairs of that `stress`; in the order in which the
 /// algorithms first appear.
 pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSummary> {
-    let mut by_algorithm: BTreeMap<usize, Vec<&DriveRow>> = BTreeMap::new();
-    let mut names: Vec<&str> = Vec::new();
-    for row in rows.iter().filter(|row| row.stress.as_deref() == stress) {
-        let place = names.iter().position(|name| *name == row.algorithm);
-        let place = place.unwrap_or_else(|| {
-            names.push(&row.algorithm);
-            names.len() - 1
-        });
-        by_algorithm.entry(place).or_default().push(row);
-    }
-    let by_algorithm = by_algorithm.into_values().map(|rows| summary(&rows));
-    by_algorithm.collect()
+    let own = rows.iter().filter(|row| row.stress.as_deref() == stress);
+    grouped(&own.collect::<Vec<_>>(), |row| &row.algorithm, summary)
 }
 
 fn summary(rows: &[&DriveRow]) -> DriveSummary {

@@ -2,7 +2,7 @@
 
 use super::junit::{TestCase, TestResult};
 use super::prior::PRIOR;
-use super::results::{AlgorithmSummary, Results};
+use super::results::Results;
 use serde::Serialize;
 use svl_score::judge::{Cases, Measured, Metric, MetricUnit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
@@ -101,22 +101,20 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
     }
 }
 
-fn summary_row<'a>(
-    summary: &'a Results,
-    algorithm: &AlgorithmRecord,
-) -> Option<&'a AlgorithmSummary> {
-    let mut rows = summary.algorithms.iter();
-    rows.find(|row| row.algorithm == algorithm.label)
-}
-
 /// The ratio of two medians. Both are of one run and machine, so it carries over to other machines.
 fn time_ratio(summary: &Results, tested: &AlgorithmRecord, unit: &AlgorithmRecord) -> Option<f64> {
-    let (tested, unit) = (summary_row(summary, tested)?, summary_row(summary, unit)?);
-    let labels = [tested, unit].map(|row| row.algorithm.as_str());
+    let labels = [tested, unit].map(|record| record.label.as_str());
     if !summary.are_times_comparable(labels.into_iter()) {
         return None;
     }
-    Some(tested.p50_ms? / unit.p50_ms?)
+    let median = |label| {
+        summary
+            .algorithms
+            .iter()
+            .find(|a| a.algorithm == label)?
+            .p50_ms
+    };
+    Some(median(labels[0])? / median(labels[1])?)
 }
 
 /// A bound with all of its digits: one that rounds to another would be another limit.

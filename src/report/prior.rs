@@ -4,11 +4,10 @@
 //! of its other blocks. What a matcher has beyond that it has seen.
 
 use super::rows::{Row, record};
-use super::samples::{is_scene, run_key};
+use super::samples::{blocks, run_key};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
-use svl_score::bootstrap::block_length;
 use svl_score::judge::{
     AreaChoice, CellArea, CellJudgement, CellTallies, CellTally, CellTruth, MetricValues,
     NearTruth, Verdict,
@@ -131,24 +130,13 @@ impl PriorTally {
 
     /// Per pair its run, or, of a single run, its block.
     fn groups(&self) -> Vec<usize> {
-        let runs: Vec<_> = self.pairs.iter().map(|pair| run_key(&pair.row)).collect();
-        let mut distinct = runs.clone();
-        distinct.sort_unstable();
-        distinct.dedup();
-        if let [_] = distinct[..] {
-            let are_scenes = self.pairs.iter().all(|pair| is_scene(&pair.row));
-            let length = if are_scenes {
-                1
-            } else {
-                block_length(runs.len())
-            };
-            return (0..runs.len()).map(|i| i / length.max(1)).collect();
+        let rows: Vec<_> = self.pairs.iter().map(|pair| &pair.row).collect();
+        let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
+        if runs.len() == 1 {
+            return blocks(&rows);
         }
-        let place = |run| {
-            let distinct = distinct.iter().position(|own| *own == run);
-            distinct.unwrap_or_default()
-        };
-        runs.into_iter().map(place).collect()
+        let place = |row: &&Row| runs.iter().position(|run| *run == run_key(row));
+        rows.iter().filter_map(place).collect()
     }
 
     /// Per cell the median of the true disparities of the other groups' scored cells.

@@ -162,19 +162,16 @@ pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Cha
     let series = |(name, bins): (String, Vec<ReliabilityBin>)| {
         let drawn = bins.iter().filter(|bin| bin.cells >= MIN_CELLS);
         let points = drawn.map(|bin| (100.0 * bin.predicted, 100.0 * bin.right));
-        Series::new(&name, SeriesStyle::Both, points.collect())
+        Series::new(&name, SeriesStyle::Both, points)
     };
     let mut series: Vec<_> = bins.into_iter().map(series).collect();
     series.retain(|series| !series.points.is_empty());
     let points = series.iter().flat_map(|series| &series.points);
     let least = points.map(|(x, y)| x.min(*y)).reduce(f64::min)?;
     // Both axes are the same, so that the diagonal is one.
-    let range = (((least / 10.0).floor() * 10.0).min(90.0), 100.0);
-    let axis = |label: &str| Axis {
-        range: Some(range),
-        ..Axis::share(label)
-    };
-    let diagonal = vec![(range.0, range.0), (range.1, range.1)];
+    let from = ((least / 10.0).floor() * 10.0).min(90.0);
+    let axis = |label: &str| Axis::share(label).with_range(from, 100.0);
+    let diagonal = [(from, from), (100.0, 100.0)];
     series.push(Series::new("as predicted", SeriesStyle::Front, diagonal));
     let (x, y) = (axis("predicted right, %"), axis("observed right, %"));
     Some(Chart::untitled(x, y, series))

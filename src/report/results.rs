@@ -5,7 +5,7 @@ use super::best::{Best, PriorTest, SweepChoice};
 use super::drives::{self, DriveRow, DriveSummary, TrackRow};
 use super::reliability::ReliabilityRow;
 use super::rows::{CheckpointRow, FailureRow, MetricTotals, Row, record};
-use super::samples::run_key;
+use super::samples::{grouped, run_key};
 use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
@@ -639,26 +639,8 @@ fn truths(rows: &[&Row]) -> Vec<String> {
     truths.filter(|truth| seen.insert(truth.clone())).collect()
 }
 
-/// The sums of rows of equal keys, in the order of their first ones.
-fn grouped<'a, T, K: Ord, S>(
-    rows: &[&'a T],
-    key: impl Fn(&'a T) -> K,
-    sum: impl Fn(&[&'a T]) -> S,
-) -> Vec<S> {
-    let mut groups: Vec<Vec<&T>> = Vec::new();
-    let mut places = BTreeMap::new();
-    for row in rows {
-        let place = *places.entry(key(row)).or_insert(groups.len());
-        match groups.get_mut(place) {
-            Some(group) => group.push(row),
-            None => groups.push(vec![row]),
-        }
-    }
-    groups.iter().map(|own| sum(own)).collect()
-}
-
-/// A pair's rows are consecutive.
-fn pairs_hash<'a>(rows: &[&'a Row]) -> Option<String> {
+/// Digest of the pairs, each once, in their order. A pair's rows are consecutive.
+pub(super) fn pairs_hash<'a>(rows: &[&'a Row]) -> Option<String> {
     let pair = |row: &&'a Row| (run_key(row), row.sequence, &*row.pair_hash);
     let mut pairs: Vec<_> = rows.iter().map(pair).collect();
     // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.

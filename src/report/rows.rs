@@ -445,18 +445,10 @@ columns! {
     Option<String>: "text?", |v| ColumnValue::Text(v.as_deref().unwrap_or_default()), optional,
         Option::clone;
     Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name();
-    Option<CellState>: "text?", |v| ColumnValue::Text(v.map_or("", |v| v.name())), |text| {
-        match text {
-            "" => Some(None),
-            _ => CellState::from_name(text).map(Some),
-        }
-    }, |v| v.map(|v| v.name());
-    Option<CellArea>: "text?", |v| ColumnValue::Text(v.map_or("", CellArea::name)), |text| {
-        match text {
-            "" => Some(None),
-            _ => CellArea::from_name(text).map(Some),
-        }
-    }, |v| v.map(CellArea::name);
+    Option<CellState>: "text?", |v| ColumnValue::Text(v.map_or("", |v| v.name())),
+        |text| optional_by(text, CellState::from_name), |v| v.map(|v| v.name());
+    Option<CellArea>: "text?", |v| ColumnValue::Text(v.map_or("", CellArea::name)),
+        |text| optional_by(text, CellArea::from_name), |v| v.map(CellArea::name);
     AreaChoice: "text", |v| ColumnValue::Text(v.name()), AreaChoice::from_name, |v| v.name();
     u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, |n| signed((*n).into());
     u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, |n| signed(*n);
@@ -479,9 +471,13 @@ fn read<T: FromStr>(text: &str) -> Option<T> {
 }
 
 fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
+    optional_by(text, read)
+}
+
+fn optional_by<T>(text: &str, read: fn(&str) -> Option<T>) -> Option<Option<T>> {
     match text {
         "" => Some(None),
-        _ => text.parse().ok().map(Some),
+        _ => read(text).map(Some),
     }
 }
 
@@ -604,10 +600,7 @@ impl MetricTotals {
             measured: BTreeMap::new(),
         };
         for metric in METRICS.iter().filter(|metric| metric.column().is_some()) {
-            for area in AreaChoice::ALL
-                .into_iter()
-                .filter(|area| metric.has_area(*area))
-            {
+            for area in metric.areas() {
                 let Some(value) = values.value_in(metric, area) else {
                     totals.values.set_in(metric.name, area, None);
                     continue;
@@ -643,10 +636,7 @@ impl MetricTotals {
 
     fn add_keys(&self, keys: &mut MetricKeys) {
         for metric in METRICS {
-            for area in AreaChoice::ALL
-                .into_iter()
-                .filter(|area| metric.has_area(*area))
-            {
+            for area in metric.areas() {
                 let Some(own) = self.measured(metric, area) else {
                     continue;
                 };

@@ -1,7 +1,8 @@
 //! The values of a metric in rows, from which totals and intervals are drawn.
 
 use super::rows::Row;
-use svl_score::bootstrap::{Resamples, Sample};
+use std::collections::BTreeMap;
+use svl_score::bootstrap::{Resamples, Sample, block_length};
 use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
 
 /// Seed and recording of a row's run.
@@ -72,4 +73,37 @@ pub(super) fn resamples(base: &[&Row]) -> Resamples {
     // their files have names.
     let independent = base.iter().all(|row| is_scene(row));
     Resamples::draw(&stretches, independent)
+}
+
+/// The number of the block of each row, those of a run beside each other.
+pub(super) fn blocks(rows: &[&Row]) -> Vec<usize> {
+    let mut blocks: Vec<usize> = Vec::new();
+    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
+        let length = if run.iter().all(|row| is_scene(row)) {
+            1
+        } else {
+            block_length(run.len())
+        };
+        let first = blocks.last().map_or(0, |last| last + 1);
+        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
+    }
+    blocks
+}
+
+/// The sums of rows of equal keys, in the order of their first ones.
+pub(super) fn grouped<'a, T, K: Ord, S>(
+    rows: &[&'a T],
+    key: impl Fn(&'a T) -> K,
+    sum: impl Fn(&[&'a T]) -> S,
+) -> Vec<S> {
+    let mut groups: Vec<Vec<&T>> = Vec::new();
+    let mut places = BTreeMap::new();
+    for row in rows {
+        let place = *places.entry(key(row)).or_insert(groups.len());
+        match groups.get_mut(place) {
+            Some(group) => group.push(row),
+            None => groups.push(vec![row]),
+        }
+    }
+    groups.iter().map(|own| sum(own)).collect()
 }

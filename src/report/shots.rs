@@ -240,7 +240,7 @@ fn leading(mut shots: Vec<(ShotPlace, CheckpointShot)>) -> Result<Vec<(Rank, Fra
     shots.sort_by_key(|(place, _)| *place);
     let mut tally = CheckpointTally::default();
     for (i, (_, shot)) in shots.iter().enumerate() {
-        tally.add(shot.frame(), || i);
+        tally.add(shot.frame, || i);
     }
     let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)].into_iter();
     let leading = leading.filter_map(|(rank, lead)| Some((rank, lead?.0)));

@@ -9,10 +9,10 @@ use super::choice::better_first;
 use super::prior_test::merit_sample;
 use super::results::Results;
 use super::rows::Row;
-use super::samples::{is_scene, run_key, sample};
+use super::samples::{blocks, sample};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::counted;
-use svl_score::bootstrap::{METHOD, block_length};
+use svl_score::bootstrap::METHOD;
 use svl_score::judge::{Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
 
@@ -110,10 +110,8 @@ impl SweepChoice {
         };
         let halves = [half(0), half(1)];
         let [even, odd] = [ranking.best(&halves[0])?, ranking.best(&halves[1])?];
-        let others = [
-            ranking.score(&halves[1][even])?,
-            ranking.score(&halves[0][odd])?,
-        ];
+        // Each half by the setting that the other one chose.
+        let others = [&*halves[1][even], &*halves[0][odd]].concat();
         let setting = ranking.best(&all)?;
         Some(Self {
             algorithm: name.to_owned(),
@@ -122,7 +120,7 @@ impl SweepChoice {
             setting: setting.to_owned(),
             own_score: ranking.score(&all[setting])?,
             halves: [even, odd].map(str::to_owned),
-            score: others.iter().sum::<f64>() / 2.0,
+            score: ranking.score(&others)?,
         })
     }
 
@@ -147,21 +145,6 @@ impl SweepChoice {
             show(self.score)
         )
     }
-}
-
-/// The number of the block of each row, those of a run beside each other.
-fn blocks(rows: &[&Row]) -> Vec<usize> {
-    let mut blocks: Vec<usize> = Vec::new();
-    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
-        let length = if run.iter().all(|row| is_scene(row)) {
-            1
-        } else {
-            block_length(run.len())
-        };
-        let first = blocks.last().map_or(0, |last| last + 1);
-        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
-    }
-    blocks
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ pub(super) fn sweeps(algorithms: &[AlgorithmRecord]) -> Vec<ParameterSweep> {
             let mut points: Vec<_> = algorithms
                 .iter()
                 .filter(|other| differ_in(first, other, key))
-                .filter_map(|other| Some((number(other, key)?, other)))
+                .filter_map(|other| Some((other.number(key)?, other)))
                 .collect();
             points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
             // The same algorithm by two names is not a sweep.
@@ -41,11 +41,6 @@ fn differ_in(a: &AlgorithmRecord, b: &AlgorithmRecord, key: &str) -> bool {
         name == key || value == other
     };
     a.name == b.name && a.filters == b.filters && both.all(is_same)
-}
-
-fn number(algorithm: &AlgorithmRecord, key: &str) -> Option<f64> {
-    let mut values = algorithm.values.iter();
-    values.find(|(name, _)| name == key)?.1.parse().ok()
 }
 
 #[cfg(test)]

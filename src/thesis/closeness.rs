@@ -1,12 +1,11 @@
 //! Figure 5.7: the SSDPI of one subject, close and far.
 
 use super::checks::Correlated;
-use super::finding::{axis, series};
 use super::measure::{MeanMedian, SSDPI_TOP, Valid, gray_picture, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.7", "5.6"],
@@ -53,13 +52,13 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
          and {:.2}{real}.",
         close.median, close.mean, far.median, far.mean
     );
-    let line = |(name, points): (&str, Vec<_>)| series(name, SeriesStyle::Line, points);
+    let line = |(name, points): (&str, Vec<_>)| Series::new(name, SeriesStyle::Line, points);
     finding.plot(&Chart {
         title: "SSDPI of one subject".into(),
-        x: axis("ln SSDPI", (0.0, SSDPI_TOP)),
+        x: Axis::new("ln SSDPI").with_range(0.0, SSDPI_TOP),
         y: Axis::new("fraction of the matches, %"),
         series: histograms.into_iter().map(line).collect(),
-    })?;
+    });
     Ok(finding)
 }
 

@@ -37,7 +37,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     target.add_quantities(&mut finding);
     curves.add_table(&target, &mut finding);
     finding.why = curves.why(&target);
-    finding.plot(&curves.chart(target))?;
+    finding.plot(&curves.chart(target));
     Ok(finding)
 }
 

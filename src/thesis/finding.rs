@@ -1,9 +1,8 @@
 //! The result of an experiment: conditions, quantities, tables, pictures.
 
 use serde::Serialize;
-use svl_core::Result;
 use svl_files::overlay::Mark;
-use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::plot::Chart;
 
 /// Result of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -140,32 +139,12 @@ impl Finding {
         &mut self.tables[last]
     }
 
-    pub(super) fn plot(&mut self, chart: &Chart) -> Result<()> {
-        self.exhibits.push(Exhibit::Plot(chart.svg()));
-        Ok(())
+    pub(super) fn plot(&mut self, chart: &Chart) {
+        self.show(Exhibit::Plot(chart.svg()));
     }
 
     pub(super) fn show(&mut self, exhibit: Exhibit) {
         self.exhibits.push(exhibit);
-    }
-}
-
-/// A series of a chart.
-pub(super) fn series(
-    name: impl Into<String>,
-    form: SeriesStyle,
-    points: impl IntoIterator<Item = (f64, f64)>,
-) -> Series {
-    let (name, points) = (name.into(), points.into_iter().collect());
-    Series { name, form, points }
-}
-
-/// A linear axis over a range.
-pub(super) fn axis(label: &str, range: (f64, f64)) -> Axis {
-    let range = Some(range);
-    Axis {
-        range,
-        ..Axis::new(label)
     }
 }
 

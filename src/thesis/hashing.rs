@@ -1,13 +1,12 @@
 //! Figure 5.11: windows per hash value in v4's table, and windows compared per look-up.
 
-use super::finding::{axis, series};
 use super::measure::{gray_picture, percent};
 use super::{Context, Experiment, Finding, TableValue, stage};
 use svl_core::Result;
 use svl_core::kernel::{NO_SUM, isa, window_sums};
 use svl_core::matcher::stage::{DogTexture, TextureFilter, VerticalSmoothing};
 use svl_core::stereo::{Gray, Plane, StereoPair};
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.11"],
@@ -42,7 +41,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let (mean, met, compared) = (wall.mean(), wall.met, wall.compared);
     let times = wall.times();
     add_counts(&wall, &mut finding);
-    let mut curves = vec![series("forest wall", SeriesStyle::Line, wall.points())];
+    let mut curves = vec![Series::new("forest wall", SeriesStyle::Line, wall.points())];
     let mut rows = vec![("arena, forest wall".to_owned(), wall.values())];
     let real = context.real().collect::<Result<Vec<_>>>()?;
     for (i, frame) in real.iter().enumerate() {
@@ -52,7 +51,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         rows.push((name.clone(), scene.values()));
         // One real curve suffices to compare shapes; the table has all scenes.
         if i == 0 {
-            curves.push(series(name, SeriesStyle::Line, scene.points()));
+            curves.push(Series::new(&name, SeriesStyle::Line, scene.points()));
         }
     }
     let table = finding.table([
@@ -78,10 +77,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     finding.plot(&Chart {
         title: "Windows per hash value".into(),
-        x: axis("hash value: sum of nine pixels", (0.0, SUMS as f64)),
+        x: Axis::new("hash value: sum of nine pixels").with_range(0.0, SUMS as f64),
         y: Axis::new("textured windows"),
         series: curves,
-    })?;
+    });
     Ok(finding)
 }
 

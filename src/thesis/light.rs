@@ -50,7 +50,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
              {v2:.0} %."
         ),
     );
-    dark.show(&mut finding, "Less light", "stops")?;
+    dark.show(&mut finding, "Less light", "stops");
     let algorithms = [("v3", "v3"), ("v5", "v5")];
     let unequal = StressCurves::measure(context, &frames, ("exposure", &EXPOSURE), &algorithms)?;
     let [half, census] = [0, 1].map(|algorithm| unequal.kept(algorithm, HALF));
@@ -61,7 +61,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
              more: it keeps {half:.0} %."
         ),
     );
-    unequal.show(&mut finding, "Unequal exposure", "stops")?;
+    unequal.show(&mut finding, "Unequal exposure", "stops");
     finding.why = format!(
         "With a quarter of the light v2 keeps {v2:.0} % of its right cells, {readjusted:.0} % with \
          its threshold readjusted, and v3 {v3:.0} %. Where the right camera exposes half as long, \

@@ -61,9 +61,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             two(0)
         ),
     );
-    moved.show(&mut finding, "Right image too low", "px")?;
+    moved.show(&mut finding, "Right image too low", "px");
     let rolled = StressCurves::measure(context, &frames, ("roll", &ROLLS_DEG), &algorithms)?;
-    rolled.show(&mut finding, "Right image rotated", "°")?;
+    rolled.show(&mut finding, "Right image rotated", "°");
     finding.why = format!(
         "With the right image 1 px too low v3 keeps {:.0} % of its right cells, {:.0} % without \
          smoothing, v4 {:.0} % and v5 {:.0} %; 2 px too low {:.0} %, {:.0} %, {:.0} % and {:.0} %.",

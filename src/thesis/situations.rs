@@ -321,7 +321,7 @@ mod tests {
             } else {
                 Verdict::Right
             },
-            ..CellJudgement::NO_TRUTH
+            ..CellJudgement::default()
         };
         SituationAnswer {
             judgements: (0..SHAPE.cells()).map(cell).collect(),

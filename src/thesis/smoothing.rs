@@ -1,11 +1,10 @@
 //! Figure 5.3: effect of vertical smoothing on the matches of a misaligned pair.
 
-use super::finding::series;
 use super::measure::{MeanMedian, percent, right, ssdpi, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame, Gray, StereoPair};
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_score::judge::Judge;
 use svl_sim::arena::{Arena, ArenaConfig};
 
@@ -56,7 +55,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         outcomes[0].1.wrong_percent,
         outcomes[0].2.wrong_percent
     );
-    plot(&outcomes, &mut finding)?;
+    plot(&outcomes, &mut finding);
     real(context, &mut finding)?;
     Ok(finding)
 }
@@ -121,7 +120,7 @@ fn add_conditions([sharp, smooth]: [MatchOutcome; 2], finding: &mut Finding) {
     );
 }
 
-fn plot(outcomes: &[OffsetOutcome], finding: &mut Finding) -> Result<()> {
+fn plot(outcomes: &[OffsetOutcome], finding: &mut Finding) {
     type Value = fn(&MatchOutcome) -> f64;
     let charts: [(&str, &str, Value); 2] = [
         ("SSDPI", "median ln SSDPI", |o| o.ssdpi.median),
@@ -135,12 +134,11 @@ fn plot(outcomes: &[OffsetOutcome], finding: &mut Finding) -> Result<()> {
             x: Axis::new("right image too low by, px"),
             y: Axis::new(label),
             series: vec![
-                series("without smoothing", SeriesStyle::Both, sharp),
-                series("with smoothing", SeriesStyle::Both, smooth),
+                Series::new("without smoothing", SeriesStyle::Both, sharp),
+                Series::new("with smoothing", SeriesStyle::Both, smooth),
             ],
-        })?;
+        });
     }
-    Ok(())
 }
 
 /// Real scenes misaligned by one row.

@@ -1,10 +1,9 @@
 //! Remaining right cells of an algorithm on perturbed pairs ([`svl_sim::stress`]).
 
-use super::finding::series;
 use super::{Context, Finding, TableValue};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_score::judge::{CellTally, Judge};
 use svl_sim::arena::{Arena, ArenaConfig};
 use svl_sim::stress::Stress;
@@ -85,7 +84,7 @@ impl<'a> StressCurves<'a> {
     }
 
     /// Adds a table and a plot.
-    pub(super) fn show(&self, finding: &mut Finding, title: &str, axis: &str) -> Result<()> {
+    pub(super) fn show(&self, finding: &mut Finding, title: &str, axis: &str) {
         let table = finding.table([
             &format!("{title}, {axis}"),
             "right cells, %",
@@ -104,13 +103,13 @@ impl<'a> StressCurves<'a> {
         let curve = |(i, (name, _)): (usize, &(&str, Vec<CellTally>))| {
             let levels = self.levels.iter().enumerate();
             let points = levels.map(|(j, level)| (*level, self.kept(i, j)));
-            series(*name, SeriesStyle::Both, points)
+            Series::new(name, SeriesStyle::Both, points)
         };
         finding.plot(&Chart {
             title: title.to_owned(),
             x: Axis::new(format!("{}, {axis}", self.kind)),
             y: Axis::new("kept of the right cells, %"),
             series: self.algorithms.iter().enumerate().map(curve).collect(),
-        })
+        });
     }
 }

@@ -1,13 +1,12 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
-use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent};
 use super::{Context, Experiment, Finding, TableValue};
 use svl_core::Result;
 use svl_core::kernel::isa;
 use svl_core::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
 use svl_core::stereo::{Gray, Plane};
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -72,7 +71,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         arena.dog_changes,
         arena.deviation_changes
     );
-    plots(&mut finding, left.row(ROW), arena.kept.row(ROW))?;
+    plots(&mut finding, left.row(ROW), arena.kept.row(ROW));
     finding.show(gray_picture("the view, vertically smoothed", &left)?);
     let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
         if arena.kept.get(x, y) {
@@ -127,36 +126,33 @@ fn add_conditions(all: &[(String, Filtered)], finding: &mut Finding) {
     }
 }
 
-fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
+fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) {
     let line = |name: &str, values: Vec<f64>| {
         let points = values.into_iter().enumerate();
-        series(
-            name,
-            SeriesStyle::Line,
-            points.map(|(x, value)| (x as f64, value)),
-        )
+        let points = points.map(|(x, value)| (x as f64, value));
+        Series::new(name, SeriesStyle::Line, points)
     };
-    let x = || axis("x, px", (0.0, row.len() as f64));
+    let x = || Axis::new("x, px").with_range(0.0, row.len() as f64);
     finding.plot(&Chart {
         title: "A row of the image".into(),
         x: x(),
-        y: axis("grey level", (0.0, 255.0)),
+        y: Axis::new("grey level").with_range(0.0, 255.0),
         series: vec![line("", row.iter().map(|&v| f64::from(v)).collect())],
-    })?;
+    });
     let [fine, coarse] = responses(row);
     finding.plot(&Chart {
         title: "Differences of Gaussians".into(),
         x: x(),
         y: Axis::new("response, grey levels"),
         series: vec![line("fine", fine), line("coarse", coarse)],
-    })?;
+    });
     let scales = kept.iter().map(|&kept| if kept { 1.0 } else { 2.0 });
     finding.plot(&Chart {
         title: "Scale of the stronger response: 2 is dropped".into(),
         x: x(),
-        y: axis("scale", (0.0, 3.0)),
+        y: Axis::new("scale").with_range(0.0, 3.0),
         series: vec![line("", scales.collect())],
-    })
+    });
 }
 
 fn smoothed(image: &Gray) -> Result<Gray> {

@@ -2,12 +2,11 @@
 //! object.
 
 use super::checks::Correlated;
-use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent, right, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame};
-use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -83,8 +82,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     ]);
     rows.into_iter()
         .for_each(|(name, values)| table.row(name, values));
-    finding.plot(&approach)?;
-    finding.plot(&both_checks(shares, dropped))?;
+    finding.plot(&approach);
+    finding.plot(&both_checks(shares, dropped));
     finding.show(gray_picture("the left image", frame.pair.left())?);
     for (what, map) in [
         ("all matches", &close.matches),
@@ -144,12 +143,12 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
         let points = dropped
             .iter()
             .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]));
-        series(name, SeriesStyle::Both, points)
+        Series::new(name, SeriesStyle::Both, points)
     };
     Ok(Chart {
         title: "The same object from far to near".into(),
         x: Axis::new("distance of the object, m"),
-        y: axis("matches dropped, %", (0.0, 80.0)),
+        y: Axis::new("matches dropped, %").with_range(0.0, 80.0),
         series: vec![
             curve("self check", 0),
             curve("symmetric check, as in v1", 1),
@@ -160,24 +159,24 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
 
 /// Each view by the matches that the two checks drop.
 fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
-    let points = |name: &str, points: Vec<(f64, f64)>| series(name, SeriesStyle::Points, points);
+    let points =
+        |name: &str, points: Vec<(f64, f64)>| Series::new(name, SeriesStyle::Points, points);
     let real = |check: usize| {
         real.iter()
             .map(|dropped| (dropped[check], dropped[0]))
             .collect()
     };
-    let range = (0.0, 80.0);
     Chart {
         title: "What both checks drop".into(),
-        x: axis("dropped by the symmetric check, %", range),
-        y: axis("dropped by the self check, %", range),
+        x: Axis::new("dropped by the symmetric check, %").with_range(0.0, 80.0),
+        y: Axis::new("dropped by the self check, %").with_range(0.0, 80.0),
         series: vec![
             points("real scenes, as in v1", real(1)),
             points("real scenes, to the letter", real(2)),
             points("close object, as in v1", vec![(close[1], close[0])]),
             points("close object, to the letter", vec![(close[2], close[0])]),
             points("close object, thesis", vec![(55.0, 35.0)]),
-            series("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
+            Series::new("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
         ],
     }
 }

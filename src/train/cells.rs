@@ -115,34 +115,29 @@ impl CellTraining {
         let bins = vec![("cells".to_owned(), self.reliability.clone())];
         let reliability = reliability_chart(bins).unwrap_or_default();
         let points = self.losses.iter().enumerate();
-        let points = points.map(|(steps, loss)| (steps as f64, *loss)).collect();
-        let losses = Chart {
-            title: String::new(),
-            x: Axis::new("steps"),
-            y: Axis::new("logistic loss, held out"),
-            series: vec![Series {
-                name: "loss".into(),
-                form: SeriesStyle::Both,
-                points,
-            }],
-        };
+        let points = points.map(|(steps, loss)| (steps as f64, *loss));
+        let losses = Chart::untitled(
+            Axis::new("steps"),
+            Axis::new("logistic loss, held out"),
+            [Series::new("loss", SeriesStyle::Both, points)],
+        );
         TableView {
             words: self.table.words(),
             training: self,
             scenarios: self.scenario_table(),
             kinds: KindCells::table(&self.kinds),
             charts: [
-                PlotView {
-                    title: "Reliability".into(),
-                    about: "Fraction of right cells by the probability of a table, fitted without \
-                            their part of the runs; ranges with 20 cells or more.",
-                    svg: reliability.svg(),
-                },
-                PlotView {
-                    title: "Steps".into(),
-                    about: "Loss on held-out runs by the number of steps.",
-                    svg: losses.svg(),
-                },
+                PlotView::new(
+                    "Reliability",
+                    "Fraction of right cells by the probability of a table, fitted without their \
+                     part of the runs; ranges with 20 cells or more.",
+                    reliability.svg(),
+                ),
+                PlotView::new(
+                    "Steps",
+                    "Loss on held-out runs by the number of steps.",
+                    losses.svg(),
+                ),
                 KindCells::curves(&self.kinds),
             ],
         }

@@ -62,11 +62,7 @@ pub fn train_filter(
     check(samples)?;
     let data = samples.hash();
     let standard = Standard::apply(samples);
-    let test_labels = samples.labels(SamplePart::Test);
-    let tested = |fitted: &FittedNetwork| {
-        let scores = fitted.scores(samples, SamplePart::Test, isa);
-        zip(&scores, &test_labels)
-    };
+    let tested = |fitted: &FittedNetwork| scored(fitted, samples, SamplePart::Test, isa);
     let mut trials = Vec::new();
     let mut best: Option<(f64, FitSettings, FittedNetwork, Network)> = None;
     'trials: for &hidden in &settings.hidden {
@@ -122,15 +118,21 @@ fn fit_with_threshold(
     let mut after = |epoch, errors| progress(fit, epoch, errors);
     let mut fitted = fit_network(samples, fit, isa, &mut after)?;
     let error = fitted.epochs[fitted.best_epoch.max(1) - 1].validation;
-    let scores = fitted.scores(samples, SamplePart::Validation, isa);
-    let labels = samples.labels(SamplePart::Validation);
-    let roc = RocCurve::new(&zip(&scores, &labels), samples.kind.spec().acceptance_cost);
+    let scored = scored(&fitted, samples, SamplePart::Validation, isa);
+    let roc = RocCurve::new(&scored, samples.kind.spec().acceptance_cost);
     fitted.shift(-roc.threshold)?;
     Ok((error, fitted))
 }
 
-fn zip(scores: &[f32], labels: &[bool]) -> Vec<(f32, bool)> {
-    scores.iter().copied().zip(labels.iter().copied()).collect()
+/// The scores of a part's samples, each with its label.
+fn scored(
+    fitted: &FittedNetwork,
+    samples: &WindowSamples,
+    part: SamplePart,
+    isa: Isa,
+) -> Vec<(f32, bool)> {
+    let scores = fitted.scores(samples, part, isa).into_iter();
+    scores.zip(samples.labels(part)).collect()
 }
 
 fn check(samples: &WindowSamples) -> Result<()> {
@@ -142,17 +144,10 @@ fn check(samples: &WindowSamples) -> Result<()> {
             svl_core::counted(samples.parts.len() as u64, "recording")
         ));
     }
-    for (part, name) in [
-        (SamplePart::Training, "training"),
-        (SamplePart::Validation, "validation"),
-        (SamplePart::Test, "test"),
-    ] {
-        for (is, category) in [true, false]
-            .into_iter()
-            .zip(samples.kind.spec().categories)
-        {
-            let labels = samples.labels(part);
-            let count = labels.iter().filter(|&&label| label == is).count();
+    let counts = samples.counts();
+    for part in SamplePart::ALL {
+        let name = part.name();
+        for (count, category) in counts[name].into_iter().zip(samples.kind.spec().categories) {
             if count < MIN_SAMPLES {
                 return wrong(format!(
                     "{} labelled '{category}' in the {name} set: at least {MIN_SAMPLES} are \

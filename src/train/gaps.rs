@@ -84,7 +84,7 @@ impl LearnedGaps {
             let watch = Watch::new(console, &format!("gaps of {name}"), run.pairs(), None);
             let collected = frames_through(
                 &mut run,
-                &mut Matchers::none(),
+                &mut Matchers::default(),
                 &start,
                 frame_samples,
                 watch,

@@ -190,24 +190,18 @@ impl KindCells {
     /// # Errors
     /// [`svl_core::Error::Invalid`] with the error of the plotting library.
     pub(super) fn curves(kinds: &[Self]) -> PlotView {
-        let series = kinds.iter().map(|kind| Series {
-            name: kind.name.clone(),
-            form: SeriesStyle::Line,
-            points: (kind.curve.iter())
-                .map(|(known, wrong)| (100.0 * known, 100.0 * wrong))
-                .collect(),
+        let series = kinds.iter().map(|kind| {
+            let curve = kind.curve.iter();
+            let points = curve.map(|(known, wrong)| (100.0 * known, 100.0 * wrong));
+            Series::new(&kind.name, SeriesStyle::Line, points)
         });
-        let chart = Chart {
-            title: String::new(),
-            x: Axis::share("known, % of cells"),
-            y: Axis::share("wrong, % of known"),
-            series: series.collect(),
-        };
-        PlotView {
-            title: "Wrong against known cells".into(),
-            about: "By a table that was fitted without the kind, at every threshold.",
-            svg: chart.svg(),
-        }
+        let x = Axis::share("known, % of cells");
+        let chart = Chart::untitled(x, Axis::share("wrong, % of known"), series);
+        PlotView::new(
+            "Wrong against known cells",
+            "By a table that was fitted without the kind, at every threshold.",
+            chart.svg(),
+        )
     }
 }
 

@@ -107,12 +107,6 @@ impl FilterTraining {
         }
     }
 
-    /// Number of recordings in a part.
-    pub fn recordings_of(&self, part: SamplePart) -> usize {
-        let parts = SamplePart::deal(self.recordings);
-        parts.iter().filter(|own| **own == part).count()
-    }
-
     /// Facts in the model's file.
     pub(super) fn facts(&self) -> ModelFacts {
         let share = |rate: f64| format!("{rate:.5}");
@@ -155,72 +149,55 @@ impl FilterTraining {
     /// The plots: training and validation error (thesis, figure 8.2), the receiver operating
     /// characteristic, and error rates by hidden neurons (figure 8.3) where several were tried.
     pub fn charts(&self) -> Vec<(&'static str, &'static str, Chart)> {
-        let line = |name: &str, form, points| Series {
-            name: name.to_owned(),
-            form,
-            points,
-        };
-        let epochs = |error: fn(&EpochError) -> f64| {
+        let epochs = |name: &str, error: fn(&EpochError) -> f64| {
             let epochs = self.epochs.iter().enumerate();
-            epochs.map(|(i, e)| (i as f64 + 1.0, error(e))).collect()
-        };
-        let chart = |x, y, series| Chart {
-            title: String::new(),
-            x,
-            y,
-            series,
+            let points = epochs.map(|(i, e)| (i as f64 + 1.0, error(e)));
+            Series::new(name, SeriesStyle::Line, points)
         };
         // The corner of a good curve that matters.
         let corner = |axis: Axis, range| Axis {
             range: (self.roc.area > 0.98).then_some(range),
             ..axis
         };
+        let accepted = self.roc.points.iter().map(|(x, y)| (100.0 * x, 100.0 * y));
         let mut charts = vec![
             (
                 "Training and validation",
                 "Mean square error after each epoch; the network of the epoch with the least \
                  validation loss is kept (thesis, figure 8.2).",
-                chart(
+                Chart::untitled(
                     Axis::new("epoch"),
                     Axis::new("mean square error"),
-                    vec![
-                        line("training", SeriesStyle::Line, epochs(|e| e.training)),
-                        line("validation", SeriesStyle::Line, epochs(|e| e.validation)),
+                    [
+                        epochs("training", |e| e.training),
+                        epochs("validation", |e| e.validation),
                     ],
                 ),
             ),
             (
                 "Acceptance",
                 "Over all thresholds, on the test set: windows accepted rightly and falsely.",
-                chart(
+                Chart::untitled(
                     corner(Axis::share("false acceptance, %"), (0.0, 20.0)),
                     corner(Axis::share("true acceptance, %"), (80.0, 100.0)),
-                    vec![line(
-                        "test",
-                        SeriesStyle::Line,
-                        self.roc
-                            .points
-                            .iter()
-                            .map(|(x, y)| (100.0 * x, 100.0 * y))
-                            .collect(),
-                    )],
+                    [Series::new("test", SeriesStyle::Line, accepted)],
                 ),
             ),
         ];
         let by_hidden = self.by_hidden();
         if by_hidden.len() > 1 {
-            let points = |i: usize| by_hidden.iter().map(|(h, e)| (*h as f64, e[i])).collect();
+            let errors = |name: &str, i: usize| {
+                let points = by_hidden.iter().map(|(h, e)| (*h as f64, e[i]));
+                Series::new(name, SeriesStyle::Both, points)
+            };
             charts.push((
                 "Hidden neurons",
                 "Errors on the test set by the number of hidden neurons, means over the seeds \
                  (thesis, figure 8.3).",
-                chart(
+                Chart::untitled(
                     Axis::new("hidden neurons"),
                     Axis::new("error rate, %"),
-                    vec![
-                        line("false rejected", SeriesStyle::Both, points(1)),
-                        line("false accepted", SeriesStyle::Both, points(0)),
-                    ],
+                    [errors("false rejected", 1), errors("false accepted", 0)],
                 ),
             ));
         }
@@ -233,18 +210,15 @@ impl FilterTraining {
     /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
     /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
-        let plot = |(title, about, chart): (&'static str, &'static str, Chart)| PlotView {
-            title: title.into(),
-            about,
-            svg: chart.svg(),
-        };
+        let charts = self.charts().into_iter();
+        let charts = charts.map(|(title, about, chart)| PlotView::new(title, about, chart.svg()));
         let view = FilterView {
             training: self,
             false_acceptance: self.errors.false_acceptance.to_string(),
             false_rejection: self.errors.false_rejection.to_string(),
             area: format!("{:.4}", self.roc.area),
             examples: &self.examples,
-            charts: self.charts().into_iter().map(plot).collect(),
+            charts: charts.collect(),
             images: [],
             identity,
             incomplete: None,
@@ -262,13 +236,12 @@ impl Display for FilterTraining {
             "filter {}: {} hidden neurons, windows of {}, {}",
             self.filter, self.hidden, self.window, self.scaling
         )?;
-        for (name, part) in [
-            ("training", SamplePart::Training),
-            ("validation", SamplePart::Validation),
-            ("test", SamplePart::Test),
-        ] {
+        let parts = SamplePart::deal(self.recordings);
+        for part in SamplePart::ALL {
+            let name = part.name();
             let [yes, no] = self.samples[name];
-            let recordings = svl_core::counted(self.recordings_of(part) as u64, "recording");
+            let recordings = parts.iter().filter(|own| **own == part).count();
+            let recordings = svl_core::counted(recordings as u64, "recording");
             writeln!(f, "{name:<18}{recordings}: {yes} {is}, {no} {is_not}")?;
         }
         let ended = if self.interrupted {

@@ -71,7 +71,8 @@ pub fn windows(
             let sink = CollectSink::new(look);
             let start = PassStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
-            let collected = frames_through(&mut run, &mut Matchers::none(), &start, sink, watch)?;
+            let collected =
+                frames_through(&mut run, &mut Matchers::default(), &start, sink, watch)?;
             // Training and test are never on the same pairs.
             register.refuse_copies()?;
             let before = samples.samples.len();

@@ -241,48 +241,32 @@ pub(crate) fn save_recording_layout(file: &Path, topics: &[String], layout: &Pat
 
 /// The left image with an entity over it.
 fn picture(name: &str, over: &str) -> LayoutNode {
-    LayoutView::new(
-        "2D",
-        name,
-        CAMERA,
-        [IMAGE, over].map(|path| format!("+ /{path}/**")),
-    )
-    .with("Background", dark())
-    .into()
+    through_camera(name, [IMAGE, over]).into()
 }
 
 /// The reasons on the left image, with their legend below, if all frames have one size.
 fn reasons(name: &str, path: &str, facts: &Facts) -> LayoutNode {
-    let contents = [Some(IMAGE), Some(path), facts.size.map(|_| LEGEND)];
-    let contents = contents
-        .into_iter()
-        .flatten()
-        .map(|path| format!("+ /{path}/**"));
-    let view = LayoutView::new("2D", name, CAMERA, contents).with("Background", dark());
-    match facts.size {
-        Some((width, height)) => {
-            let (x_range, y_range) = (
-                [0.0, width as f64],
-                [0.0, height as f64 * (1.0 + LEGEND_SHARE)],
-            );
-            view.with(
-                "VisualBounds2D",
-                VisualBounds2D::new(Range2D {
-                    x_range: x_range.into(),
-                    y_range: y_range.into(),
-                }),
-            )
-        }
-        None => view,
-    }
-    .into()
+    let Some((width, height)) = facts.size else {
+        return picture(name, path);
+    };
+    let range = Range2D {
+        x_range: [0.0, width as f64].into(),
+        y_range: [0.0, height as f64 * (1.0 + LEGEND_SHARE)].into(),
+    };
+    through_camera(name, [IMAGE, path, LEGEND])
+        .with("VisualBounds2D", VisualBounds2D::new(range))
+        .into()
 }
 
 /// A map alone.
 fn map(name: &str, path: &str) -> LayoutNode {
-    LayoutView::new("2D", name, CAMERA, [format!("+ /{path}/**")])
-        .with("Background", dark())
-        .into()
+    through_camera(name, [path]).into()
+}
+
+/// Entities in the image of the camera.
+fn through_camera<const N: usize>(name: &str, paths: [&str; N]) -> LayoutView {
+    let contents = paths.map(|path| format!("+ /{path}/**"));
+    LayoutView::new("2D", name, CAMERA, contents).with("Background", dark())
 }
 
 fn world(algorithm: &AlgorithmPath, facts: &Facts, one: bool) -> LayoutNode {

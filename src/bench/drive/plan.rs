@@ -3,7 +3,9 @@
 use super::course::Course;
 use super::source::DriveSource;
 use crate::pass::{Matchers, Monitor, Pace, run};
-use crate::sink::{Outbox, PassStart, RowIdentity, Sink, SinkRequest, Sinks, Wanted, frame_shot};
+use crate::sink::{
+    Outbox, PassStart, RecordingSink, RowIdentity, Sink, Wanted, finish, frame_shot,
+};
 use crate::source::{ArenaSource, Chain, Perturbation};
 use parking_lot::Mutex;
 use std::collections::VecDeque;
@@ -85,14 +87,10 @@ impl DrivePlan<'_> {
             wanted: Some(&taken),
             ..PassStart::new(self.manifest, Some(self.course.seed()), &judge)
         };
-        let mut sinks = match self.writer()? {
-            None => Vec::new(),
-            Some(writer) => Sinks::open(SinkRequest {
-                recording: Some(writer),
-                ..SinkRequest::default()
-            })?
-            .into_boxed(),
-        };
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        if let Some(writer) = self.writer()? {
+            sinks.push(Box::new(RecordingSink::new(writer, None)));
+        }
         let kept = Outbox::default();
         sinks.push(Box::new(DriveSink {
             identity: RowIdentity::default(),
@@ -109,7 +107,7 @@ impl DrivePlan<'_> {
             &mut sinks,
             monitor,
         );
-        ran.and(crate::sink::finish(sinks))?;
+        ran.and(finish(sinks))?;
         let log = log.lock().clone();
         let mut result = kept.take();
         result.interrupted = outcome.interrupted;

@@ -4,17 +4,18 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::pass::{Matchers, Monitor, Pace};
+use crate::pass::{Matchers, Monitor, Pace, in_own_pool};
 use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
+use svl_files::outputs::remove_file;
 use svl_files::safe_name;
 use svl_report::CoursePlan;
 use svl_report::units::{
-    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter, remove_file,
+    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter,
 };
 use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
@@ -214,10 +215,8 @@ impl DriveWork<'_> {
         let next = AtomicUsize::new(0);
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let drive_on = || {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-            let pool = pool.expect("a thread can be started");
             while let Some(unit) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let driven = pool.install(|| self.drive(*unit));
+                let driven = in_own_pool(|| self.drive(*unit));
                 if driven.is_err() {
                     self.is_over.store(true, Ordering::Relaxed);
                 }

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
-use svl_report::units::{ReportPlan, RunUnits, Units, remove_file};
+use svl_files::outputs::remove_file;
+use svl_report::units::{ReportPlan, RunUnits, Units};
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::notice::Notice;
 

@@ -4,8 +4,9 @@ use super::plan::{Again, EvaluationPlan};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result};
+use svl_files::outputs::remove_file;
 use svl_report::units::{
-    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, remove_file, unit_format,
+    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSession, Units, unit_format,
 };
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::notice::{Notice, NoticeLog};

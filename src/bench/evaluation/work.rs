@@ -193,7 +193,7 @@ impl EvaluationWork<'_> {
                 labels: BTreeSet::new(),
                 ..self.wanted(i, &nothing)
             };
-            let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
+            let mut matchers = std::mem::take(&mut self.matchers);
             let pass = self.pass(i, begun, &mut matchers, &manifest, &mut sinks, &wanted);
             self.matchers = matchers;
             if pass.interrupted {
@@ -309,7 +309,7 @@ impl EvaluationWork<'_> {
         for &i in runs {
             let begun = first.take();
             let begun = begun.unwrap_or_else(|| opener.begin(self.runs[i]));
-            let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
+            let mut matchers = std::mem::take(&mut self.matchers);
             let wanted = self.wanted(i, &self.session.runs[i]);
             let pass = self.pass(i, begun, &mut matchers, manifest, sinks, &wanted);
             self.matchers = matchers;

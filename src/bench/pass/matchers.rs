@@ -11,6 +11,7 @@ use svl_score::memory::{self, MemoryUse};
 use svl_score::notice::Notice;
 
 /// The algorithms of a pass, ready to match.
+#[derive(Default)]
 pub struct Matchers(pub(super) Vec<ReadyMatcher>);
 
 pub(super) struct ReadyMatcher {
@@ -20,7 +21,7 @@ pub(super) struct ReadyMatcher {
     /// pair.
     failed_pairs: u64,
     failure: Option<String>,
-    is_failing: bool,
+    pub(super) is_failing: bool,
     /// Maps that the sinks no longer need.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
@@ -130,11 +131,6 @@ impl Matchers {
         let entries = self.0.iter();
         let entries = entries.filter(|entry| entry.matcher.has_run_memory());
         entries.map(|entry| entry.label.as_str())
-    }
-
-    /// No algorithms: the frames go to the sinks as they are.
-    pub fn none() -> Self {
-        Self(Vec::new())
     }
 
     /// Completes the manifest with the memory of each algorithm, known after a measured pass whose
@@ -250,11 +246,6 @@ impl ReadyMatcher {
         // Pairs of a pass that was interrupted.
         self.ahead.clear();
         self.matcher.reset();
-    }
-
-    /// Notes that it has an estimate of a pair.
-    pub(super) fn succeeded(&mut self) {
-        self.is_failing = false;
     }
 
     /// Notes that it failed on a pair; returns `true` unless it failed for the same reason on the

@@ -135,7 +135,7 @@ impl<'a> Matching<'a> {
         for (entry, outputs) in matching.into_iter().zip(rounds) {
             match outputs.and_then(|outputs| entry.median(outputs)) {
                 Ok(output) => {
-                    entry.succeeded();
+                    entry.is_failing = false;
                     matches.matched.push(Matched {
                         algorithm: entry.label.clone(),
                         range_px: entry.max_disparity.map(f64::from),

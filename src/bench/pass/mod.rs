@@ -11,6 +11,7 @@ mod threads;
 mod through;
 
 pub use matchers::Matchers;
+pub(crate) use threads::in_own_pool;
 pub use through::{complete, ending, frames_through, report_losses, run_through};
 
 use crate::sink::{PassEnd, PassStart, Sink};

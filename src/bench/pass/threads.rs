@@ -215,7 +215,7 @@ impl Waiting {
 
 /// Does `work` in a rayon pool of one thread, where what it hands to rayon happens, too. Pools are
 /// kept for later work: rayon never frees one that is the thread that made it.
-fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+pub(crate) fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     static IDLE: Mutex<Vec<rayon::ThreadPool>> = Mutex::new(Vec::new());
     let idle = || IDLE.lock();
     let kept = idle().pop();

@@ -28,7 +28,7 @@ use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::Result;
-use svl_recording::{ResultOptions, StoredResults, Writer};
+use svl_recording::{ResultOptions, Writer};
 use svl_report::units::{ReportPlan, Units};
 use svl_report::{Row, checkpoint_results};
 use svl_score::judge::{Judge, Judged};
@@ -147,8 +147,6 @@ pub struct SinkRequest<'a> {
     pub publish: Option<PublishRequest<'a>>,
     /// A recording of the pairs and of every algorithm's disparities.
     pub recording: Option<Writer>,
-    /// Results that the source has of its pairs, for the recording.
-    pub stored: Option<StoredResults>,
 }
 
 /// The units of a report, for a session.
@@ -199,7 +197,7 @@ pub struct Sinks {
 }
 
 impl Sinks {
-    /// Opens the sinks: the one place that builds them. The first writes tables.
+    /// Opens the sinks. The first writes tables.
     ///
     /// # Errors
     /// A file that cannot be made, a viewer that does not answer.
@@ -208,8 +206,9 @@ impl Sinks {
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         match &request.report {
             None => {
-                let table = TableSink::new(request.rows, request.cells, &rows)?;
-                sinks.push(Box::new(table.with_newest(request.newest_rows)));
+                let mut table = TableSink::new(request.rows, request.cells, &rows)?;
+                table.newest = request.newest_rows;
+                sinks.push(Box::new(table));
             }
             Some(report) => {
                 let units = Units::for_report(report.folder);
@@ -247,7 +246,7 @@ impl Sinks {
             sinks.push(publish.sink()?);
         }
         if let Some(writer) = request.recording {
-            sinks.push(Box::new(RecordingSink::new(writer, request.stored)));
+            sinks.push(Box::new(RecordingSink::new(writer, None)));
         }
         Ok(Self { sinks, rows })
     }
@@ -265,11 +264,6 @@ impl Sinks {
     /// The sink that writes tables: pictures show no perturbed pairs.
     pub fn tables_mut(&mut self) -> &mut [Box<dyn Sink>] {
         &mut self.sinks[..1]
-    }
-
-    /// The sinks alone, without what they collect.
-    pub fn into_boxed(self) -> Vec<Box<dyn Sink>> {
-        self.sinks
     }
 
     /// Finishes all sinks in their order, also after one that fails. The rows, of passes without a

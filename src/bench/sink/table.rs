@@ -7,7 +7,7 @@ use svl_core::Result;
 use svl_core::stereo::hash_words;
 use svl_core::timing::Stage;
 use svl_report::{CellRow, FailureRow, Row, TableWriter};
-use svl_score::judge::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
+use svl_score::judge::{Judged, JudgedEstimate, MatchFailure};
 use svl_score::manifest::AlgorithmRecord;
 
 /// Rows that are removed at once.
@@ -20,7 +20,7 @@ pub struct TableSink {
     identity: RowIdentity,
     kept: Vec<Row>,
     /// Limit on the rows that are kept, if any: the newest.
-    newest: Option<usize>,
+    pub(super) newest: Option<usize>,
     outbox: Outbox<Vec<Row>>,
 }
 
@@ -45,11 +45,6 @@ impl TableSink {
             newest: None,
             outbox: outbox.clone(),
         })
-    }
-
-    /// The same, keeping only that many of the newest rows for the summary, if a limit is given.
-    pub fn with_newest(self, newest: Option<usize>) -> Self {
-        Self { newest, ..self }
     }
 
     /// Removes the oldest rows beyond the limit, once `slack` of them can go at once.
@@ -182,7 +177,7 @@ impl RowIdentity {
         let estimate = &scored.estimate;
         let judgement = |i: usize| {
             let cells = scored.cells.as_ref();
-            cells.map_or(CellJudgement::NO_TRUTH, |cells| cells[i])
+            cells.map(|cells| cells[i]).unwrap_or_default()
         };
         let row =
             |(i, ((column, row), cell)): (usize, ((usize, usize), &svl_core::stereo::Cell))| {

@@ -107,11 +107,8 @@ impl SourceFacts {
     /// The errors of [`open`] and [`open_recording`]; the error of the first pair.
     pub fn read(request: &Request<'_>, is_recording: bool) -> Result<Self> {
         let name = request.name;
-        let mut opened = if is_recording {
-            open_recording(request)?
-        } else {
-            open(request)?
-        };
+        let open = if is_recording { open_recording } else { open };
+        let mut opened = open(request)?;
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let (mut spread, mut meter) = (TruthSpread::default(), AlignmentMeter::new());
         let (mut skews_ns, mut stamps_ns) = (Vec::new(), Vec::new());
@@ -310,12 +307,8 @@ impl TruthFacts {
             },
             ..request.clone()
         };
-        let opened = if is_recording {
-            open_recording(&request)
-        } else {
-            open(&request)
-        };
-        let looked = opened.and_then(|mut opened| {
+        let open = if is_recording { open_recording } else { open };
+        let looked = open(&request).and_then(|mut opened| {
             let mut spread = TruthSpread::default();
             let later = look(&mut *opened.source, |frame| {
                 facts.count(&frame);

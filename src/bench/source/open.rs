@@ -537,19 +537,19 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     let truth = request.truth().map(|truth| source.truth(&truth));
     let truth = truth.transpose()?;
     let header = Header {
-        stamps: source.stamps(),
+        stamps: source.stamps,
         ..header
     };
     let truth_note = truth.as_ref().and_then(MapFiles::note);
-    let (calibration, unread) = match source.calibration() {
+    let (calibration, unread) = match &source.calibration {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
     };
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
     let checks = calibration.as_ref().map(StereoCalibration::checks);
     let facts = StreamFacts {
-        bits: source.bits(),
-        note: source.note(),
+        bits: source.depth.bits(),
+        note: source.depth.note(),
         calibration,
         remarks: unread.map(lacks).into_iter().collect(),
         camera: CameraFacts {
@@ -591,11 +591,11 @@ fn opened_scenes(
     let source = SceneSource::with_bits(scenes, folder.bits)?;
     let header = Header {
         stamps: Some(StampOrigin::UNKNOWN),
-        bits: source.bits(),
+        bits: source.depth.bits(),
         ..header
     };
     Ok(Opened {
-        notes: source.note().into_iter().collect(),
+        notes: source.depth.note().into_iter().collect(),
         ..Opened::new(source, header, stem)
     })
 }

@@ -1,7 +1,7 @@
 //! Cameras and truths that are stuck: what they give repeats, while the images change.
 
 use svl_core::stereo::{Frame, Plane};
-use svl_score::plausibility::sampling_step;
+use svl_score::plausibility::sampled_places;
 
 /// Pixels that are compared, and known ones of a truth at least.
 const PIXELS: f64 = 2000.0;
@@ -95,10 +95,7 @@ fn words(place: usize, seconds: f64) -> String {
 
 /// Some pixels, all over a plane.
 fn sampled<T: Copy>(plane: &Plane<T>, value: impl Fn(T) -> f32) -> Vec<f32> {
-    let (width, height) = plane.size();
-    let step = sampling_step((width, height), PIXELS);
-    let rows = (step / 2..height).step_by(step);
-    let places = rows.flat_map(|y| (step / 2..width).step_by(step).map(move |x| (x, y)));
+    let places = sampled_places(plane.size(), PIXELS);
     places.map(|(x, y)| value(plane.get(x, y))).collect()
 }
 

@@ -3,6 +3,7 @@
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use crate::cli::shared::usage;
 use serde::Serialize;
+use serde_json::Value;
 use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
 
 /// List the algorithms, or one with its parameters
@@ -66,9 +67,9 @@ struct AlgorithmEntry {
 struct ParameterEntry {
     name: &'static str,
     unit: &'static str,
-    default: serde_json::Value,
-    min: serde_json::Value,
-    max: serde_json::Value,
+    default: Value,
+    min: Value,
+    max: Value,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     options: &'static [&'static str],
     description: &'static str,
@@ -81,17 +82,10 @@ impl AlgorithmEntry {
                 Range::Int { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Real { default, min, max } => (default.into(), min.into(), max.into()),
                 Range::Flag { default } => (default.into(), false.into(), true.into()),
-                Range::Text { default } => (
-                    default.into(),
-                    serde_json::Value::Null,
-                    serde_json::Value::Null,
-                ),
+                Range::Text { default } | Range::Choice { default, .. } => {
+                    (default.into(), Value::Null, Value::Null)
+                }
                 Range::File | Range::Topic | Range::Pattern => Default::default(),
-                Range::Choice { default, .. } => (
-                    default.into(),
-                    serde_json::Value::Null,
-                    serde_json::Value::Null,
-                ),
             };
             let options = if let Range::Choice { options, .. } = p.range {
                 options

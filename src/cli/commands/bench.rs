@@ -1,7 +1,7 @@
 //! `svl bench`: the speed of the algorithms, side by side.
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::terminal::{print_value, style};
 use crate::cli::shared::{progress, usage};
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -106,11 +106,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let algorithms = with_filters(algorithms, &args.filters.models()?);
     let pair = pair(args.size)?;
     let figures = measure(&algorithms, &pair)?;
-    if args.json {
-        print_json(&figures)
-    } else {
-        print(&text(&figures, style()))
-    }
+    print_value(args.json, &figures, || anyhow::Ok(text(&figures, style())))
 }
 
 /// An algorithm, and true if its text sets its range of disparities.

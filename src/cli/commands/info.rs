@@ -3,7 +3,7 @@
 use crate::cli::shared::data::{DataColumns, DataField, data_table, data_text, events, field};
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::source::hidden;
-use crate::cli::shared::terminal::{print, print_json, width, wrapped};
+use crate::cli::shared::terminal::{print_value, width, wrapped};
 use std::path::{Path, PathBuf};
 use svl::recording::{Recording, RecordingSummary, is_bag};
 use svl::scenario::{PairRange, SourceOptions};
@@ -103,11 +103,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         first_pairs,
         no_pairs,
     };
-    if args.json {
-        print_json(&info)
-    } else {
-        print(&info.text(&name)?)
-    }
+    print_value(args.json, &info, || info.text(&name))
 }
 
 /// True for an error of what was named, not of what it contains.

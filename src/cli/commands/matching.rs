@@ -1,7 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
 use crate::cli::shared::progress::listen_for_interrupt;
-use crate::cli::shared::terminal::{print, print_error, print_json};
+use crate::cli::shared::terminal::{print_error, print_value};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use serde::Serialize;
@@ -258,11 +258,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     });
     outputs.commit();
     let report = MatchReport::new(&args.algo, &output, &grid, choice.as_ref(), rig);
-    if args.json {
-        print_json(&report)
-    } else {
-        print(&report.text()?)
-    }
+    print_value(args.json, &report, || report.text())
 }
 
 /// The pair, rectified unless the calibration is of rectified cameras.

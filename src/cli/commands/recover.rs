@@ -1,7 +1,7 @@
 //! `svl recover`: the intact part of a truncated or corrupt recording.
 
 use crate::cli::shared::data::{DataField, data_text, field};
-use crate::cli::shared::terminal::{print, print_json, size, width};
+use crate::cli::shared::terminal::{print_value, size, width};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
@@ -41,11 +41,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     outputs.set_aside()?;
     let recovery = damaged.recover(&args.output)?;
     outputs.commit();
-    if args.json {
-        print_json(&recovery)?;
-    } else {
-        print(&text(args, &recovery)?)?;
-    }
+    print_value(args.json, &recovery, || text(args, &recovery))?;
     check_all_saved(args, &recovery)
 }
 

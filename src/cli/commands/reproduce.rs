@@ -1,7 +1,7 @@
 //! `svl reproduce`: repeats the thesis's experiments.
 
 use crate::cli::shared::progress::{self, Terminal};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::print_value;
 use crate::cli::shared::usage;
 use anyhow::{Context as _, bail};
 use std::fmt::Write;
@@ -115,11 +115,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Ok(()) => outputs.commit(),
         Err(_) => outputs.keep_both(),
     }
-    if args.json {
-        print_json(&page.json()?)?
-    } else {
-        print(&text(&page, &args.output)?)?
-    }
+    print_value(args.json, &page.json()?, || text(&page, &args.output))?;
     ran
 }
 

@@ -33,6 +33,22 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
+/// Prints a value as JSON, or else as that text.
+pub(crate) fn print_value<E>(
+    is_json: bool,
+    value: &impl serde::Serialize,
+    text: impl FnOnce() -> Result<String, E>,
+) -> anyhow::Result<()>
+where
+    anyhow::Error: From<E>,
+{
+    if is_json {
+        print_json(value)
+    } else {
+        print(&text()?)
+    }
+}
+
 /// A number of bytes in words.
 pub(crate) fn size(bytes: u64) -> String {
     match bytes {

@@ -134,13 +134,10 @@ impl Trend {
                     let points = (1..).zip(&line.points);
                     let points = points.filter_map(|(i, own)| Some((f64::from(i), own.as_ref()?)));
                     let points: Vec<_> = points.collect();
-                    let values = points
-                        .iter()
-                        .map(|(i, own)| (*i, shown(own.value)))
-                        .collect();
+                    let values = points.iter().map(|(i, own)| (*i, shown(own.value)));
                     let bars = points.iter().filter_map(|(i, own)| {
                         let ends = own.interval?;
-                        let ends = [ends.0, ends.1].map(|end| (*i, shown(end))).to_vec();
+                        let ends = [ends.0, ends.1].map(|end| (*i, shown(end)));
                         Some(Series::new(&line.algorithm, SeriesStyle::Joined, ends))
                     });
                     let values = Series::new(&line.algorithm, SeriesStyle::Both, values);

@@ -1,7 +1,7 @@
 //! The heat map of a sweep over two parameters.
 
 use super::ReportPage;
-use super::shades::{parameter_value, parameter_values, swept, swept_records};
+use super::shades::{parameter_values, swept, swept_records};
 use crate::plot::{HeatCell, HeatGrid};
 use crate::words::number;
 use svl_score::judge::{Better, MetricUnit, TruthLevel};
@@ -21,7 +21,7 @@ pub(super) fn heat_map(page: &ReportPage) -> Option<(HeatGrid, String)> {
     let merits = records.iter().filter_map(|record| {
         let mut algorithms = summary.algorithms.iter();
         let own = algorithms.find(|a| a.algorithm == record.label)?;
-        let place = [down, across].map(|parameter| parameter_value(record, parameter));
+        let place = [down, across].map(|parameter| record.number(parameter));
         Some((own, place, summary.merit(own)?))
     });
     let merits: Vec<_> = merits.collect();

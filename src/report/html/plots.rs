@@ -35,8 +35,7 @@ type PlotNumber = fn(&Results, &AlgorithmSummary) -> Option<f64>;
 struct TradeOff {
     title: &'static str,
     about: &'static str,
-    x: PlotAxis,
-    y: PlotAxis,
+    axes: [PlotAxis; 2],
     /// The area of a disc, of 100.
     area: Option<PlotNumber>,
 }
@@ -77,59 +76,44 @@ const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a
 /// The plots that pages of runs with distances, disparities, courses and no truth begin with, in
 /// that order, then others.
 const TRADE_OFFS: [TradeOff; 6] = [
-    trade_off(
-        "Wrong against time",
-        "Down and left is better. The area of a disc is the fraction of cells that are known.",
-        [TIME, WRONG],
-        Some(|_, a| known(a)),
-    ),
-    trade_off(
-        "Wrong pixels against time",
-        "Down and left is better. The area of a disc is the fraction of visible pixels with a \
-         disparity.",
-        [TIME, BAD],
-        Some(COVERED.number),
-    ),
-    trade_off(
-        "Collisions against courses finished",
-        "Down and right is better.",
-        [FINISHED, COLLISIONS],
-        None,
-    ),
-    trade_off(
-        "Unrivalled cells against time",
-        "Up and left is better.",
-        [TIME, UNRIVALLED],
-        None,
-    ),
-    trade_off(
-        "Wrong cells against known ones",
-        "Down and right is better.",
-        [KNOWN, WRONG],
-        None,
-    ),
-    trade_off(
-        "Wrong pixels against coverage",
-        "Down and right is better.",
-        [COVERED, BAD],
-        None,
-    ),
-];
-
-const fn trade_off(
-    title: &'static str,
-    about: &'static str,
-    [x, y]: [PlotAxis; 2],
-    area: Option<PlotNumber>,
-) -> TradeOff {
     TradeOff {
-        title,
-        about,
-        x,
-        y,
-        area,
-    }
-}
+        title: "Wrong against time",
+        about: "Down and left is better. The area of a disc is the fraction of cells that are known.",
+        axes: [TIME, WRONG],
+        area: Some(|_, a| known(a)),
+    },
+    TradeOff {
+        title: "Wrong pixels against time",
+        about: "Down and left is better. The area of a disc is the fraction of visible pixels with a \
+         disparity.",
+        axes: [TIME, BAD],
+        area: Some(COVERED.number),
+    },
+    TradeOff {
+        title: "Collisions against courses finished",
+        about: "Down and right is better.",
+        axes: [FINISHED, COLLISIONS],
+        area: None,
+    },
+    TradeOff {
+        title: "Unrivalled cells against time",
+        about: "Up and left is better.",
+        axes: [TIME, UNRIVALLED],
+        area: None,
+    },
+    TradeOff {
+        title: "Wrong cells against known ones",
+        about: "Down and right is better.",
+        axes: [KNOWN, WRONG],
+        area: None,
+    },
+    TradeOff {
+        title: "Wrong pixels against coverage",
+        about: "Down and right is better.",
+        axes: [COVERED, BAD],
+        area: None,
+    },
+];
 
 /// The trade-offs that the run measures, that of its kind first.
 pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
@@ -197,7 +181,7 @@ fn scatter(
     let algorithms = summary.algorithms.iter();
     let algorithms = algorithms.filter(|a| !summary.is_reference(a));
     let place = |a: &&AlgorithmSummary| {
-        let [x, y] = [&trade_off.x, &trade_off.y].map(|axis| (axis.number)(summary, a));
+        let [x, y] = trade_off.axes.map(|axis| (axis.number)(summary, a));
         x.zip(y)
     };
     let placed: Vec<_> = algorithms.filter_map(|a| Some((a, place(&a)?))).collect();
@@ -209,7 +193,7 @@ fn scatter(
         own.map(|(_, point)| *point)
     };
     // The front says which is faster.
-    let has_front = trade_off.x.label != TIME.label || summary.has_comparable_times();
+    let has_front = trade_off.axes[0].label != TIME.label || summary.has_comparable_times();
     let candidates = placed.iter();
     let candidates = candidates.filter(|(a, _)| has_front && summary.is_candidate(a));
     let points = front(trade_off, candidates.map(|(_, point)| *point).collect());
@@ -230,12 +214,8 @@ fn scatter(
     } else {
         series.extend(page.sweeps.iter().flat_map(|sweep| joined(sweep, find)));
     }
-    let chart = Chart {
-        title: String::new(),
-        x: trade_off.x.axis(),
-        y: trade_off.y.axis(),
-        series,
-    };
+    let [x, y] = trade_off.axes.map(|axis| axis.axis());
+    let chart = Chart::untitled(x, y, series);
     // Equal ones share a point.
     let name = |_: &Series, point| {
         let own = placed.iter().filter(|(_, own)| *own == point);
@@ -288,8 +268,9 @@ impl PlotAxis {
 
 /// The points that no other beats in both numbers, from left to right.
 fn front(trade_off: &TradeOff, mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let [x, y] = &trade_off.axes;
     let cost = |axis: &PlotAxis, value: f64| if axis.is_cost { value } else { -value };
-    let costs = |p: &(f64, f64)| [cost(&trade_off.x, p.0), cost(&trade_off.y, p.1)];
+    let costs = |p: &(f64, f64)| [cost(x, p.0), cost(y, p.1)];
     let beats = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
     let all: Vec<_> = points.iter().map(costs).collect();
     points.retain(|p| !all.iter().any(|other| beats(*other, costs(p))));
@@ -303,7 +284,7 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
     let places: Vec<_> = points
         .filter_map(|(value, label)| Some((value, label, find(label)?)))
         .collect();
-    let points = places.iter().map(|(.., point)| *point).collect();
+    let points = places.iter().map(|(.., point)| *point);
     let line = Series::new(&sweep.algorithm, SeriesStyle::Joined, points);
     let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
         // A label without settings is how the algorithm is called in the tables.
@@ -340,7 +321,7 @@ pub(super) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
         let own = own.filter(|row| row.algorithm == a.algorithm);
         let own = own.filter(|row| row.area == summary.basis.area && !row.is_of_all());
         let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
-        let points = points.filter(|(_, error_m)| *error_m > 0.0).collect();
+        let points = points.filter(|(_, error_m)| *error_m > 0.0);
         Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
@@ -374,7 +355,6 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<Plot
         times.find(|(label, _)| *label == a.algorithm).cloned()
     };
     let latency = Strips {
-        title: String::new(),
         label: "ms per pair".into(),
         strips: ranked.iter().filter_map(times).collect(),
     };

@@ -18,16 +18,10 @@ pub(super) struct ParameterShade<'a> {
     pub colors: Vec<(&'a str, [u8; 3])>,
 }
 
-/// The value of a parameter that is a number.
-pub(super) fn parameter_value(record: &AlgorithmRecord, parameter: &str) -> Option<f64> {
-    let mut values = record.values.iter();
-    values.find(|(name, _)| name == parameter)?.1.parse().ok()
-}
-
 /// The values of a parameter among algorithms, ascending, each once.
 pub(super) fn parameter_values(records: &[&AlgorithmRecord], parameter: &str) -> Vec<f64> {
     let values = records.iter();
-    let values = values.filter_map(|record| parameter_value(record, parameter));
+    let values = values.filter_map(|record| record.number(parameter));
     let mut values: Vec<_> = values.collect();
     values.sort_by(f64::total_cmp);
     values.dedup();
@@ -60,7 +54,7 @@ pub(super) fn parameter_shades(page: &ReportPage) -> Vec<ParameterShade<'_>> {
         let last = values.len().saturating_sub(1).max(1) as f64;
         let color = |i: usize| parameter_color(i as f64 / last);
         let own = |record: &&'_ AlgorithmRecord| {
-            let value = parameter_value(record, &sweep.parameter)?;
+            let value = record.number(&sweep.parameter)?;
             values.iter().position(|own| *own == value).map(color)
         };
         let colors = records

@@ -53,6 +53,13 @@ impl Axis {
         }
     }
 
+    /// With fixed ends.
+    #[must_use]
+    pub fn with_range(self, from: f64, to: f64) -> Self {
+        let range = Some((from, to));
+        Self { range, ..self }
+    }
+
     /// True if it has a place for a value.
     fn shows(&self, value: f64) -> bool {
         value.is_finite() && (value > 0.0 || !self.log)

@@ -19,11 +19,10 @@ pub fn distance_chart(
     );
     let inside = |p: &(f64, f64)| (0.0..=most_px).contains(&p.0) && (0.0..=most_cm).contains(&p.1);
     let line = |(name, points): (String, Vec<_>)| {
-        let points = points.into_iter().filter(inside).collect();
-        Series::new(&name, SeriesStyle::Line, points)
+        Series::new(&name, SeriesStyle::Line, points.into_iter().filter(inside))
     };
     let points = |(name, pairs): &(String, Vec<(f64, f64)>)| {
-        let points = pairs.iter().map(|(cm, px)| (*px, *cm)).collect();
+        let points = pairs.iter().map(|(cm, px)| (*px, *cm));
         Series::new(name, SeriesStyle::Points, points)
     };
     let mut lines: Vec<_> = curves.into_iter().map(line).collect();
@@ -32,14 +31,8 @@ pub fn distance_chart(
     let last = lines.pop();
     Chart {
         title: "Distance at disparity".into(),
-        x: Axis {
-            range: Some((0.0, most_px)),
-            ..Axis::new("disparity, px")
-        },
-        y: Axis {
-            range: Some((0.0, most_cm)),
-            ..Axis::new("distance, cm")
-        },
+        x: Axis::new("disparity, px").with_range(0.0, most_px),
+        y: Axis::new("distance, cm").with_range(0.0, most_cm),
         series: lines.into_iter().chain(points).chain(last).collect(),
     }
 }

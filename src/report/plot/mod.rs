@@ -74,12 +74,13 @@ fn kind(label: &str) -> &str {
 }
 
 impl Series {
-    pub fn new(name: &str, form: SeriesStyle, points: Vec<(f64, f64)>) -> Self {
-        Self {
-            name: name.to_owned(),
-            form,
-            points,
-        }
+    pub fn new(
+        name: &str,
+        form: SeriesStyle,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
+        let (name, points) = (name.to_owned(), points.into_iter().collect());
+        Self { name, form, points }
     }
 
     /// True if the series is in the key.

@@ -1,6 +1,6 @@
 //! Distributions, one below the other.
 
-use super::canvas::{BELOW, BLACK, Canvas, LEFT, RIGHT as END, fill, line, title_height};
+use super::canvas::{BELOW, BLACK, Canvas, LEFT, RIGHT as END, fill, line};
 use super::chart::number;
 use super::ticks::log_ticks;
 use super::{AXIS, AlgorithmColors, TEXT, WIDTH, text_width};
@@ -10,7 +10,6 @@ use svl_core::statistics::nearest_rank;
 /// median, percentiles and maximum.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strips {
-    pub title: String,
     /// The quantity that is measured, with its unit.
     pub label: String,
     /// Name and values; values that are not positive are not drawn.
@@ -39,9 +38,9 @@ const MARKS: [(&str, f64, i32); 4] = [
 impl Strips {
     /// The plot as an SVG document.
     pub fn svg(&self, colors: &AlgorithmColors<'_>) -> String {
-        let head = KEY + title_height(&self.title, 12);
+        let head = KEY + 12;
         let foot = head + STRIP * self.strips.len() as i32;
-        let mut canvas = Canvas::titled(&self.title);
+        let mut canvas = Canvas::default();
         let mut x = 4;
         for (k, (name, ..)) in MARKS.iter().enumerate() {
             mark(&mut canvas, k, (x, head - KEY + 32));
@@ -120,7 +119,6 @@ mod tests {
             ("bm".to_owned(), vec![0.0, 10.0]),
         ];
         let svg = Strips {
-            title: "t".into(),
             label: "ms".into(),
             strips,
         }

@@ -4,21 +4,11 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::fs::OpenOptions;
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
+use svl_files::outputs::remove_file;
 use svl_score::manifest::hash;
-
-/// Removes a file, or a link, if it is there.
-///
-/// # Errors
-/// [`Error::Io`].
-pub fn remove_file(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::io(path, error)),
-        _ => Ok(()),
-    }
-}
 
 /// Makes a folder; a link or a file in its place is removed.
 pub(super) fn make_real_folder(folder: &Path) -> Result<()> {

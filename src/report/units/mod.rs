@@ -21,7 +21,6 @@ mod tables;
 mod unit;
 
 pub use facts::{PairFacts, RunFacts};
-pub use io::remove_file;
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
 pub use plan::{PlannedAlgorithm, ReportPlan, ReportRun};
 pub use run_units::RunUnits;

@@ -65,20 +65,9 @@ pub struct CheckpointShot {
     pub algorithm: String,
     pub checkpoint: u32,
     pub sequence: u64,
-    frame: StoredFrame,
+    pub frame: CheckpointFrame,
     /// Parsed only if it is shown.
     shot: Box<RawValue>,
-}
-
-/// The result of a checkpoint in a frame.
-#[derive(Clone, Copy, Serialize, Deserialize)]
-struct StoredFrame {
-    passed: bool,
-    missing: usize,
-    wrong: usize,
-    order_holds: bool,
-    /// None if it is infinite.
-    error: Option<f64>,
 }
 
 impl CheckpointShot {
@@ -92,26 +81,9 @@ impl CheckpointShot {
             algorithm: shot.row.algorithm.clone(),
             checkpoint,
             sequence: shot.row.sequence,
-            frame: StoredFrame {
-                passed: frame.passed,
-                missing: frame.missing,
-                wrong: frame.wrong,
-                order_holds: frame.order_holds,
-                error: Some(frame.error).filter(|error| error.is_finite()),
-            },
+            frame: *frame,
             shot: stored.map_err(|e| Error::Invalid(format!("pictures: {e}")))?,
         })
-    }
-
-    /// The result of the checkpoint.
-    pub fn frame(&self) -> CheckpointFrame {
-        CheckpointFrame {
-            passed: self.frame.passed,
-            missing: self.frame.missing,
-            wrong: self.frame.wrong,
-            order_holds: self.frame.order_holds,
-            error: self.frame.error.unwrap_or(f64::INFINITY),
-        }
     }
 
     /// The picture.

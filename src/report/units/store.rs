@@ -3,8 +3,7 @@
 use super::BLOCK;
 use super::facts::{PairFacts, RunFacts};
 use super::io::{
-    copy, entries, files, is_part, make_real_folder, read_checked, read_or_warn, remove_file,
-    write_checked,
+    copy, entries, files, is_part, make_real_folder, read_checked, read_or_warn, write_checked,
 };
 use super::plan::{ReportPlan, ReportRun};
 use super::unit::{StoredUnit, unit_format};
@@ -13,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
+use svl_files::outputs::remove_file;
 use svl_score::manifest::Manifest;
 
 /// The folder of the units in a report's.

@@ -33,7 +33,7 @@ impl Verdict {
 }
 
 /// The score of a cell, with its truth.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellJudgement {
     pub verdict: Verdict,
     /// True if it is right, or if the report agrees with a quarter of the cell and is nearer than
@@ -67,26 +67,6 @@ pub struct NearJudgement {
     pub falsely: bool,
     /// Reported nearer than `obstacle_m`, and nothing but floor is nearer than `clear_m`.
     pub is_floor: bool,
-}
-
-impl CellJudgement {
-    /// For a frame without truth.
-    pub const NO_TRUTH: Self = Self {
-        verdict: Verdict::NoTruth,
-        right_surface: false,
-        area: None,
-        true_px: None,
-        true_m: None,
-        near: NearJudgement {
-            is_known: false,
-            is_near: false,
-            missed: false,
-            found: false,
-            falsely: false,
-            is_floor: false,
-        },
-        points: None,
-    };
 }
 
 /// Counts over the cells of a frame.

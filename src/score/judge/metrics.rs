@@ -83,7 +83,7 @@ impl FrameFacts<'_> {
 #[derive(Clone, Copy)]
 pub enum MetricNote {
     Words(&'static str, &'static str),
-    OfRule(fn(CellRule) -> (&'static str, String)),
+    OfRule(&'static str, fn(CellRule) -> String),
 }
 
 impl MetricNote {
@@ -91,7 +91,7 @@ impl MetricNote {
     pub fn text(self, rule: CellRule) -> (&'static str, String) {
         match self {
             Self::Words(term, words) => (term, words.to_owned()),
-            Self::OfRule(note) => note(rule),
+            Self::OfRule(term, note) => (term, note(rule)),
         }
     }
 }
@@ -268,9 +268,7 @@ pub enum MetricTotal {
 /// The value of a frame.
 type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
 
-/// A metric of frames whose values are averaged.
-const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
-    let total = MetricTotal::Mean;
+const fn of_frames(column: &'static str, value: FrameValue, total: MetricTotal) -> MetricOrigin {
     MetricOrigin::Frame {
         column,
         value,
@@ -278,14 +276,14 @@ const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
     }
 }
 
+/// A metric of frames whose values are averaged.
+const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
+    of_frames(column, value, MetricTotal::Mean)
+}
+
 /// A metric of frames whose values are added up.
 const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
-    let total = MetricTotal::Sum;
-    MetricOrigin::Frame {
-        column,
-        value,
-        total,
-    }
+    of_frames(column, value, MetricTotal::Sum)
 }
 
 /// A number of the errors of all cells.
@@ -295,12 +293,7 @@ const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin 
 
 /// A metric of frames whose sum is a part of its cases.
 const fn part(column: &'static str, value: FrameValue) -> MetricOrigin {
-    let total = MetricTotal::Share;
-    MetricOrigin::Frame {
-        column,
-        value,
-        total,
-    }
+    of_frames(column, value, MetricTotal::Share)
 }
 
 /// An entry of [`METRICS`], begun: its name, its words, and the headings of its group and its
@@ -379,9 +372,9 @@ impl Metric {
         }
     }
 
-    const fn note_by_rule(self, note: fn(CellRule) -> (&'static str, String)) -> Self {
+    const fn note_by_rule(self, term: &'static str, words: fn(CellRule) -> String) -> Self {
         Self {
-            note: Some(MetricNote::OfRule(note)),
+            note: Some(MetricNote::OfRule(term, words)),
             ..self
         }
     }
@@ -418,12 +411,9 @@ pub const METRICS: &[Metric] = &[
         }))
         .over(SCORED_CELLS)
         .by_area()
-        .note_by_rule(|rule| {
+        .note_by_rule("cells", |rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
-            let words = format!(
-                "those with truth; right: {right}, far up to {far_px} px; unknown is not wrong"
-            );
-            ("cells", words)
+            format!("those with truth; right: {right}, far up to {far_px} px; unknown is not wrong")
         })
         .headline(&[Distances]),
     metric("wrong", "wrong cells", "cells, %", "wrong")
@@ -496,14 +486,13 @@ pub const METRICS: &[Metric] = &[
         facts.near_obstacles(|cells| cells.missed)
     }))
     .over(NEAR)
-    .note_by_rule(|rule| {
+    .note_by_rule("near obstacles", |rule| {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        let words = format!(
+        format!(
             "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
              beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
              which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
-        );
-        ("near obstacles", words)
+        )
     })
     .headline(&[Distances]),
     metric("false", "false near obstacles", "near obstacles", "false")
@@ -519,14 +508,13 @@ pub const METRICS: &[Metric] = &[
             facts.near_obstacles(|cells| cells.found)
         }))
         .over(NEAR)
-        .note_by_rule(|rule| {
+        .note_by_rule("found", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
+            format!(
                 "cells reported at most at {clear_m} m, as near or as too close, of all of which a \
                  quarter is nearer than {obstacle_m} m and not floor: an unknown one is neither \
                  found nor missed"
-            );
-            ("found", words)
+            )
         })
         .headline(&[Distances]),
     metric("floor", "floor obstacles", "near obstacles", "floor")
@@ -536,14 +524,13 @@ pub const METRICS: &[Metric] = &[
             floor.filter(|_| facts.knows_floor())
         }))
         .over(SCORED_CELLS)
-        .note_by_rule(|rule| {
+        .note_by_rule("floor", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
+            format!(
                 "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
                  {clear_m} m: true distances, so not false, and a robot without a filter \
                  stops for them"
-            );
-            ("floor", words)
+            )
         })
         .headline(&[Distances]),
     metric("near", "near obstacles", "near obstacles", "all")
@@ -552,13 +539,12 @@ pub const METRICS: &[Metric] = &[
             facts.near_obstacles(|cells| cells.near)
         }))
         .over(SCORED_CELLS)
-        .note_by_rule(|rule| {
+        .note_by_rule("all, unknown", |rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
-            let words = format!(
+            format!(
                 "near obstacles: cells of which a quarter is nearer than {obstacle_m} m and not \
                  floor (all), and those of them in which nothing is reported (unknown)"
-            );
-            ("all, unknown", words)
+            )
         }),
     metric(
         "near_unknown",
@@ -703,13 +689,12 @@ pub const METRICS: &[Metric] = &[
             facts.filtered(|cells| cells.lost)
         }))
         .over(BEHIND_FILTERS)
-        .note_by_rule(|rule| {
+        .note_by_rule("kept, lost", |rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
-            let words = format!(
+            format!(
                 "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
                  right behind the filters, too (kept), or not (lost)"
-            );
-            ("kept, lost", words)
+            )
         }),
     metric(
         "close",
@@ -748,13 +733,12 @@ pub const METRICS: &[Metric] = &[
     .origin(mean("false_alarms", |facts| {
         facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
     }))
-    .note_by_rule(|rule| {
+    .note_by_rule("alarms", |rule| {
         let (obstacle_m, _) = rule.obstacle_and_clear_m();
-        let words = format!(
+        format!(
             "pairs with cells that are too close, none of which has an obstacle nearer than \
              {obstacle_m} m"
-        );
-        ("alarms", words)
+        )
     }),
     metric("bias", "bias of distances", "distance error", "bias m")
         .unit(M, Zero)
@@ -987,6 +971,13 @@ impl Metric {
     /// True if it has a value for an area; one of no area has it with the headline's.
     pub fn has_area(&self, area: AreaChoice) -> bool {
         self.by_area || area == AreaChoice::default()
+    }
+
+    /// The areas that it has a value for.
+    pub fn areas(&self) -> impl Iterator<Item = AreaChoice> {
+        AreaChoice::ALL
+            .into_iter()
+            .filter(|area| self.has_area(*area))
     }
 
     /// True if any frame of an algorithm can have it, without checkpoints and drives.

@@ -169,6 +169,12 @@ impl AlgorithmRecord {
         matcher::find(&self.name).is_ok_and(matcher::MatcherSpec::is_program)
     }
 
+    /// The value of a parameter that is a number.
+    pub fn number(&self, parameter: &str) -> Option<f64> {
+        let mut values = self.values.iter();
+        values.find(|(name, _)| name == parameter)?.1.parse().ok()
+    }
+
     /// Warnings about its program for the user, available at the end of the run.
     pub fn warnings(&self) -> impl Iterator<Item = Notice> {
         let of_program = self.program.iter().flat_map(ProgramRecord::warnings);

@@ -1,6 +1,6 @@
 //! A map of disparities beside its truth: the signs of another unit, sign or view.
 
-use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, PIXELS, constant, sampling_step};
+use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, PIXELS, constant, sampled_places};
 use super::unit::{rounded, usual};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::Plane;
@@ -14,27 +14,23 @@ const GOOD_PX: f64 = 1.0;
 /// The reason to doubt an estimate of one size with its truth: a constant factor, the opposite
 /// sign, depths in place of disparities, or the map of the right view.
 pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
-    let (width, height) = truth.size();
-    if estimate.size() != (width, height) {
+    if estimate.size() != truth.size() {
         return None;
     }
-    let step = sampling_step((width, height), PIXELS);
     let (mut factors, mut products) = (Vec::new(), Vec::new());
     let [mut of_left, mut of_right] = [const { Vec::new() }; 2];
-    for y in (step / 2..height).step_by(step) {
-        for x in (step / 2..width).step_by(step) {
-            let [true_px, px] = [truth.get(x, y), estimate.get(x, y)].map(f64::from);
-            if !true_px.is_finite() || !px.is_finite() || px == 0.0 || true_px < MIN_PX {
-                continue;
-            }
-            factors.push(px / true_px);
-            products.push(px * true_px);
-            let partner = (x as f64 - true_px).round();
-            if partner >= 0.0 {
-                let of_partner = f64::from(estimate.get(partner as usize, y));
-                of_left.push((px - true_px).abs());
-                of_right.push((of_partner - true_px).abs());
-            }
+    for (x, y) in sampled_places(truth.size(), PIXELS) {
+        let [true_px, px] = [truth.get(x, y), estimate.get(x, y)].map(f64::from);
+        if !true_px.is_finite() || !px.is_finite() || px == 0.0 || true_px < MIN_PX {
+            continue;
+        }
+        factors.push(px / true_px);
+        products.push(px * true_px);
+        let partner = (x as f64 - true_px).round();
+        if partner >= 0.0 {
+            let of_partner = f64::from(estimate.get(partner as usize, y));
+            of_left.push((px - true_px).abs());
+            of_right.push((of_partner - true_px).abs());
         }
     }
     if factors.len() < MIN_PIXELS {

@@ -10,5 +10,5 @@ mod unit;
 pub use map::map_doubt;
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
-pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampling_step};
+pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};
 pub use unit::TruthUnit;

@@ -1,6 +1,6 @@
 //! Two readings of a file of disparities, compared by the images of its pair.
 
-use super::scale::sampling_step;
+use super::scale::sampled_places;
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Plane, StereoPair};
 
@@ -24,25 +24,22 @@ pub fn is_better_match(pair: &StereoPair, one: &Plane<f32>, other: &Plane<f32>) 
     if one.size() != (width, height) || other.size() != (width, height) {
         return false;
     }
-    let step = sampling_step((width, height), PIXELS);
     let mut differences = [const { Vec::new() }; 4];
-    for y in (step / 2..height).step_by(step) {
-        for x in (step / 2..width).step_by(step) {
-            let (d, of_other) = (one.get(x, y), other.get(x, y));
-            let shifts = [d, of_other, d - WRONG_PX, d + WRONG_PX];
-            if shifts.iter().any(|d| !d.is_finite()) {
-                continue;
-            }
-            let left = pair.left().get(x, y);
-            for (differences, d) in differences.iter_mut().zip(shifts) {
-                let at = x as f64 - f64::from(d).round();
-                let is_inside = (0.0..width as f64).contains(&at);
-                differences.push(if is_inside {
-                    f64::from(left.abs_diff(pair.right().get(at as usize, y)))
-                } else {
-                    255.0
-                });
-            }
+    for (x, y) in sampled_places((width, height), PIXELS) {
+        let (d, of_other) = (one.get(x, y), other.get(x, y));
+        let shifts = [d, of_other, d - WRONG_PX, d + WRONG_PX];
+        if shifts.iter().any(|d| !d.is_finite()) {
+            continue;
+        }
+        let left = pair.left().get(x, y);
+        for (differences, d) in differences.iter_mut().zip(shifts) {
+            let at = x as f64 - f64::from(d).round();
+            let is_inside = (0.0..width as f64).contains(&at);
+            differences.push(if is_inside {
+                f64::from(left.abs_diff(pair.right().get(at as usize, y)))
+            } else {
+                255.0
+            });
         }
     }
     if differences[0].len() < MIN_PIXELS {

@@ -268,29 +268,26 @@ impl Ratios {
         let maps = frame.maps.iter().map(|map| &map.disparity);
         let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
-        let step = sampling_step((width, height), PIXELS);
-        for y in (step / 2..height).step_by(step) {
-            for x in (step / 2..width).step_by(step) {
-                let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
-                let is_recorded = maps.iter().any(|map| f64::from(map.get(x, y)) == px);
-                let least_px = if is_recorded { px.max(true_px) } else { px };
-                if !true_px.is_finite() || !px.is_finite() || least_px < MIN_PX || px <= 0.0 {
-                    continue;
-                }
-                self.recorded += usize::from(is_recorded);
-                let factor = (true_px + doffs_px) / (px + doffs_px);
-                self.factors.push(factor);
-                self.along_rays.extend(frame.rig().map(|rig| {
-                    let (cx, cy) = rig.center_px();
-                    let (u, v) = (
-                        (x as f64 - cx) / rig.focal_px(),
-                        (y as f64 - cy) / rig.focal_px(),
-                    );
-                    factor * (1.0 + u * u + v * v).sqrt()
-                }));
-                let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
-                self.inverse.extend(distance_m.map(|z| z / px));
+        for (x, y) in sampled_places((width, height), PIXELS) {
+            let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
+            let is_recorded = maps.iter().any(|map| f64::from(map.get(x, y)) == px);
+            let least_px = if is_recorded { px.max(true_px) } else { px };
+            if !true_px.is_finite() || !px.is_finite() || least_px < MIN_PX || px <= 0.0 {
+                continue;
             }
+            self.recorded += usize::from(is_recorded);
+            let factor = (true_px + doffs_px) / (px + doffs_px);
+            self.factors.push(factor);
+            self.along_rays.extend(frame.rig().map(|rig| {
+                let (cx, cy) = rig.center_px();
+                let (u, v) = (
+                    (x as f64 - cx) / rig.focal_px(),
+                    (y as f64 - cy) / rig.focal_px(),
+                );
+                factor * (1.0 + u * u + v * v).sqrt()
+            }));
+            let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
+            self.inverse.extend(distance_m.map(|z| z / px));
         }
     }
 
@@ -314,9 +311,14 @@ impl Ratios {
     }
 }
 
-/// The step between the pixels of an image of which about `pixels` are compared.
-pub fn sampling_step((width, height): (usize, usize), pixels: f64) -> usize {
-    ((width * height) as f64 / pixels).sqrt().ceil().max(1.0) as usize
+/// Places all over an image, row by row: about `pixels` of them.
+pub fn sampled_places(
+    (width, height): (usize, usize),
+    pixels: f64,
+) -> impl Iterator<Item = (usize, usize)> {
+    let step = ((width * height) as f64 / pixels).sqrt().ceil().max(1.0) as usize;
+    let rows = (step / 2..height).step_by(step);
+    rows.flat_map(move |y| (step / 2..width).step_by(step).map(move |x| (x, y)))
 }
 
 /// The median, if half of the values are near it.

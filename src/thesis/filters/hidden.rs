@@ -78,6 +78,6 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
          {:.1} % are falsely accepted and {:.1} % falsely rejected.",
         at_55[0], at_55[1]
     );
-    draw(&mut finding, &training, &["Hidden neurons"])?;
+    draw(&mut finding, &training, &["Hidden neurons"]);
     Ok(finding)
 }

@@ -93,14 +93,13 @@ fn train(
 }
 
 /// Draws the plots of a training.
-fn draw(finding: &mut Finding, training: &FilterTraining, which: &[&str]) -> Result<()> {
+fn draw(finding: &mut Finding, training: &FilterTraining, which: &[&str]) {
     for (title, _, chart) in training.charts() {
         if which.contains(&title) {
             let title = title.to_owned();
-            finding.plot(&svl_report::plot::Chart { title, ..chart })?;
+            finding.plot(&svl_report::plot::Chart { title, ..chart });
         }
     }
-    Ok(())
 }
 
 /// False acceptance and rejection on the test set, per cent.

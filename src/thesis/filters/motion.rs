@@ -1,11 +1,10 @@
 //! Section 8.2.2: the floor filter on a moving robot.
 
-use super::super::finding::{axis, series};
 use super::super::{Context, Experiment, Finding, TableValue};
 use super::{errors, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
-use svl_report::plot::{Chart, SeriesStyle};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
 use svl_train::FilterTraining;
 use svl_train::fit::filter::{SamplePart, WindowSamples};
@@ -92,7 +91,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         format!("More data improve it: with 4 of the {FLOORS} floors {little:.1} %."),
     );
     add_table(&trials, &mut finding);
-    plot(&trials, &mut finding)?;
+    plot(&trials, &mut finding);
     finding.why = format!(
         "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \
          moving; trained with blur {mended:.1} %, on 4 of the {FLOORS} floors {little:.1} %."
@@ -117,20 +116,19 @@ fn add_table(trials: &[(String, FilterTraining)], finding: &mut Finding) {
     }
 }
 
-fn plot(trials: &[(String, FilterTraining)], finding: &mut Finding) -> Result<()> {
+fn plot(trials: &[(String, FilterTraining)], finding: &mut Finding) {
     let curve = |(name, training): &(String, FilterTraining)| {
         let points = training
             .roc
             .points
             .iter()
             .map(|(x, y)| (100.0 * x, 100.0 * y));
-        series(name, SeriesStyle::Line, points)
+        Series::new(name, SeriesStyle::Line, points)
     };
     finding.plot(&Chart {
         title: "Acceptance of the floor".into(),
-        x: axis("false acceptance, %", (0.0, 20.0)),
-        y: axis("true acceptance, %", (60.0, 100.0)),
+        x: Axis::new("false acceptance, %").with_range(0.0, 20.0),
+        y: Axis::new("true acceptance, %").with_range(60.0, 100.0),
         series: trials.iter().map(curve).collect(),
-    })?;
-    Ok(())
+    });
 }

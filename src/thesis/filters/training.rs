@@ -50,7 +50,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         &mut finding,
         &small,
         &["Training and validation", "Hidden neurons"],
-    )?;
+    );
     Ok(finding)
 }
 

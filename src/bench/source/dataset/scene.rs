@@ -314,7 +314,7 @@ fn nothing(root: &Path, name: &str) -> Error {
 /// than any algorithm takes for one run.
 pub struct SceneSource {
     scenes: Vec<Scene>,
-    depth: BitDepth,
+    pub(in crate::source) depth: BitDepth,
     next: usize,
 }
 
@@ -337,16 +337,6 @@ impl SceneSource {
             depth,
             next: 0,
         })
-    }
-
-    /// Number of bits that the 16-bit images use.
-    pub fn bits(&self) -> Option<u8> {
-        self.depth.bits()
-    }
-
-    /// Notes on the images that are no warnings.
-    pub fn note(&self) -> Option<String> {
-        self.depth.note()
     }
 }
 

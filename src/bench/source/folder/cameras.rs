@@ -52,11 +52,12 @@ pub(super) fn cameras(
             raw(read.map(Some))
         })
     };
+    let of_the_day = || file_of_the_day(&folder.canonicalize().ok()?, CAM_TO_CAM);
     Ok(match cameras {
         Cameras::Rectified | Cameras::Projections(_) => rectified(None),
         Cameras::Sensors(folders) => sensors(folders).unwrap_or_else(|| rectified(None)),
         Cameras::RawSensors(folders) => sensors(folders).unwrap_or_else(|| raw(Ok(None))),
-        Cameras::CamToCam(projections) => match calibration_of_the_day(folder) {
+        Cameras::CamToCam(projections) => match of_the_day() {
             Some(path) => {
                 let [left, right] = projections;
                 let rig = read_projections(&path, left, right)?;
@@ -77,14 +78,10 @@ pub(super) fn cameras(
     })
 }
 
-/// KITTI's calibration of the day, in the folder or in one of the two above it.
-fn calibration_of_the_day(folder: &Path) -> Option<PathBuf> {
-    let folder = folder.canonicalize().ok()?;
-    let files = folder
-        .ancestors()
-        .take(3)
-        .map(|folder| folder.join(CAM_TO_CAM));
-    files.into_iter().find(|file| inputs::is_file(file))
+/// A file of KITTI's day, in the folder or in one of the two above it.
+pub(super) fn file_of_the_day(real_folder: &Path, name: &str) -> Option<PathBuf> {
+    let mut files = real_folder.ancestors().take(3).map(|own| own.join(name));
+    files.find(|file| inputs::is_file(file))
 }
 
 /// Reason why a pair does not fit the rig of earlier pairs.

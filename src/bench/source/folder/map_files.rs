@@ -1,6 +1,7 @@
 //! Files that have the disparities of pairs, as truth or as the map of an algorithm: depth images,
 //! disparities, KITTI's laser scans.
 
+use super::cameras::file_of_the_day;
 use super::layout::{Cameras, Images, Layout, find_ending};
 use super::stamps::epoch_ns;
 use nalgebra::Isometry3;
@@ -9,7 +10,7 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
-use svl_core::{Error, Result, counted, inputs};
+use svl_core::{Error, Result, counted};
 use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
 use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
 use svl_score::plausibility::{TruthUnit, is_better_match};
@@ -493,10 +494,7 @@ fn by_name(pattern: &str) -> Option<TruthUnit> {
 /// The pose of KITTI's scanner, by the calibrations in the folder or the two above it.
 fn scanner(folder: &Path, layout: Option<&Layout>) -> Result<Isometry3<f64>> {
     let real = folder.canonicalize().map_err(|e| Error::io(folder, e))?;
-    let file = |name: &str| {
-        let mut files = real.ancestors().take(3).map(|folder| folder.join(name));
-        files.find(|file| inputs::is_file(file))
-    };
+    let file = |name: &str| file_of_the_day(&real, name);
     match layout.map(|layout| &layout.cameras) {
         Some(Cameras::CamToCam([left, _])) => {
             if let (Some(scanner), Some(cameras)) =

@@ -45,13 +45,13 @@ pub struct FolderSource {
     layout: Option<&'static Layout>,
     pairs: Vec<(PairFiles, Stamp)>,
     poses: Vec<Option<Pose>>,
-    stamps: Option<StampOrigin>,
+    pub(super) stamps: Option<StampOrigin>,
     unpaired: u64,
     unreadable: u64,
-    depth: BitDepth,
+    pub(super) depth: BitDepth,
     places: Option<SideBySide>,
     geometry: Geometry,
-    calibration: std::result::Result<Option<StereoCalibration>, String>,
+    pub(super) calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
     size: (usize, usize),
     /// True if a pair of another size was met.
@@ -113,27 +113,6 @@ impl FolderSource {
     /// [`Error::Io`], [`Error::Format`], [`Error::Usage`].
     pub fn truth(&self, selection: &SensorSelection) -> Result<MapFiles> {
         MapFiles::new(&self.folder, self.layout, selection)
-    }
-
-    /// Origin of the stamps, if not the cameras.
-    pub fn stamps(&self) -> Option<StampOrigin> {
-        self.stamps
-    }
-
-    /// Number of bits that the 16-bit images use.
-    pub fn bits(&self) -> Option<u8> {
-        self.depth.bits()
-    }
-
-    /// Notes on the pairs that are no warnings.
-    pub fn note(&self) -> Option<String> {
-        self.depth.note()
-    }
-
-    /// The calibration that rectifies raw pairs, if the folder has one, or the error that prevents
-    /// reading it.
-    pub fn calibration(&self) -> &std::result::Result<Option<StereoCalibration>, String> {
-        &self.calibration
     }
 
     /// Warns once of a pair whose size differs from that of the first one.

@@ -117,7 +117,7 @@ fn every_layout_pairs_its_images() {
         let folder = folder(&layout, &[("readme.txt", "not an image")]);
         let mut source = open(&folder).unwrap();
         assert_eq!(source.pairs(), Some(2), "{layout:?}");
-        assert_eq!(source.stamps(), Some(StampOrigin::UNKNOWN), "{layout:?}");
+        assert_eq!(source.stamps, Some(StampOrigin::UNKNOWN), "{layout:?}");
         // By their numbers, 8 before 13, whatever their extensions: the content decides.
         assert_eq!(pixels(&mut source), [[0, 1], [2, 3]], "{layout:?}");
     }
@@ -138,7 +138,7 @@ fn stamps_come_from_the_files_beside_the_images() {
         &[("cam0/data.csv", text), ("cam1/data.csv", right)],
     );
     let mut source = open(&euroc).unwrap();
-    assert_eq!(source.stamps(), None);
+    assert_eq!(source.stamps, None);
     assert_eq!(stamps(&mut source), [(1000, Some(500)), (51_000, Some(0))]);
     // Stamps of the left camera alone.
     let left_only = folder(&images, &[("cam0/data.csv", text)]);
@@ -171,7 +171,7 @@ fn stamps_come_from_the_files_beside_the_images() {
         &images,
         &[("image_00/timestamps.txt", "2011-09-26 13:02:25.0\n")],
     );
-    assert_eq!(open(&few).unwrap().stamps(), Some(StampOrigin::UNKNOWN));
+    assert_eq!(open(&few).unwrap().stamps, Some(StampOrigin::UNKNOWN));
 }
 
 #[test]
@@ -189,14 +189,14 @@ fn stamps_come_from_names_and_the_user_overrides() {
         stamps(&mut source),
         [(first, None), (first + 50_000_000, None)]
     );
-    assert_eq!((source.stamps(), source.note()), (None, None));
+    assert_eq!((source.stamps, source.depth.note()), (None, None));
     let request = FolderRequest {
         fps: Some(25.0),
         ..FolderRequest::default()
     };
     let mut source = FolderSource::new(folder.path(), &request).unwrap();
     assert_eq!(stamps(&mut source), [(0, None), (40_000_000, None)]);
-    assert_eq!(source.stamps(), Some(StampOrigin::Given(25.0)));
+    assert_eq!(source.stamps, Some(StampOrigin::Given(25.0)));
 }
 
 #[test]
@@ -388,7 +388,7 @@ fn cameras_of_a_folder_are_read() {
         let folder = folder(&[&format!("{side}/1.png"), &format!("{right}/1.png")], &[]);
         let source = open(&folder).unwrap();
         assert_eq!(
-            (source.geometry, source.calibration()),
+            (source.geometry, &source.calibration),
             (geometry, &Ok(None)),
             "{side}"
         );
@@ -398,7 +398,7 @@ fn cameras_of_a_folder_are_read() {
         assert_eq!(source.geometry, Geometry::Raw, "{side}");
         assert!(
             source
-                .calibration()
+                .calibration
                 .as_ref()
                 .unwrap_err()
                 .contains("sensor.yaml")

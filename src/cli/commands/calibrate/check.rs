@@ -2,7 +2,7 @@
 
 use crate::cli::shared::data::{DataField, data_text, field};
 use crate::cli::shared::source;
-use crate::cli::shared::terminal::{print, print_json, style, width};
+use crate::cli::shared::terminal::{print_value, style, width};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -86,11 +86,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             meter.doubt(None, 0..=i32::MAX).unwrap_or_else(too_few)
         );
     };
-    if args.json {
-        print_json(&alignment)?
-    } else {
-        print(&text(&name, &alignment)?)?
-    }
+    print_value(args.json, &alignment, || text(&name, &alignment))?;
     // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {
         bail!("{name}: {}; {cure}", alignment.words());

@@ -29,32 +29,32 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRe
     let Some(live) = live.filter(|_| args.print_scenario.is_none()) else {
         return Ok(None);
     };
-    let source = &args.source;
     let to_s = check(args, live)?;
     if let Some(folder) = &args.output {
         drop(Outputs::claim_folder(folder, &REPORT)?);
     }
+    // The recording has rectified pairs of 8 bits.
+    let mut remaining = args.source.clone();
+    let recorded = SourceOptions {
+        left: remaining.left.take(),
+        right: remaining.right.take(),
+        left_info: remaining.left_info.take(),
+        right_info: remaining.right_info.take(),
+        bits: remaining.bits.take(),
+        max_skew_ms: remaining.max_skew_ms.take(),
+        stamps: remaining.stamps.take(),
+        right_offset_ms: remaining.right_offset_ms.take(),
+        calib: remaining.calib.take(),
+        alpha: remaining.alpha.take(),
+        ..SourceOptions::default()
+    };
     let mut what = args.what.clone();
     let mut lost = Missing::default();
     for name in what.iter_mut().filter(|name| SourceKind::are_topics(name)) {
-        lost.add(record(name, source, to_s, quiet)?);
+        lost.add(record(name, &recorded, to_s, quiet)?);
     }
     // The pairs that were recorded are counted as they are scored.
     lost.pairs = 0;
-    // The recording has rectified pairs of 8 bits.
-    let remaining = SourceOptions {
-        left: None,
-        right: None,
-        left_info: None,
-        right_info: None,
-        bits: None,
-        max_skew_ms: None,
-        stamps: None,
-        right_offset_ms: None,
-        calib: None,
-        alpha: None,
-        ..source.clone()
-    };
     Ok(Some(LiveRecordings {
         args: Args {
             what,
@@ -105,19 +105,7 @@ fn record(
     quiet: bool,
 ) -> anyhow::Result<Missing> {
     let request = Request {
-        options: SourceOptions {
-            left: options.left.clone(),
-            right: options.right.clone(),
-            left_info: options.left_info.clone(),
-            right_info: options.right_info.clone(),
-            bits: options.bits,
-            max_skew_ms: options.max_skew_ms,
-            stamps: options.stamps,
-            right_offset_ms: options.right_offset_ms,
-            calib: options.calib.clone(),
-            alpha: options.alpha,
-            ..SourceOptions::default()
-        },
+        options: options.clone(),
         live_s: Some(to_s),
         ..Request::new(name.as_str())
     };

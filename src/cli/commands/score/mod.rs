@@ -205,7 +205,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     check_plan(args, &scenario)?;
     let folder = folder(args, &scenario);
     let outputs = claim(args, &folder)?;
-    let junit = JunitFile::claim(args.junit.as_deref())?;
+    let mut junit = JunitFile::claim(args.junit.as_deref())?;
     check_kind(args, &scenario)?;
     let plan = EvaluationPlan {
         scenario: &scenario,
@@ -228,7 +228,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         figures: args.figures.as_deref(),
         viewer: chosen_viewer(args, &folder)?,
     };
-    let junit = junit.set_aside()?;
+    junit.outputs.set_aside()?;
     let evaluated = plan.evaluate(outputs, &Terminal { quiet });
     junit.write(&scenario.name, &evaluated)?;
     answer(args, &scenario.name, &folder, evaluated?)
@@ -284,11 +284,6 @@ impl<'a> JunitFile<'a> {
     fn claim(path: Option<&'a Path>) -> svl::Result<Self> {
         let outputs = Outputs::claim(true, [], path)?;
         Ok(Self { path, outputs })
-    }
-
-    fn set_aside(mut self) -> svl::Result<Self> {
-        self.outputs.set_aside()?;
-        Ok(self)
     }
 
     fn write(self, scenario: &str, evaluated: &svl::Result<Evaluation>) -> anyhow::Result<()> {
@@ -433,7 +428,7 @@ fn chosen_viewer(
     args: &Args,
     folder: &Path,
 ) -> anyhow::Result<Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>> {
-    let chosen = match &args.rerun {
+    Ok(match &args.rerun {
         None => {
             let file = RerunTarget::File(next_report_run(folder));
             viewer()
@@ -444,8 +439,7 @@ fn chosen_viewer(
             Some(target) => Some((viewer()?, target, RerunDetail::Full)),
             None => None,
         },
-    };
-    Ok(chosen)
+    })
 }
 
 /// Refuses a scenario whose checkpoints the truth itself fails.

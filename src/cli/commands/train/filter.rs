@@ -1,7 +1,7 @@
 //! `svl train filter`: the networks of the filters (thesis, chapter 8).
 
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::print_value;
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -147,11 +147,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     write(&page, training.page(identity)?)?;
     outputs.commit();
     let (file, page) = (args.output.display(), page.display());
-    if args.json {
-        print_json(&training)?;
-    } else {
-        print(&format!("{training}\n\n{file}\n{page}"))?;
-    }
+    let text = || anyhow::Ok(format!("{training}\n\n{file}\n{page}"));
+    print_value(args.json, &training, text)?;
     if training.interrupted {
         bail!("interrupted; {file} is the best network so far")
     } else {

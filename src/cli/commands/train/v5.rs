@@ -1,7 +1,7 @@
 //! `svl train v5`: the model of v5.
 
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::terminal::{print_value, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
@@ -131,13 +131,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         CellTraining::page(&training.tables, manifest.entries())?,
     )?;
     outputs.commit();
-    if args.json {
-        print_json(training)
-    } else {
+    print_value(args.json, training, || {
         let (file, page) = (args.output.display(), page.display());
         let training = training.terminal(style());
-        print(&format!("{training}\n{file}\n{page}"))
-    }
+        anyhow::Ok(format!("{training}\n{file}\n{page}"))
+    })
 }
 
 /// The scenarios with the options of the command line.

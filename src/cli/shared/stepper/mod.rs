@@ -13,7 +13,6 @@ pub(crate) use line_edit::{Edited, LineEdit};
 
 use crate::cli::shared::log;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
-use anyhow::Context;
 use keys::Keys;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
@@ -37,7 +36,9 @@ pub(crate) trait StepTool {
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
 
     /// Question of the tool at the moment, in place of the message.
-    fn question(&self) -> Option<String>;
+    fn question(&self) -> Option<String> {
+        None
+    }
 
     /// Receives the results of its work in the background; true if there is something to draw.
     fn poll(&mut self, _stepper: &mut Stepper<'_>) -> bool {
@@ -116,14 +117,12 @@ impl<'a> Stepper<'a> {
     /// # Errors
     /// The errors of the source, and a source without frames.
     pub(crate) fn new(name: &str, mut store: FrameStore<'a>) -> anyhow::Result<Self> {
-        let first = match store.at_most(0) {
-            Ok(None) => match store.take_damage() {
+        let Some((index, frame)) = store.at_most(0)? else {
+            match store.take_damage() {
                 Some(damage) => anyhow::bail!(damage),
                 None => anyhow::bail!("{name}: has no frames"),
-            },
-            first => first?,
+            }
         };
-        let (index, frame) = first.context("no frame")?;
         let is_live = store.is_live();
         Ok(Self {
             name: name.to_owned(),

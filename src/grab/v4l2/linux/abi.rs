@@ -13,25 +13,19 @@ pub(super) struct Request<T> {
 }
 
 pub(super) const QUERYCAP: Request<Capability> = Request::new(opcode::read::<Capability>(b'V', 0));
-pub(super) const ENUM_FMT: Request<FormatDescription> =
-    Request::new(opcode::read_write::<FormatDescription>(b'V', 2));
-pub(super) const S_FMT: Request<AbiFormat> = Request::new(opcode::read_write::<AbiFormat>(b'V', 5));
-pub(super) const REQBUFS: Request<RequestBuffers> =
-    Request::new(opcode::read_write::<RequestBuffers>(b'V', 8));
-pub(super) const QUERYBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 9));
-pub(super) const QBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 15));
-pub(super) const DQBUF: Request<Buffer> = Request::new(opcode::read_write::<Buffer>(b'V', 17));
+pub(super) const ENUM_FMT: Request<FormatDescription> = Request::read_write(2);
+pub(super) const S_FMT: Request<AbiFormat> = Request::read_write(5);
+pub(super) const REQBUFS: Request<RequestBuffers> = Request::read_write(8);
+pub(super) const QUERYBUF: Request<Buffer> = Request::read_write(9);
+pub(super) const QBUF: Request<Buffer> = Request::read_write(15);
+pub(super) const DQBUF: Request<Buffer> = Request::read_write(17);
 pub(super) const STREAMON: Request<c_int> = Request::new(opcode::write::<c_int>(b'V', 18));
 pub(super) const STREAMOFF: Request<c_int> = Request::new(opcode::write::<c_int>(b'V', 19));
-pub(super) const S_PARM: Request<StreamParameters> =
-    Request::new(opcode::read_write::<StreamParameters>(b'V', 22));
-pub(super) const S_CTRL: Request<Control> = Request::new(opcode::read_write::<Control>(b'V', 28));
-pub(super) const QUERYCTRL: Request<ControlQuery> =
-    Request::new(opcode::read_write::<ControlQuery>(b'V', 36));
-pub(super) const ENUM_FRAMESIZES: Request<FrameSize> =
-    Request::new(opcode::read_write::<FrameSize>(b'V', 74));
-pub(super) const ENUM_FRAMEINTERVALS: Request<FrameInterval> =
-    Request::new(opcode::read_write::<FrameInterval>(b'V', 75));
+pub(super) const S_PARM: Request<StreamParameters> = Request::read_write(22);
+pub(super) const S_CTRL: Request<Control> = Request::read_write(28);
+pub(super) const QUERYCTRL: Request<ControlQuery> = Request::read_write(36);
+pub(super) const ENUM_FRAMESIZES: Request<FrameSize> = Request::read_write(74);
+pub(super) const ENUM_FRAMEINTERVALS: Request<FrameInterval> = Request::read_write(75);
 
 pub(super) const VIDEO_CAPTURE: u32 = 1;
 pub(super) const MEMORY_MMAP: u32 = 1;
@@ -205,6 +199,10 @@ impl<T> Request<T> {
             opcode,
             structure: PhantomData,
         }
+    }
+
+    const fn read_write(number: u8) -> Self {
+        Self::new(opcode::read_write::<T>(b'V', number))
     }
 
     /// Calls the driver, and again after a signal.

@@ -389,7 +389,9 @@ impl Checkpoint {
     ) -> CheckpointFrame {
         let judgement = |[column, row]: [usize; 2]| {
             let place = row * grid.shape().columns + column;
-            judgements.map_or(&CellJudgement::NO_TRUTH, |judgements| &judgements[place])
+            judgements
+                .map(|judgements| judgements[place])
+                .unwrap_or_default()
         };
         let count = |cells: &[[usize; 2]], v: Verdict| {
             cells.iter().filter(|&&c| judgement(c).verdict == v).count()
@@ -453,7 +455,7 @@ pub struct CellFinding {
 }
 
 /// Result of a checkpoint in one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CheckpointFrame {
     pub passed: bool,
     /// Cells that must be right and are not, or that must show something and are unknown.
@@ -464,7 +466,16 @@ pub struct CheckpointFrame {
     pub order_holds: bool,
     /// The largest relative error of distance among the cells whose distance is known; infinite if
     /// one is not reported.
+    #[serde(deserialize_with = "infinite_if_null")]
     pub error: f64,
+}
+
+/// JSON has no infinite number: serde writes null.
+fn infinite_if_null<'de, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<f64, D::Error> {
+    let number: Option<f64> = serde::Deserialize::deserialize(deserializer)?;
+    Ok(number.unwrap_or(f64::INFINITY))
 }
 
 impl CheckpointFrame {
@@ -539,7 +550,7 @@ mod tests {
             verdict,
             true_px: Some(9.0),
             true_m: Some(1.0),
-            ..CellJudgement::NO_TRUTH
+            ..CellJudgement::default()
         };
         let judgements = cells.map(|(_, verdict)| judgement(verdict));
         opening().judge(&grid, Some(&judgements), CellRule::default())
@@ -566,7 +577,7 @@ mod tests {
         let failures = |distances: [Option<f64>; 3], verdicts: [Verdict; 3]| {
             let judgements = verdicts.map(|verdict| CellJudgement {
                 verdict,
-                ..CellJudgement::NO_TRUTH
+                ..CellJudgement::default()
             });
             opening().failures(&grid_of(distances), Some(&judgements))
         };

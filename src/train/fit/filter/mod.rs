@@ -24,6 +24,10 @@ pub enum SamplePart {
 impl SamplePart {
     pub const ALL: [Self; 3] = [Self::Training, Self::Validation, Self::Test];
 
+    pub fn name(self) -> &'static str {
+        ["training", "validation", "test"][self as usize]
+    }
+
     /// Parts for that many recordings, at least three: a fifth for the test, a fifth for the
     /// validation.
     pub fn deal(recordings: usize) -> Vec<Self> {

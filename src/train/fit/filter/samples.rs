@@ -217,17 +217,12 @@ impl WindowSamples {
 
     /// Number of windows of a part with the filter's object, and without.
     pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
-        let parts = [
-            ("training", SamplePart::Training),
-            ("validation", SamplePart::Validation),
-            ("test", SamplePart::Test),
-        ];
-        let count = |part| {
+        let count = |part: SamplePart| {
             let labels = self.labels(part);
             let is = labels.iter().filter(|&&is| is).count();
-            [is, labels.len() - is]
+            (part.name(), [is, labels.len() - is])
         };
-        parts.map(|(name, part)| (name, count(part))).into()
+        SamplePart::ALL.map(count).into()
     }
 
     /// The test samples with the worst scores of a category, worst first.

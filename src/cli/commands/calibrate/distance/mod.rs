@@ -3,7 +3,7 @@
 mod measurements;
 mod report;
 
-use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::terminal::{print_value, style};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use clap::builder::NonEmptyStringValueParser;
@@ -103,9 +103,5 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         write(path, report.csv()?)?;
     }
     outputs.commit();
-    if args.json {
-        print_json(&report.json())
-    } else {
-        print(&report.text(style())?)
-    }
+    print_value(args.json, &report.json(), || report.text(style()))
 }

@@ -5,8 +5,9 @@ use super::label::CellLabel;
 use crate::cli::shared::stepper::Stepper;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use svl::outputs::remove_file;
 use svl::score::LabelledPair;
 use svl::stereo::Frame;
 
@@ -189,12 +190,7 @@ impl DraftFile {
     /// Removes the file: nothing is left to resume.
     pub(super) fn remove(&mut self) -> anyhow::Result<()> {
         self.written = None;
-        match std::fs::remove_file(&self.path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(svl::Error::io(&self.path, error).into())
-            }
-            _ => Ok(()),
-        }
+        Ok(remove_file(&self.path)?)
     }
 }
 

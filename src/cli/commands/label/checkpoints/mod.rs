@@ -15,6 +15,7 @@ use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
 use draft::DraftFile;
+use label::FORMS;
 use ratatui::layout::Rect;
 use reported::Reported;
 use scenario_file::{NewScenario, ScenarioFile};
@@ -24,7 +25,7 @@ use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
 use svl::source::Request;
 use svl::stereo::GridShape;
-use tool::Labelling;
+use tool::{Labelling, Question};
 
 /// Label what cells of recorded frames show, for `svl score`
 #[derive(clap::Args)]
@@ -197,15 +198,38 @@ impl StepTool for Labelling {
     }
 
     fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        self.take_frame(stepper)
+        let scenario = self.file.scenario();
+        if let Some(reported) = &mut self.reported
+            && let Err(error) = reported.match_frame(stepper.frame(), scenario.grid, scenario.cells)
+        {
+            stepper.say(error.to_string());
+        }
+        self.show_in_viewer(stepper);
+        self.draft_file.keep(stepper.frame(), &self.draft)
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        self.take_key(key, stepper)
+        let before = (self.draft.clone(), self.picked);
+        let reaction = match self.asks {
+            Some(_) => self.answer(key, stepper)?,
+            None => self.command(key, stepper)?,
+        };
+        if before != (self.draft.clone(), self.picked) {
+            self.show_in_viewer(stepper);
+            self.draft_file.keep(stepper.frame(), &self.draft)?;
+        }
+        Ok(reaction)
     }
 
     fn question(&self) -> Option<String> {
-        self.asked()
+        Some(match self.asks.as_ref()? {
+            Question::Cell(edit) if edit.is_empty() => format!("{edit} ({FORMS})"),
+            Question::Cell(edit) | Question::Name(edit, _) => edit.to_string(),
+            Question::Leave => format!(
+                "{} not written: w write, k keep as a draft, d discard, Esc continue",
+                counted(self.draft.cells.len(), "cell")
+            ),
+        })
     }
 
     fn draw(

@@ -2,7 +2,7 @@
 //! written.
 
 use super::draft::{Draft, DraftFile};
-use super::label::{CellLabel, FORMS, NONE};
+use super::label::{CellLabel, NONE};
 use super::reported::Reported;
 use super::scenario_file::ScenarioFile;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, Stepper, picture};
@@ -93,7 +93,11 @@ impl Labelling {
         }
     }
 
-    fn answer(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+    pub(super) fn answer(
+        &mut self,
+        key: Key,
+        stepper: &mut Stepper<'_>,
+    ) -> anyhow::Result<Reaction> {
         let question = self.asks.take();
         match question {
             Some(Question::Cell(mut edit)) => match edit.key(key) {
@@ -205,7 +209,11 @@ impl Labelling {
         };
     }
 
-    fn command(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+    pub(super) fn command(
+        &mut self,
+        key: Key,
+        stepper: &mut Stepper<'_>,
+    ) -> anyhow::Result<Reaction> {
         let frame = stepper.frame().sequence;
         if !matches!(key, Key::Char(c) if c.is_ascii_digit()) {
             self.moved_by = match key {
@@ -241,7 +249,7 @@ impl Labelling {
     }
 
     /// Shows frame and labels in Rerun.
-    fn show_in_viewer(&mut self, stepper: &mut Stepper<'_>) {
+    pub(super) fn show_in_viewer(&mut self, stepper: &mut Stepper<'_>) {
         let Some(viewer) = &self.viewer else { return };
         let frame = stepper.frame();
         let notes: Vec<_> = self.shape().iter().filter_map(|at| self.note(at)).collect();
@@ -272,46 +280,6 @@ impl Labelling {
                 text: texts.join(" | "),
                 is_picked,
             }
-        })
-    }
-
-    /// Another frame is shown: the algorithm answers it, Rerun shows it, the draft remembers it.
-    pub(super) fn take_frame(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let scenario = self.file.scenario();
-        if let Some(reported) = &mut self.reported
-            && let Err(error) = reported.match_frame(stepper.frame(), scenario.grid, scenario.cells)
-        {
-            stepper.say(error.to_string());
-        }
-        self.show_in_viewer(stepper);
-        self.draft_file.keep(stepper.frame(), &self.draft)
-    }
-
-    pub(super) fn take_key(
-        &mut self,
-        key: Key,
-        stepper: &mut Stepper<'_>,
-    ) -> anyhow::Result<Reaction> {
-        let before = (self.draft.clone(), self.picked);
-        let reaction = match self.asks {
-            Some(_) => self.answer(key, stepper)?,
-            None => self.command(key, stepper)?,
-        };
-        if before != (self.draft.clone(), self.picked) {
-            self.show_in_viewer(stepper);
-            self.draft_file.keep(stepper.frame(), &self.draft)?;
-        }
-        Ok(reaction)
-    }
-
-    pub(super) fn asked(&self) -> Option<String> {
-        Some(match self.asks.as_ref()? {
-            Question::Cell(edit) if edit.is_empty() => format!("{edit} ({FORMS})"),
-            Question::Cell(edit) | Question::Name(edit, _) => edit.to_string(),
-            Question::Leave => format!(
-                "{} not written: w write, k keep as a draft, d discard, Esc continue",
-                counted(self.draft.cells.len(), "cell")
-            ),
         })
     }
 }

@@ -121,7 +121,7 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
     let start = PassStart::new(&manifest, None, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
-    let mut none = Matchers::none();
+    let mut none = Matchers::default();
     let collected = frames_through(&mut *opened.source, &mut none, &start, frame_windows, watch)?;
     let mut labels = FrameLabels::new(path, kind);
     let (mut known, mut both) = (false, 0);

@@ -222,10 +222,6 @@ impl StepTool for Categorizer {
         Ok(Reaction::Taken)
     }
 
-    fn question(&self) -> Option<String> {
-        None
-    }
-
     fn draw(
         &mut self,
         stepper: &Stepper<'_>,
