@@ -75,13 +75,14 @@ impl AccuracyRow {
             CellNumber::ErrorCells => Some(self.cells as f64),
             CellNumber::RestingCells => Some(self.resting as f64),
         };
-        let (cells, possible) = match number {
-            CellNumber::Noise => (self.resting_cells, Some(self.resting_known)),
-            CellNumber::Flicker | CellNumber::RestingCells => (self.resting, None),
-            _ => (self.cells, Some(self.known)),
+        let (items, cells, possible) = match number {
+            CellNumber::Noise => (self.frames, self.resting_cells, Some(self.resting_known)),
+            CellNumber::Flicker | CellNumber::RestingCells => (self.frames, self.resting, None),
+            // They rest on cells, whatever their pairs.
+            _ => (0, self.cells, Some(self.known)),
         };
         let cases = Cases {
-            items: self.frames,
+            items,
             cells: Some(cells),
             possible,
         };

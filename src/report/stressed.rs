@@ -94,16 +94,18 @@ impl Results {
             let change = changes.iter().find(|change| change.metric == metric)?;
             Some((change.judgement, loss_words(number, change)?))
         });
-        let real = losses.clone().filter(|(own, _)| *own == Judgement::Worse);
+        let real = losses.filter(|(own, _)| *own == Judgement::Worse);
         let lost = lost_checkpoints(&self.checkpoints, &sums.checkpoints, label);
         let broken: Vec<_> = real.map(|(_, words)| words).chain(lost).collect();
         let is_few = |own: Judgement| own == Judgement::TooFew;
+        let own = tables.drives.iter().filter(|row| row.algorithm == label);
+        let courses = own.filter(|row| row.stress.as_deref() == text).count();
         let untold = if text.is_none() || !broken.is_empty() {
             None
         } else if changes.is_empty() {
             Some("not measured")
-        } else if losses.clone().any(|(own, _)| is_few(own))
-            || changes.iter().all(|change| is_few(change.judgement))
+        } else if is_driven && courses < METHOD.fewest_blocks
+            || changes.iter().any(|change| is_few(change.judgement))
         {
             Some(if is_driven {
                 "too few courses to tell"

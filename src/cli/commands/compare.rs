@@ -117,7 +117,7 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
     match text.split_once(':') {
         None if text == "worse" => Ok(None),
         Some(("worse", name)) => {
-            let metric = Metric::named(name)?;
+            let metric = usage::metric(name)?;
             if metric.better == Better::Neither {
                 let cure = "name one that has, as `svl columns metrics` says";
                 return Err(format!("'{name}' has no better direction; {cure}"));

@@ -45,7 +45,7 @@ pub(in crate::cli) struct Args {
     #[command(flatten)]
     area: AreaArgs,
     /// Sort the algorithms by a metric, the best first
-    #[arg(long, value_name = "METRIC", value_parser = Metric::named, help_heading = "Output")]
+    #[arg(long, value_name = "METRIC", value_parser = usage::metric, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Fail if a limit of the scenario's [[gate]] fails or is not measured
     #[arg(long, help_heading = "Scoring")]

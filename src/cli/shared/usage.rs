@@ -14,6 +14,7 @@ use svl::alternatives;
 use svl::losses::Incomplete;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
+use svl::score::Metric;
 
 /// Names of commands in other programs, and svl's commands that do the same.
 pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
@@ -172,6 +173,11 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
 pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
     let (first, second) = text.split_once(between)?;
     Some((first.parse().ok()?, second.parse().ok()?))
+}
+
+/// The metric of that name that algorithms are ranked or tested by.
+pub(crate) fn metric(name: &str) -> Result<&'static Metric, String> {
+    Metric::named(name)?.to_judge_by()
 }
 
 /// The name of a file with one of these extensions.

@@ -258,7 +258,7 @@ impl AlignmentMeter {
             return Some(format!(
                 "left and right look like one picture twice, or nothing is {nearest}: {:.0} % of \
                  {points} points are within {SAME_PX} px of the same place; name images of two \
-                 cameras (--left and --right)",
+                 cameras (--left and --right, or the files of `svl match`)",
                 100.0 * same
             ));
         }
@@ -295,8 +295,8 @@ impl AlignmentMeter {
         Some(format!(
             "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
              farther right in the right image; if exchanged (and not both upside down), name them \
-             the other way round (--left and --right; --side-by-side=right-left for halves of one \
-             image){calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
+             the other way round (--left and --right, the files of `svl match`, or \
+             --side-by-side=right-left for halves of one image){calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
              v4, bm and sgm covers them, and v5 and dp have none",
             self.matches.len()
         ))

@@ -216,7 +216,8 @@ impl ScoredRun {
     }
 
     pub(super) fn has_checkpoints(&self, label: &str) -> bool {
-        self.checkpoints.iter().any(|row| row.algorithm == label)
+        let mut seen = self.checkpoints.iter().filter(|row| row.frames > 0);
+        seen.any(|row| row.algorithm == label)
     }
 
     /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.

@@ -55,6 +55,7 @@ impl Trend {
     /// # Errors
     /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
     pub fn new(runs: &[ScoredRun]) -> Result<Self> {
+        let all = runs;
         let is_driven = runs.iter().any(|run| !run.drives.is_empty());
         let kinds = [
             (Purpose::Compare, "pair"),
@@ -77,7 +78,17 @@ impl Trend {
             let pairs = run.rows.iter().filter(|_| !is_driven).map(pair);
             pairs.chain(courses).collect()
         };
-        let sets: Vec<_> = runs.iter().map(keys).collect();
+        // A report of other data would leave nothing of the others.
+        let newest = all.last().map(keys).unwrap_or_default();
+        let is_other = |run: &&ScoredRun| keys(run).is_disjoint(&newest);
+        let (others, runs): (Vec<_>, Vec<_>) = all.iter().partition(is_other);
+        for run in others {
+            let name = run.name.display();
+            cautions.push(format!(
+                "{name} is left out: it shares no {noun} with the newest report"
+            ));
+        }
+        let sets: Vec<_> = runs.iter().map(|run| keys(run)).collect();
         let both = sets.iter().cloned().reduce(|a, b| &a & &b);
         let common = both.unwrap_or_default();
         let most = sets.iter().map(BTreeSet::len).max().unwrap_or_default();
@@ -85,7 +96,7 @@ impl Trend {
             let left = counted(most - common.len(), noun);
             cautions.push(format!("{left} that some reports lack are left out"));
         }
-        let labels: BTreeSet<_> = runs.iter().flat_map(ScoredRun::labels).collect();
+        let labels: BTreeSet<_> = runs.iter().flat_map(|run| run.labels()).collect();
         let rows = || runs.iter().flat_map(|run| &run.rows);
         let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
         let driven = Some(TruthLevel::Courses).filter(|_| is_driven);

@@ -35,7 +35,8 @@ impl Minimum {
 /// The cases that a value rests on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Cases {
-    /// Pairs, frames or courses with a value; of rates of drives the whole metres driven.
+    /// Pairs, frames or courses with a value; of rates of drives the whole metres driven; 0 where
+    /// only cells count.
     pub items: u64,
     /// Cells or obstacles; absent of metrics whose cases are the items.
     #[serde(skip_serializing_if = "Option::is_none")]

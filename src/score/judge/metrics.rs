@@ -399,6 +399,9 @@ const COMPARED: CaseKind = CaseKind::Sum(&["same", "changed", "gone"], "cell* kn
 /// Fewest of the cells that errors and noise are of: those without a finite report are left out.
 const MIN_SHARE: Option<f64> = Some(0.95);
 
+/// Group of the metrics of perturbed pairs beside the unperturbed ones.
+const PERTURBED: &str = "perturbed, %";
+
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 
@@ -647,7 +650,7 @@ pub const METRICS: &[Metric] = &[
              all cells; needs no truth; compare only runs with the same algorithms",
         )
         .headline(&[NoTruth]),
-    metric("same", "cells as unperturbed", "perturbed, %", "same")
+    metric("same", "cells as unperturbed", PERTURBED, "same")
         .unit(Share, More)
         .origin(part("cells_same", |_| None))
         .over(COMPARED)
@@ -660,23 +663,18 @@ pub const METRICS: &[Metric] = &[
     metric(
         "changed",
         "cells other than unperturbed",
-        "perturbed, %",
+        PERTURBED,
         "changed",
     )
     .unit(Share, Less)
     .origin(part("cells_changed", |_| None))
     .over(COMPARED)
     .without_truth(),
-    metric(
-        "gone",
-        "cells known unperturbed alone",
-        "perturbed, %",
-        "gone",
-    )
-    .unit(Share, Less)
-    .origin(part("cells_gone", |_| None))
-    .over(COMPARED)
-    .without_truth(),
+    metric("gone", "cells known unperturbed alone", PERTURBED, "gone")
+        .unit(Share, Less)
+        .origin(part("cells_gone", |_| None))
+        .over(COMPARED)
+        .without_truth(),
     metric("kept", "obstacles kept behind filters", "filters", "kept")
         .unit(Count, More)
         .origin(sum("kept_obstacles", |facts| {
@@ -789,6 +787,7 @@ pub const METRICS: &[Metric] = &[
     )
     .unit(Count, Neither)
     .origin(error_number("error_cells", CellNumber::ErrorCells))
+    .over(ERRORS)
     .at_least(0, None)
     .by_area(),
     metric(
@@ -817,6 +816,7 @@ pub const METRICS: &[Metric] = &[
     metric("resting_cells", "cells at rest", "over time", "resting")
         .unit(Count, Neither)
         .origin(error_number("resting_cells", CellNumber::RestingCells))
+        .over(CHANGES)
         .at_least(0, None)
         .by_area(),
     metric("scored_pairs", "scored pairs", "scored", "scored pairs")
@@ -905,6 +905,21 @@ pub const METRICS: &[Metric] = &[
 impl Metric {
     pub fn find(name: &str) -> Option<&'static Self> {
         METRICS.iter().find(|metric| metric.name == name)
+    }
+
+    /// The metric, for gates, orders and comparisons.
+    ///
+    /// # Errors
+    /// One line for a metric that is measured at levels of stress alone.
+    pub fn to_judge_by(&'static self) -> Result<&'static Self, String> {
+        if self.group == PERTURBED {
+            return Err(format!(
+                "{} is measured at each level of a perturbation: the table of --stress alone has \
+                 it",
+                self.name
+            ));
+        }
+        Ok(self)
     }
 
     /// The metric of that name, or of that heading in a table, `%` or not.

@@ -44,7 +44,9 @@ fn metric<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<&'static Metric, D::Error> {
     let name = String::deserialize(deserializer)?;
-    Metric::find(&name).ok_or_else(|| serde::de::Error::custom(Metric::unknown(&name)))
+    let metric = Metric::find(&name).ok_or_else(|| Metric::unknown(&name));
+    let metric = metric.and_then(Metric::to_judge_by);
+    metric.map_err(serde::de::Error::custom)
 }
 
 impl Limit {

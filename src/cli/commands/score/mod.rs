@@ -137,7 +137,7 @@ pub(crate) struct Args {
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
-    #[arg(long, value_name = "METRIC", value_parser = Metric::named, help_heading = "Output")]
+    #[arg(long, value_name = "METRIC", value_parser = usage::metric, help_heading = "Output")]
     sort: Option<&'static Metric>,
     /// Metrics that the table shows: all or NAME,…
     ///
