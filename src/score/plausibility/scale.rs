@@ -163,7 +163,7 @@ impl MeasuredScales {
             .collect()
     }
 
-    /// The reason to doubt a truth that denies most cells of an algorithm that is hardly ever wrong.
+    /// The reason to doubt a truth that denies most cells of an algorithm that is rarely wrong.
     fn denied(matched: &BTreeMap<String, AlgorithmScale>) -> Option<String> {
         let is_sure = |label: &&String| label.split(':').next() == Some(SURE);
         let label = matched.keys().find(is_sure)?;
@@ -238,7 +238,7 @@ impl AlgorithmScale {
         let of_files = self.recorded.as_deref().and_then(unit_of_files);
         let Some(measured) = self.factor else {
             let step = self.inverse?;
-            let kind = of_files.map(|unit| unit.of_other_kind(step));
+            let kind = of_files.map(|unit| unit.other_kind(step));
             return doubtful(&match kind {
                 Some(kind) => format!("its values fit as files:PATTERN,{kind}"),
                 None => "its distances are proportional to disparities: they are disparities, \

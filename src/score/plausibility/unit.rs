@@ -71,7 +71,7 @@ impl TruthUnit {
 
     /// The unit of depths in place of disparities, or of disparities in place of depths, where
     /// distances are `step` times what it takes for disparities.
-    pub(super) fn of_other_kind(self, step: f64) -> Self {
+    pub(super) fn other_kind(self, step: f64) -> Self {
         let other = match self {
             Self::Depth(unit_m) => Self::Disparity(1.0 / unit_m),
             Self::Disparity(scale) => Self::Depth(1.0 / scale),
@@ -182,7 +182,7 @@ pub(super) fn disparity_cure(name: &str, factor: f64) -> Option<String> {
         return Some(cure.to_owned());
     };
     let is_depth = matches!(unit, TruthUnit::Depth(_));
-    is_depth.then(|| format!("likely --truth '{name}:{}'", unit.of_other_kind(factor)))
+    is_depth.then(|| format!("likely --truth '{name}:{}'", unit.other_kind(factor)))
 }
 
 /// The unit of files by their extension, where it does not depend on their content.
