@@ -156,6 +156,13 @@ mod tests {
         let wide = file("16.pgm", b"P5\n2 1\n65535\n\0\0\x03\0");
         assert_eq!(row(&wide, None).unwrap(), [f32::INFINITY, 3.0]);
         assert_eq!(row(&wide, Some(128.0)).unwrap(), [f32::INFINITY, 6.0]);
+        for header in ["P5\n2 1\n1023\n", "P5 # 9 9 9\n2 1 # 9\n# 9\n 40000 "] {
+            let other = file("other.pgm", &[header.as_bytes(), b"\0\0\x03\0"].concat());
+            assert_eq!(row(&other, None).unwrap(), [f32::INFINITY, 3.0], "{header}");
+        }
+        let text = file("text.pgm", b"P2\n2 1\n1000\n0 768\n");
+        assert_eq!(row(&text, None).unwrap(), [f32::INFINITY, 3.0]);
+        assert!(message(&file("cut.pgm", b"P5\n2 1\n1023"), None).contains("not a readable"));
         let narrow = file("8.pgm", b"P5\n2 1\n255\n\0\x06");
         assert_eq!(row(&narrow, Some(4.0)).unwrap(), [f32::INFINITY, 1.5]);
         assert!(message(&narrow, None).contains("8.pgm: has integers"));

@@ -61,7 +61,32 @@ fn decode_named(name: &str, bytes: &[u8]) -> std::result::Result<DynamicImage, S
     Ok(image)
 }
 
+/// A PNM of 16 bits, with 65535 as its largest value: `image` multiplies others by 65535 / it.
+fn unscaled(bytes: &[u8]) -> Option<Vec<u8>> {
+    if !matches!(bytes, [b'P', b'2' | b'3' | b'5' | b'6', ..]) {
+        return None;
+    }
+    let run = |from: usize, is_in: fn(u8) -> bool| {
+        let rest = bytes[from..].iter();
+        from + rest.take_while(|byte| is_in(**byte)).count()
+    };
+    let (mut start, mut end) = (0, 2);
+    for _ in ["width", "height", "largest value"] {
+        start = run(end, |byte| byte.is_ascii_whitespace());
+        while bytes.get(start) == Some(&b'#') {
+            start = run(start, |byte| byte != b'\n');
+            start = run(start, |byte| byte.is_ascii_whitespace());
+        }
+        end = run(start, |byte| byte.is_ascii_digit());
+    }
+    let largest: u32 = str::from_utf8(&bytes[start..end]).ok()?.parse().ok()?;
+    let is_other = (256..65535).contains(&largest);
+    is_other.then(|| [&bytes[..start], b"65535", &bytes[end..]].concat())
+}
+
 fn decode_unturned(bytes: &[u8]) -> std::result::Result<(DynamicImage, Orientation), String> {
+    let unscaled = unscaled(bytes);
+    let bytes = unscaled.as_deref().unwrap_or(bytes);
     if HEIC
         .iter()
         .any(|kind| bytes.get(4..).is_some_and(|rest| rest.starts_with(kind)))

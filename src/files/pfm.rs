@@ -60,7 +60,10 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     }
     let expected = width * height * 4;
     let of_windows = bytes[bytes.len() - rest.len() - 1..].strip_prefix(b"\r\n");
-    let of_windows = of_windows.filter(|_| rest.len() != expected);
+    // A header with such ends has one here, too, and no line feed as the first pixel's first byte.
+    let mut header = bytes[..bytes.len() - rest.len() - 1].windows(2);
+    let of_windows =
+        of_windows.filter(|_| rest.len() != expected || header.any(|ends| ends == b"\r\n"));
     let untranslated = of_windows.map(|pixels| without_carriage_returns(pixels, expected));
     let pixels = untranslated.as_deref().unwrap_or(rest);
     if pixels.len() != expected {
@@ -169,6 +172,11 @@ mod tests {
         let text: Vec<u8> = text.collect();
         assert!(text.len() > pixels.len());
         assert_eq!(read(&text).as_ref(), Ok(&pixels), "all of it");
+        let cut = read(&pixels[..pixels.len() - 1]);
+        assert!(
+            cut.unwrap_err()
+                .contains("needs 12 bytes of pixels, got 11")
+        );
         let longer = read(&[&pixels[..], b"abc"].concat());
         assert!(longer.unwrap_err().contains("got 15"));
     }

@@ -26,6 +26,8 @@ pub struct Reader {
     pairs: Option<u64>,
     /// Positions of the pairs, once requested.
     index: Option<Option<PairIndex>>,
+    /// Sequence of the first pair, also if it cannot be read.
+    first_sequence: u64,
     /// The first pair, read on opening the file, after the errors of unreadable pairs before it.
     ahead: VecDeque<Result<Frame>>,
     /// Damage found, reported after the pairs before it.
@@ -94,6 +96,7 @@ impl Reader {
             topics: source.facts().topics,
             source,
             index: None,
+            first_sequence: 0,
             header: recording.header().ok(),
             ahead: VecDeque::new(),
             damage: None,
@@ -112,6 +115,10 @@ impl Reader {
         while self.ahead.len() < UNREADABLE {
             match self.read() {
                 Ok(Some(first)) => {
+                    if self.source.is_own() {
+                        let unreadable = self.ahead.len() as u64;
+                        self.first_sequence = first.sequence.saturating_sub(unreadable);
+                    }
                     self.ahead.push_back(Ok(first));
                     return Ok(());
                 }
@@ -152,6 +159,11 @@ impl Reader {
     /// Number of left images according to the file's summary: no more pairs can be made.
     pub fn images(&self) -> Option<u64> {
         self.recording.count(&self.topics[0]).ok()?
+    }
+
+    /// Sequence of the first pair: a part of one of svl's recordings keeps its own.
+    pub fn first_sequence(&self) -> u64 {
+        self.first_sequence
     }
 
     /// The facts of the pairs so far; the counts are final at the end of the recording.

@@ -1,5 +1,6 @@
 //! The table of the algorithms with a column per parameter, for sweeps.
 
+use super::table_writer::field_metadata;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -46,10 +47,11 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
     let path = folder.join("algorithms.parquet");
     let failed = |e: polars::prelude::PolarsError| Error::format(&path, e.to_string());
     let columns = columns.into_iter().map(|(name, cells)| stored(name, cells));
-    let frame = DataFrame::new(algorithms.len(), columns.collect());
+    let mut frame = DataFrame::new(algorithms.len(), columns.collect()).map_err(failed)?;
     let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
     ParquetWriter::new(file)
-        .finish(&mut frame.map_err(failed)?)
+        .with_key_value_metadata(Some(field_metadata(frame.schema(), &[])))
+        .finish(&mut frame)
         .map_err(failed)?;
     Ok(())
 }

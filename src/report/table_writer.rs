@@ -1,5 +1,6 @@
 //! Tables on disk: CSV during the run, Parquet at its end.
 
+use super::columns::ColumnDescription;
 use super::csv_rows::{csv_error, row_writer};
 use super::results::Results;
 use super::rows::Record;
@@ -132,7 +133,7 @@ impl<R: Record> Parquet<R> {
         let frame = R::frame(&[]).map_err(|e| polars_error(path, e))?;
         let schema = frame.schema().clone();
         let writer = ParquetWriter::new(file)
-            .with_key_value_metadata(Some(field_metadata::<R>(&schema)))
+            .with_key_value_metadata(Some(field_metadata(&schema, &R::columns())))
             .batched(&schema);
         Ok(Self {
             path: path.to_owned(),
@@ -176,10 +177,11 @@ impl<R: Record> Parquet<R> {
     }
 }
 
-/// The schema of Arrow that Parquet files hold, with units and meanings of the columns.
-fn field_metadata<R: Record>(schema: &Schema) -> KeyValueMetadata {
-    let mut schema = schema.to_arrow(CompatLevel::newest());
-    for column in R::columns() {
+/// The schema of Arrow that Parquet files hold, with units and meanings of the columns. Texts are
+/// such that pyarrow can filter, join and sort, as not yet by Arrow's views.
+pub(super) fn field_metadata(schema: &Schema, columns: &[ColumnDescription]) -> KeyValueMetadata {
+    let mut schema = schema.to_arrow(CompatLevel::oldest());
+    for column in columns {
         let entries = [
             ("unit", column.unit.unwrap_or_default()),
             ("description", &column.about),

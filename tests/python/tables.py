@@ -1,7 +1,8 @@
 """Every table of a report, as pandas, polars, DuckDB and pyarrow read its CSV and its Parquet: tables.py REPORT.
 
 All eight readings have the same values. Counts are signed, so that differences of them do not wrap; booleans are
-booleans; hashes are texts. Prints the number of tables, columns and rows."""
+booleans; hashes are texts. Tables can be filtered, joined and sorted by texts. Prints the number of tables and of
+cells."""
 
 import math
 import pathlib
@@ -10,6 +11,7 @@ import sys
 import duckdb
 import pandas as pd
 import polars as pl
+import pyarrow.compute
 import pyarrow.csv
 import pyarrow.parquet
 
@@ -60,4 +62,19 @@ for path in sorted(pathlib.Path(sys.argv[1]).glob("*.parquet")):
                     assert not isinstance(a, bool) or isinstance(b, bool), f"{path.name}, {library}, {name}: {b!r}"
                     cells += 1
     tables += 1
+    # Texts can be compared, joined and sorted.
+    table = pyarrow.parquet.read_table(path)
+    for name in [field.name for field in stored if "string" in str(field.type)]:
+        texts = sorted(set(table[name].to_pylist()) - {None})
+        for text in texts[:1]:
+            count = table[name].to_pylist().count(text)
+            assert table.filter(pyarrow.compute.equal(table[name], text)).num_rows == count, f"{path.name}, {name}"
+            assert pyarrow.parquet.read_table(path, filters=[(name, "==", text)]).num_rows == count
+            assert len(pd.read_parquet(path, filters=[(name, "==", text)])) == count
+            one = pyarrow.table({name: pyarrow.array([text], table[name].type)})
+            joined = table.select([name]).join(one, name, join_type="inner")
+            assert joined.num_rows == count, f"{path.name}, {name}: {joined.num_rows} joined, {count} expected"
+            frame = pd.read_parquet(path, dtype_backend="pyarrow")
+            assert len(frame.merge(pd.DataFrame({name: [text]}), on=name)) == count
+        assert table.sort_by(name)[name].to_pylist()[: len(texts)][:1] == texts[:1]
 print(tables, cells)

@@ -148,8 +148,13 @@ impl SourceMaps {
                 self.maps.push((map.source.clone(), files));
             }
         }
-        let is_any = self.truth.is_some() || !self.maps.is_empty();
+        let is_any = self.all().next().is_some();
         Ok(is_any.then_some(self))
+    }
+
+    fn all(&mut self) -> impl Iterator<Item = &mut MeasuredMaps> {
+        let maps = self.maps.iter_mut().map(|(_, map)| map);
+        self.truth.iter_mut().chain(maps)
     }
 }
 
@@ -162,9 +167,9 @@ pub struct MeasuredSource<'a> {
 
 impl<'a> MeasuredSource<'a> {
     pub fn new(source: Box<dyn Source + 'a>, mut measured: SourceMaps) -> Self {
-        for (_, map) in &mut measured.maps {
+        for map in measured.all() {
             if let MeasuredMaps::Files(files) = map {
-                files.count_pairs(source.most_pairs());
+                files.count_pairs(source.numbers());
             }
         }
         Self { source, measured }
@@ -205,7 +210,7 @@ impl Source for MeasuredSource<'_> {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        for (_, map) in &self.measured.maps {
+        for map in self.measured.all() {
             if let MeasuredMaps::Files(files) = map {
                 files.warn_of_unused();
             }

@@ -57,6 +57,7 @@ pub use stressed::Perturbation;
 pub use usability::Usability;
 pub use video::VideoSource;
 
+use std::ops::RangeInclusive;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
 use svl_core::stereo::Frame;
@@ -107,10 +108,11 @@ pub trait Source: Send {
         self.wrapped()?.pairs()
     }
 
-    /// Limit on the number of frames without a range, if one is known.
-    fn most_pairs(&self) -> Option<u64> {
-        let wrapped = self.wrapped().map(Source::most_pairs);
-        wrapped.unwrap_or_else(|| self.pairs())
+    /// Numbers of the first and the last frame without a range, if they are known: of the names, or
+    /// of frames without a name the sequences. The last one may be less than this.
+    fn numbers(&self) -> Option<RangeInclusive<u64>> {
+        let wrapped = self.wrapped().map(Source::numbers);
+        wrapped.unwrap_or_else(|| Some(0..=self.pairs()?.checked_sub(1)?))
     }
 
     /// Makes the source give the frame at `index`, counted from 0, next. False where it can only

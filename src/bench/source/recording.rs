@@ -1,6 +1,7 @@
 //! Frames from a recording.
 
 use super::Source;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
@@ -82,8 +83,10 @@ impl Source for RecordingSource {
         self.reader.pairs()
     }
 
-    fn most_pairs(&self) -> Option<u64> {
-        self.pairs().or_else(|| self.reader.images())
+    fn numbers(&self) -> Option<RangeInclusive<u64>> {
+        let pairs = self.pairs().or_else(|| self.reader.images())?;
+        let first = self.reader.first_sequence();
+        Some(first..=first.checked_add(pairs.checked_sub(1)?)?)
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {

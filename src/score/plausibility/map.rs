@@ -1,4 +1,5 @@
-//! A map of disparities beside its truth: the signs of another unit, sign or view.
+//! A map of disparities: its values for unknown, and beside its truth the signs of another unit,
+//! sign or view.
 
 use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, PIXELS, constant, sampled_places};
 use super::unit::{rounded, usual};
@@ -10,10 +11,42 @@ use svl_core::stereo::Plane;
 const OF_RIGHT: f64 = 0.25;
 /// Median errors up to this are those of a good map, pixels.
 const GOOD_PX: f64 = 1.0;
+/// A usual factor is printed in place of the measured one if it differs by less than this.
+const SAME: f64 = 0.02;
+
+/// The disparities without the finite ones that stand for unknown by `is_none`, and their number.
+///
+/// # Errors
+/// The map, unchanged, where most are such and of several values: of another sign or unit.
+pub fn without(
+    map: Plane<f32>,
+    is_none: impl Fn(f32) -> bool,
+) -> Result<(Plane<f32>, usize), Plane<f32>> {
+    let is_none = |d: f32| d.is_finite() && is_none(d);
+    if are_most(&map, &is_none) {
+        return Err(map);
+    }
+    let count = map.pixels().filter(|d| is_none(*d)).count();
+    Ok((
+        map.map(|d| if is_none(d) { f32::INFINITY } else { d }),
+        count,
+    ))
+}
+
+/// True if three of four disparities are such, and not all of one value, a code for unknown.
+fn are_most(map: &Plane<f32>, is_such: &impl Fn(f32) -> bool) -> bool {
+    let known = || map.pixels().filter(|d| d.is_finite() && *d != 0.0);
+    let such = || known().filter(|d| is_such(*d));
+    let first = such().next();
+    such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
+}
 
 /// The reason to doubt an estimate of one size with its truth: a constant factor, the opposite
 /// sign, depths in place of disparities, or the map of the right view.
 pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
+    if are_most(estimate, &|d| d < 0.0) {
+        return Some("its disparities have the opposite sign of the truth's".to_owned());
+    }
     if estimate.size() != truth.size() {
         return None;
     }
@@ -37,12 +70,11 @@ pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
         return None;
     }
     let is_usual = |factor: f64| (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor);
-    match constant(&factors).map(usual) {
-        Some(factor) if is_usual(factor) => {}
-        Some(factor) if is_usual(-factor) => {
-            return Some("its disparities have the opposite sign of the truth's".to_owned());
-        }
+    match constant(&factors) {
+        Some(factor) if is_usual(usual(factor)) => {}
         Some(factor) => {
+            let near = Some(usual(factor)).filter(|near| (factor / near - 1.0).abs() < SAME);
+            let factor = near.unwrap_or(factor);
             return Some(format!(
                 "its disparities are {} times those of the truth: --estimate-scale is the factor \
                  of integers (OpenCV's matchers: 16), floats have to be divided by it",
@@ -77,6 +109,13 @@ mod tests {
                 "16 times those of the truth",
             ),
             ("sign", doubt(&|d| -d), "opposite sign"),
+            (
+                "noisy sign",
+                doubt(&|d| -d * (d % 3.0 + 1.0)),
+                "opposite sign",
+            ),
+            ("times 3.1", doubt(&|d| 3.1 * d), "3.1 times those"),
+            ("times 3.4", doubt(&|d| 3.4 * d), "3.4 times those"),
             ("depth", doubt(&|d| 300.0 / d), "depths, not disparities"),
         ] {
             assert!(doubt.as_ref().unwrap().contains(words), "{name}: {doubt:?}");
@@ -98,5 +137,23 @@ mod tests {
             |x: usize, y: usize| at(x, y) * if (x + y).is_multiple_of(3) { 2.0 } else { 1.0 };
         let noisy = Plane::from_fn(size.0, size.1, noise).unwrap();
         assert_eq!(map_doubt(&noisy, &truth), None);
+    }
+    #[test]
+    fn codes_for_unknown_are_none_and_another_sign_is_not() {
+        let map = |values: &[f32]| Plane::from_vec(values.len(), 1, values.to_vec()).unwrap();
+        let negative = |values: &[f32]| {
+            let found = without(map(values), |d| d < 0.0).ok();
+            found.map(|(map, count)| (map.row(0).to_vec(), count))
+        };
+        let inf = f32::INFINITY;
+        for code in [-1.0, -16.0, f32::MIN] {
+            let found = negative(&[4.0, code, 5.0, inf, code]);
+            assert_eq!(found, Some((vec![4.0, inf, 5.0, inf, inf], 2)));
+            // Most pixels, or all of them, are unknown.
+            assert_eq!(negative(&[code; 20]), Some((vec![inf; 20], 20)));
+        }
+        assert_eq!(negative(&[-4.0, -5.0, 0.0, -6.0, inf]), None);
+        let of_another_size = map_doubt(&map(&[-4.0, -5.0]), &map(&[4.0]));
+        assert!(of_another_size.unwrap().contains("opposite sign"));
     }
 }

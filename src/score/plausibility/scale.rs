@@ -3,12 +3,12 @@
 //! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs. v5
 //! leaves unknown what it is not sure of: a truth that denies most of its cells is doubtful, too.
 
-use super::unit::{cure, disparity_cure, rounded, usual};
+use super::unit::{cure, disparity_cure, rounded, unit_of_files, usual};
 use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::statistics::upper_median;
-use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
+use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
 
 /// Frames of a run that are compared, and pixels of each.
 pub const SCALE_FRAMES: u64 = 20;
@@ -44,8 +44,8 @@ struct Ratios {
     inverse: Vec<f64>,
     /// The factors, if the truth measures along the rays.
     along_rays: Vec<f64>,
-    /// Pixels that are those of a recorded map.
-    recorded: usize,
+    /// Pixels that are those of a recorded map, by its source.
+    recorded: BTreeMap<String, usize>,
     right: u64,
     wrong: u64,
 }
@@ -78,7 +78,7 @@ impl TruthScales {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),
             is_along_rays: ratios.are_along_rays(),
-            is_recorded: 2 * ratios.recorded > ratios.factors.len(),
+            recorded: ratios.recorded(),
             right: ratios.right,
             wrong: ratios.wrong,
         };
@@ -99,7 +99,7 @@ pub struct MeasuredScales {
 }
 
 /// The factors of an algorithm, where they are constant.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AlgorithmScale {
     /// Disparity of the truth divided by that of the algorithm: the factor that its distances lack.
     factor: Option<f64>,
@@ -108,8 +108,8 @@ pub struct AlgorithmScale {
     inverse: Option<f64>,
     /// True if the truth fits it as distances along the rays, and clearly worse as depths.
     is_along_rays: bool,
-    /// True of a map that the source has, which may have a wrong unit as a truth may.
-    is_recorded: bool,
+    /// Source of a map of others, which may have a wrong unit as a truth may.
+    recorded: Option<String>,
     /// Cells, of all areas.
     right: u64,
     wrong: u64,
@@ -118,10 +118,10 @@ pub struct AlgorithmScale {
 impl MeasuredScales {
     /// Scales of one algorithm, if there are some.
     pub fn for_label(&self, label: &str) -> Option<Self> {
-        let scale = self.algorithms.get(label)?;
+        let scale = self.algorithms.get(label)?.clone();
         Some(Self {
             origin: self.origin.clone(),
-            algorithms: BTreeMap::from([(label.to_owned(), *scale)]),
+            algorithms: BTreeMap::from([(label.to_owned(), scale)]),
         })
     }
 
@@ -129,7 +129,7 @@ impl MeasuredScales {
     pub fn doubts(&self) -> Vec<String> {
         let algorithms = self.algorithms.clone().into_iter();
         let (recorded, matched): (BTreeMap<_, _>, BTreeMap<_, _>) =
-            algorithms.partition(|(_, scale)| scale.is_recorded);
+            algorithms.partition(|(_, scale)| scale.recorded.is_some());
         // The images tell which of the two is wrong.
         let others = if matched.is_empty() {
             &recorded
@@ -140,9 +140,14 @@ impl MeasuredScales {
             origin: self.origin.clone(),
             algorithms: algorithms.clone(),
         };
-        let is_reference = matches!(self.origin, TruthOrigin::Reference(_));
-        let by_others = Some(by(others)).filter(|_| !is_reference);
-        let sure = || Self::denied(&matched);
+        let by_which = match self.origin {
+            TruthOrigin::Reference(_) => Some("the reference"),
+            TruthOrigin::Exact if matched.is_empty() => Some("the truth"),
+            TruthOrigin::Exact | TruthOrigin::Sensor(_) => None,
+        };
+        let by_others = Some(by(others)).filter(|_| by_which.is_none());
+        let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
+        let sure = || Self::denied(&matched).filter(|_| is_sensor);
         if let Some(doubt) = by_others.and_then(|scales| scales.truth_doubt().or_else(sure)) {
             let either = if matched.is_empty() {
                 ", or the unit of the recorded map is wrong"
@@ -153,21 +158,17 @@ impl MeasuredScales {
         }
         let maps = recorded
             .iter()
-            .filter(|_| is_reference || !matched.is_empty());
-        let others = if is_reference {
-            "the reference"
-        } else {
-            "the truth and of the matchers"
-        };
+            .filter(|_| by_which.is_some() || !matched.is_empty());
+        let others = by_which.unwrap_or("the truth and of the matchers");
         maps.filter_map(|(label, scale)| scale.map_doubt(label, others))
             .collect()
     }
 
-    /// The reason to doubt a truth that denies most cells of an algorithm that is hardly ever wrong.
+    /// The reason to doubt a truth that denies most cells of an algorithm that is rarely wrong.
     fn denied(matched: &BTreeMap<String, AlgorithmScale>) -> Option<String> {
         let is_sure = |label: &&String| label.split(':').next() == Some(SURE);
         let label = matched.keys().find(is_sure)?;
-        let AlgorithmScale { right, wrong, .. } = matched[label];
+        let &AlgorithmScale { right, wrong, .. } = &matched[label];
         (wrong > right && right + wrong >= MIN_CELLS).then(|| {
             format!(
                 "{wrong} of {} cells that {label} knows in the first pairs are wrong by it; it, a \
@@ -235,21 +236,25 @@ impl AlgorithmScale {
     /// The reason to doubt a recorded map, where others agree with the truth.
     fn map_doubt(&self, label: &str, others: &str) -> Option<String> {
         let doubtful = |what: &str| Some(format!("the map of {label} is doubtful: {what}"));
-        let Some(factor) = self.factor else {
-            self.inverse?;
-            return doubtful(
-                "its distances are proportional to disparities: they are disparities, likely, \
-                 which a stereo_msgs/DisparityImage or :disparity=SCALE says",
-            );
+        let of_files = self.recorded.as_deref().and_then(unit_of_files);
+        let Some(measured) = self.factor else {
+            let step = self.inverse?;
+            let kind = of_files.map(|unit| unit.other_kind(step));
+            return doubtful(&match kind {
+                Some(kind) => format!("its values fit as files:PATTERN,{kind}"),
+                None => "its distances are proportional to disparities: they are disparities, \
+                         likely, which a stereo_msgs/DisparityImage says"
+                    .to_owned(),
+            });
         };
-        let factor = usual(factor);
+        let factor = usual(measured);
         if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor.abs()) {
             return None;
         }
-        let cause = if factor == 1000.0 {
-            "likely in millimetres where floats are metres"
-        } else {
-            "likely another unit, or its f or T is of another image size"
+        let cause = match of_files {
+            Some(unit) => format!("likely files:PATTERN,{}", unit.times(1.0 / measured).near()),
+            None if factor == 1000.0 => "likely in millimetres where floats are metres".to_owned(),
+            None => "likely another unit, or its f or T is of another image size".to_owned(),
         };
         doubtful(&format!(
             "its distances are {} times those of {others}; {cause}",
@@ -265,17 +270,23 @@ impl Ratios {
         if map.size() != (width, height) {
             return;
         }
-        let maps = frame.maps.iter().map(|map| &map.disparity);
-        let maps: Vec<_> = maps.filter(|map| map.size() == (width, height)).collect();
+        let maps = frame.maps.iter();
+        let maps: Vec<_> = maps
+            .filter(|map| map.disparity.size() == (width, height))
+            .collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
         for (x, y) in sampled_places((width, height), PIXELS) {
             let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
-            let is_recorded = maps.iter().any(|map| f64::from(map.get(x, y)) == px);
-            let least_px = if is_recorded { px.max(true_px) } else { px };
+            let same = |map: &&&RecordedMap| f64::from(map.disparity.get(x, y)) == px;
+            let recorded = maps.iter().filter(same);
+            let other_px = recorded.clone().next().map_or(px, |_| true_px);
+            let least_px = px.max(other_px);
             if !true_px.is_finite() || !px.is_finite() || least_px < MIN_PX || px <= 0.0 {
                 continue;
             }
-            self.recorded += usize::from(is_recorded);
+            for map in recorded {
+                *self.recorded.entry(map.source.clone()).or_default() += 1;
+            }
             let factor = (true_px + doffs_px) / (px + doffs_px);
             self.factors.push(factor);
             self.along_rays.extend(frame.rig().map(|rig| {
@@ -296,6 +307,12 @@ impl Ratios {
             self.right += u64::from(cell.verdict == Verdict::Right);
             self.wrong += u64::from(cell.verdict == Verdict::Wrong);
         }
+    }
+
+    /// Source of the map whose pixels are most of these.
+    fn recorded(&self) -> Option<String> {
+        let (source, pixels) = self.recorded.iter().max_by_key(|(_, pixels)| **pixels)?;
+        (2 * pixels > self.factors.len()).then(|| source.clone())
     }
 
     fn are_along_rays(&self) -> bool {

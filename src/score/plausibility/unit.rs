@@ -11,6 +11,7 @@ const SCALES: std::ops::RangeInclusive<f32> = 1e-3..=65536.0;
 const USUAL: [f64; 13] = [
     2.0, 3.0, FEET, 4.0, 5.0, 8.0, 10.0, 16.0, INCHES, 100.0, 256.0, 1000.0, 5000.0,
 ];
+const MILLIMETRE: f32 = 0.001;
 /// Feet and inches in a metre.
 const FEET: f64 = 1.0 / 0.3048;
 const INCHES: f64 = 1.0 / 0.0254;
@@ -60,13 +61,46 @@ impl TruthUnit {
     }
 
     /// The unit in which distances are `factor` times as long.
-    fn times(self, factor: f64) -> Self {
+    pub(super) fn times(self, factor: f64) -> Self {
         let times = |unit: f32| (f64::from(unit) * factor) as f32;
         match self {
             Self::Depth(unit_m) => Self::Depth(times(unit_m)),
             Self::Disparity(scale) => Self::Disparity(times(scale)),
         }
     }
+
+    /// The unit of depths in place of disparities, or of disparities in place of depths, where
+    /// distances are `step` times what it takes for disparities.
+    pub(super) fn other_kind(self, step: f64) -> Self {
+        let other = match self {
+            Self::Depth(unit_m) => Self::Disparity(1.0 / unit_m),
+            Self::Disparity(scale) => Self::Depth(1.0 / scale),
+        };
+        other.times(step).near()
+    }
+
+    /// The usual unit that is near.
+    pub(super) fn near(self) -> Self {
+        let near = |unit: f32| usual(unit.into()) as f32;
+        match self {
+            Self::Depth(unit_m) => Self::Depth(near(unit_m)),
+            Self::Disparity(scale) => Self::Disparity(near(scale)),
+        }
+    }
+}
+
+/// The unit of the maps of `files:`, by the complete parameters in their source.
+pub(super) fn unit_of_files(source: &str) -> Option<TruthUnit> {
+    let (pattern, options) = source.strip_prefix("files:")?.split_once(",unit=")?;
+    let (unit, scale) = options.split_once(",disparity=")?;
+    let scale = scale.split(',').next()?;
+    let ending = usual_unit(pattern);
+    Some(match (unit.parse().ok()?, scale.parse().ok()?) {
+        (0.0, 0.0) if ending == Some(TruthUnit::Depth(MILLIMETRE)) => TruthUnit::Disparity(256.0),
+        (0.0, 0.0) => TruthUnit::Disparity(1.0),
+        (0.0, scale) => TruthUnit::Disparity(scale),
+        (unit, _) => TruthUnit::Depth(unit),
+    })
 }
 
 impl std::fmt::Display for TruthUnit {
@@ -147,18 +181,15 @@ pub(super) fn disparity_cure(name: &str, factor: f64) -> Option<String> {
         let cure = "likely disparities, which a topic has as stereo_msgs/DisparityImage";
         return Some(cure.to_owned());
     };
-    let TruthUnit::Depth(unit_m) = unit else {
-        return None;
-    };
-    let scale = TruthUnit::Disparity((usual(factor / f64::from(unit_m))) as f32);
-    Some(format!("likely --truth '{name}:{scale}'"))
+    let is_depth = matches!(unit, TruthUnit::Depth(_));
+    is_depth.then(|| format!("likely --truth '{name}:{}'", unit.other_kind(factor)))
 }
 
 /// The unit of files by their extension, where it does not depend on their content.
 fn usual_unit(name: &str) -> Option<TruthUnit> {
     let ending = name.rsplit_once('.')?.1.to_lowercase();
     match ending.as_str() {
-        "png" | "tif" | "tiff" => Some(TruthUnit::Depth(0.001)),
+        "png" | "tif" | "tiff" => Some(TruthUnit::Depth(MILLIMETRE)),
         "pfm" | "npz" => Some(TruthUnit::Depth(1.0)),
         _ => None,
     }

@@ -162,6 +162,8 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         );
     }
     fixture.write("truth/notes.txt", "not a map");
+    fixture.write("truth/._000000_10.pgm", "of macOS");
+    fixture.write("d/._000000_10.pfm", "of macOS");
     let args = |protocol: &str| format!("eval d truth --disparity-scale 1 --protocol {protocol}");
     insta::assert_snapshot!(fixture.run(&args("kitti12")));
     let mean = fixture.json(&args("kitti12 --json"));
@@ -188,6 +190,11 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
     fixture
         .svl(&args("kitti15"))
         .failed(1, &["d: has no file named 000003_10"]);
+    fixture.write("d/000003_10.tif", "");
+    fixture.svl(&args("kitti15")).failed(
+        1,
+        &["which has a truth; d/000003_10.tif is not read: convert it"],
+    );
     fixture.write("truth/000003_10.png", "");
     fixture
         .svl(&args("kitti15"))
@@ -297,6 +304,38 @@ fn maps_say_what_they_are() {
         &ran.stderr,
         &["odd.pgm: 2 pixels of the mask are not 0, 128 or 255"],
     );
+}
+
+#[test]
+fn values_that_stand_for_unknown_are_counted_and_not_scored() {
+    let fixture = scene();
+    let line = "eval d.pfm truth.pfm --protocol middeval3 --json";
+    let expected = fixture.run(line);
+    for code in [-1.0, -16.0, f32::MIN] {
+        write_map(&fixture, "minus.pfm", &[&[4.0, 5.5, code, 4.0, 0.5]]);
+        write_map(&fixture, "t.pfm", &[&[4.0, 4.0, 4.0, code, 4.0]]);
+        for (from, to) in [("d.pfm", "minus.pfm"), ("truth.pfm", "t.pfm")] {
+            let ran = fixture.svl(&line.replace(from, to));
+            let words = format!("{to}: 1 negative disparities count as unknown");
+            assert_says(&ran.stderr, &[&words]);
+            assert_eq!(ran.done(), expected, "{to}");
+        }
+    }
+    write_map(&fixture, "t.pfm", &[&[4.0, 4.0, 4.0, 1e9, 4.0]]);
+    let ran = fixture.svl(&line.replace("truth.pfm", "t.pfm"));
+    let words = "t.pfm: 1 disparities beyond the image's width count as unknown";
+    assert_says(&ran.stderr, &[words]);
+    assert_eq!(ran.done(), expected);
+    write_map(&fixture, "negated.pfm", &[&[-4.0, -4.0, -4.5, NO, -4.0]]);
+    let ran = fixture.svl(&line.replace("d.pfm", "negated.pfm"));
+    assert_says(
+        &ran.stderr,
+        &["negated.pfm: its disparities have the opposite sign"],
+    );
+    ran.done();
+    fixture
+        .svl(&line.replace("truth.pfm", "negated.pfm"))
+        .failed(1, &["negated.pfm: most disparities are negative"]);
 }
 
 fn in_numpy(args: &[&str]) -> Option<Value> {

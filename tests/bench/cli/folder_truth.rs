@@ -229,6 +229,43 @@ fn disparity_images_are_read_as_such() {
 }
 
 #[test]
+fn numbers_that_are_not_the_images_are_named_and_so_are_files_without_a_pair() {
+    let fixture = Fixture::new();
+    wall(&fixture);
+    for name in [1, 2] {
+        let [left, right] = ["left", "right"].map(|side| format!("w/{side}/{name}.pgm"));
+        fixture.write_pair(&left, &right, WALL, 8);
+    }
+    let record = |numbers: std::ops::Range<u16>| {
+        let folder = format!("disp{}-{}", numbers.start, numbers.end);
+        for number in numbers {
+            fixture.write(
+                &format!("w/{folder}/{number}.png"),
+                wall_image(8 * 256 + number),
+            );
+        }
+        let pattern = format!("{folder}/*.png");
+        let ran = fixture.svl(&[
+            "record", "w", "-o", "x.mcap", "--force", "--truth", &pattern,
+        ]);
+        let found = frames(&fixture, "w", &pattern).into_iter();
+        let px = found.map(|f| f.truth.map(|t| t.disparity.get(1, 0) * 256.0 - 2048.0));
+        (ran.stderr, px.collect::<Vec<_>>())
+    };
+    let (said, px) = record(1..4);
+    assert_says(&said, &["numbers 1 to 3 for pairs 0 to 2: 1 is pair 0"]);
+    assert_eq!(px, [Some(1.0), Some(2.0), Some(3.0)]);
+    let (said, _) = record(1..3);
+    assert_says(
+        &said,
+        &["are read as the pairs' own, so that some have none; if 1 is pair 0"],
+    );
+    let (said, px) = record(0..5);
+    assert_says(&said, &["2 files used by no pair, the first is", "3.png"]);
+    assert_eq!(px, [Some(0.0), Some(1.0), Some(2.0)]);
+}
+
+#[test]
 fn a_truth_of_another_unit_is_named_with_the_likely_one() {
     let fixture = Fixture::new();
     wall(&fixture);

@@ -582,7 +582,7 @@ fn files_belong_to_pairs_without_a_name_by_their_numbers() {
     assert_says(
         &ran.stderr,
         &[
-            "files:'out/*.pfm': numbers 1 to 12 for as many pairs: 1 is the first pair",
+            "files:'out/*.pfm': numbers 1 to 12 for pairs 0 to 11: 1 is pair 0",
             "files:'out/*.pfm': 6 files used by no pair, the first is ./out/0002.pfm",
         ],
     );
@@ -595,14 +595,57 @@ fn files_belong_to_pairs_without_a_name_by_their_numbers() {
     assert_says(
         &ran.stderr,
         &[
-            "numbers up to 30 for pairs 0 to 11: are they of this recording?",
+            "numbers 1 to 30 for pairs 0 to 11 are read as the pairs' own, so that some have none; \
+             if 1 is pair 0, number the files from 0",
             "1 file used by no pair, the first is ./out/0030.pfm; 1 pair without one",
         ],
     );
+    // The last map is missing, or the first: both are said.
+    std::fs::remove_file(fixture.path("out/0030.pfm")).unwrap();
+    let ran = fixture.svl(&line.replace(" -q", " --force"));
+    let words = "numbers 1 to 11 for pairs 0 to 11 are read as the pairs' own, so that some have";
+    assert_says(&ran.stderr, &[words]);
     fixture.write("out/3.pfm", pfm(9.0));
     fixture
         .svl(line)
         .failed(1, &["have one number; leave one of them"]);
+}
+
+#[test]
+fn files_of_a_part_of_a_recording_have_its_numbers_or_count_its_pairs() {
+    let fixture = Fixture::new();
+    arena(&fixture);
+    fixture.run("record made/pairs.mcap -o part.mcap --from 0.5 -q");
+    let opened = open_recording(&Request::new(fixture.path("part.mcap").to_str().unwrap()));
+    let mut source = opened.unwrap().source;
+    let sequences = std::iter::from_fn(|| source.next().unwrap()).map(|frame| frame.sequence);
+    let sequences: Vec<_> = sequences.collect();
+    let (start, end) = (sequences[0], sequences[sequences.len() - 1]);
+    assert!(start > 1 && end > start + 2, "{sequences:?}");
+    for first in [start, 0, 1, start + 1, 100] {
+        let folder = format!("m{first}");
+        for (i, sequence) in sequences.iter().enumerate() {
+            let name = format!("{folder}/{}.pfm", first + i as u64);
+            fixture.write(&name, pfm(*sequence as f32));
+        }
+        let last = first + end - start;
+        let ran = fixture.svl(&format!(
+            "score part.mcap --algo n=files:{folder}/*.pfm --rerun none -o r{first}"
+        ));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        let words = format!("numbers {first} to {last} for pairs {start} to {end}: {first} is");
+        let count = usize::from(first != start);
+        assert_eq!(ran.stderr.matches(&words).count(), count, "{}", ran.stderr);
+        assert!(!ran.stderr.contains("used by no pair"), "{}", ran.stderr);
+        let report = fixture.path(&format!("r{first}"));
+        for ((i, ..), cell) in cells(&report, "n") {
+            assert_eq!(
+                cell.median_px,
+                Some(i as f64).filter(|px| *px > 0.0),
+                "{first}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@ use super::entry::{CalibFile, PairFiles};
 use super::{DATASETS, files, truth};
 use crate::source::{Source, warn_of_rig};
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
@@ -361,6 +362,10 @@ impl Source for SceneSource {
 
     fn pairs(&self) -> Option<u64> {
         Some(self.scenes.len() as u64)
+    }
+
+    fn numbers(&self) -> Option<RangeInclusive<u64>> {
+        None
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {

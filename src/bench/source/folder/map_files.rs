@@ -6,14 +6,15 @@ use super::layout::{Cameras, Images, Layout, find_ending};
 use super::stamps::epoch_ns;
 use nalgebra::Isometry3;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, counted, inputs};
 use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
 use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
-use svl_score::plausibility::{TruthUnit, is_better_match};
+use svl_score::plausibility::{TruthUnit, is_better_match, without};
 
 /// Extensions of the files that are read.
 const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
@@ -45,10 +46,10 @@ pub struct MapFiles {
     is_recognized: bool,
     /// By the part at `*` of their names.
     files: Images,
-    /// Files whose names are numbers, for pairs without a name.
+    /// Files whose names are numbers, for pairs without a name or with other numbers.
     numbered: BTreeMap<u64, PathBuf>,
-    /// Number of the first pair's file.
-    first_number: u64,
+    /// Numbers of a file and of its pair, of which all others are as far apart.
+    number_of: [u64; 2],
     /// Words for the user about the numbers, once they are used.
     numbering: Option<String>,
     /// Files whose names are times, by stamp.
@@ -113,15 +114,7 @@ impl MapFiles {
         max_skew_ns: u64,
     ) -> Result<Self> {
         let folder = Path::new(if pattern.starts_with('/') { "/" } else { "." });
-        let mut found = Self::find(folder, pattern, SensorRole::Map)?;
-        for (key, path) in &found.files {
-            let number = str::from_utf8(key).ok().and_then(|key| key.parse().ok());
-            let Some(number) = number else { continue };
-            if let Some(other) = found.numbered.insert(number, path.clone()) {
-                let both = format!("and {} have one number; leave one of them", other.display());
-                return Err(Error::format(path, both));
-            }
-        }
+        let found = Self::find(folder, pattern, SensorRole::Map)?;
         let unit = match (unit_m, scale) {
             (Some(unit_m), _) => TruthUnit::Depth(unit_m as f32),
             (None, Some(scale)) => TruthUnit::Disparity(scale as f32),
@@ -159,6 +152,17 @@ impl MapFiles {
             };
             return Err(Error::format(folder, format!("{asked}: {why}")));
         }
+        let mut numbered = BTreeMap::new();
+        for (key, path) in &files {
+            let number = str::from_utf8(key).ok().and_then(|key| key.parse().ok());
+            let Some(number) = number else { continue };
+            let other: Option<PathBuf> = numbered.insert(number, path.clone());
+            // Truths have the names of the images, unless these are other numbers.
+            if let Some(other) = other.filter(|_| role == SensorRole::Map) {
+                let both = format!("and {} have one number; leave one of them", other.display());
+                return Err(Error::format(path, both));
+            }
+        }
         let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
         Ok(Self {
             folder: folder.to_owned(),
@@ -168,8 +172,8 @@ impl MapFiles {
             is_recognized: false,
             times: files.iter().filter_map(stamp).collect(),
             files,
-            numbered: BTreeMap::new(),
-            first_number: 0,
+            numbered,
+            number_of: [0; 2],
             numbering: None,
             max_skew_ns: 0,
             scanner: None,
@@ -235,7 +239,7 @@ impl MapFiles {
             return Ok(None);
         };
         self.has_found = true;
-        if let Some(words) = self.numbering.take_if(|_| frame.name.is_none()) {
+        if let Some(words) = self.numbering.take_if(|_| number(frame).is_some()) {
             tracing::warn!("{}: {words}", self.asked());
         }
         self.used.insert(path.clone(), frame.stamp_ns);
@@ -310,7 +314,7 @@ impl MapFiles {
         let unit_m = match (self.unit, rig) {
             (Some(TruthUnit::Disparity(scale)), _) => {
                 let map = read_disparity_steps(path, scale, self.has_zeros(path))?;
-                return Ok(self.without_negative(map, path));
+                return Ok(self.without_negative(map));
             }
             (Some(TruthUnit::Depth(unit_m)), _) => Some(unit_m),
             (None, _) => None,
@@ -347,17 +351,22 @@ impl MapFiles {
         self.role == SensorRole::Map && has_ending(path, "pfm")
     }
 
-    /// The map without negative values in NumPy's arrays of OpenCV's matchers, where they are none.
-    fn without_negative(&self, map: Plane<f32>, path: &Path) -> Plane<f32> {
-        if self.role == SensorRole::Truth || has_ending(path, "pfm") {
+    /// The map without negative values, which programs write for none, as OpenCV's matchers.
+    fn without_negative(&self, map: Plane<f32>) -> Plane<f32> {
+        if self.role == SensorRole::Truth {
             return map;
         }
-        map.map(|d| if d < 0.0 { f32::INFINITY } else { d })
+        let negated = |map| {
+            let why = "most disparities are negative: of the opposite sign, multiply them by -1";
+            warn_once(format!("{}: {why}", self.asked()));
+            map
+        };
+        without(map, |d| d < 0.0).map_or_else(negated, |(map, _)| map)
     }
 
-    /// Learns how many pairs the source has in all, of which numbers count the files of pairs
-    /// without a name: from 0, or from 1 if the last one is the number of pairs.
-    pub(crate) fn count_pairs(&mut self, pairs: Option<u64>) {
+    /// Learns the numbers of the source's pairs. The files have these, or count the pairs: from 1,
+    /// from 0, or from the first file. Where that is open they are the pairs', and it is said.
+    pub(crate) fn count_pairs(&mut self, pairs: Option<RangeInclusive<u64>>) {
         let (Some(pairs), Some((&first, _)), Some((&last, _))) = (
             pairs.filter(|_| self.times.is_empty()),
             self.numbered.first_key_value(),
@@ -365,28 +374,34 @@ impl MapFiles {
         ) else {
             return;
         };
-        self.numbering = if first == 1 && last == pairs {
-            self.first_number = 1;
-            Some(format!(
-                "numbers 1 to {pairs} for as many pairs: 1 is the first pair"
-            ))
-        } else if last >= pairs {
-            let of_pairs = pairs.saturating_sub(1);
-            Some(format!(
-                "numbers up to {last} for pairs 0 to {of_pairs}: are they of this recording?"
-            ))
-        } else {
-            None
+        let (start, end) = pairs.into_inner();
+        let fits = |from: &u64| first >= *from && last - from <= end.saturating_sub(start);
+        let is_apart = start.checked_add(1) == Some(first) || first > end || last < start;
+        let counted = Some(first).filter(|_| is_apart);
+        let from = [start, 1, 0].into_iter().chain(counted).find(fits);
+        self.number_of = [from.unwrap_or(start), start];
+        let numbers = format!("numbers {first} to {last} for pairs {start} to {end}");
+        self.numbering = match from {
+            Some(from) if from != start => Some(format!("{numbers}: {from} is pair {start}")),
+            // Pairs 5 to 9 may have some of the files of all; numbers from 1 may count from 1.
+            None if first <= start && last >= end => None,
+            Some(_) if [first, start] != [1, 0] => None,
+            _ => Some(format!(
+                "{numbers} are read as the pairs' own, so that some have none; if {first} is pair \
+                 {start}, number the files from {start}"
+            )),
         };
     }
 
-    /// Warns of maps that no pair used.
+    /// Warns of files that no pair used, but not of measurements that have times of their own.
     pub(crate) fn warn_of_unused(&self) {
         let mut unused = self
             .files
             .values()
             .filter(|path| !self.used.contains_key(*path));
-        if let Some(first) = unused.next().filter(|_| self.role == SensorRole::Map) {
+        let has_names = self.times.is_empty() && self.has_found;
+        let is_named = self.role == SensorRole::Map || has_names;
+        if let Some(first) = unused.next().filter(|_| is_named) {
             tracing::warn!(
                 "{}: {} used by no pair, the first is {}; {} without one",
                 self.asked(),
@@ -440,13 +455,16 @@ impl MapFiles {
         // A scene of a data set also by its own name, without that of the data set.
         let name = frame.name.as_deref();
         let own = name.and_then(|name| Some(name.rsplit_once('/')?.1));
-        for name in name.into_iter().chain(own).map(str::as_bytes) {
+        let [of_file, of_pair] = self.number_of;
+        let names = name.into_iter().chain(own).map(str::as_bytes);
+        for name in names.filter(|_| of_file == of_pair) {
             if let Some(path) = self.files.get(name) {
                 return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
             }
         }
-        let number = self.numbered.get(&(frame.sequence + self.first_number));
-        if let Some(path) = number.filter(|_| name.is_none()) {
+        let number = number(frame).filter(|_| name.is_none() || of_file != of_pair);
+        let number = number.and_then(|number| number.checked_sub(of_pair)?.checked_add(of_file));
+        if let Some(path) = number.and_then(|number| self.numbered.get(&number)) {
             return Some((path.clone(), 0));
         }
         // A file answers one pair.
@@ -465,6 +483,12 @@ impl MapFiles {
         let reason = format!("{}, {files}: {why}", self.asked());
         Error::format(&self.folder, reason)
     }
+}
+
+/// The number of a pair: its name, or that in its source.
+fn number(frame: &Frame) -> Option<u64> {
+    let name = frame.name.as_deref();
+    name.map_or(Some(frame.sequence), |name| name.parse().ok())
 }
 
 /// The option, as the user wrote it.

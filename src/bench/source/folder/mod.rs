@@ -16,6 +16,7 @@ use pairs::{PairFiles, pairs};
 use poses::poses;
 pub(super) use stamps::epoch_ns;
 use stamps::{Stamp, stamps};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, StereoCalibration};
 use svl_core::{Error, Result};
@@ -212,6 +213,13 @@ impl Source for FolderSource {
 
     fn pairs(&self) -> Option<u64> {
         Some(self.pairs.len() as u64)
+    }
+
+    fn numbers(&self) -> Option<RangeInclusive<u64>> {
+        let names = self.pairs.iter();
+        let numbers = names.map(|(files, _)| str::from_utf8(&files.key).ok()?.parse().ok());
+        let numbers: Vec<u64> = numbers.collect::<Option<_>>()?;
+        Some(*numbers.iter().min()?..=*numbers.iter().max()?)
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {

@@ -250,13 +250,16 @@ fn ndisp(calib: &Path) -> anyhow::Result<Option<f64>> {
     number.transpose()
 }
 
-/// Everything in a folder.
+/// Everything in a folder but hidden files: macOS has a `._a.png` beside each a.png.
 fn entries(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let shown = folder.display();
-    std::fs::read_dir(folder)
+    let mut paths = std::fs::read_dir(folder)
         .with_context(|| format!("{shown}: is not a folder that can be read"))?
         .map(|entry| Ok(entry.with_context(|| shown.to_string())?.path()))
-        .collect()
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_owned();
+    paths.retain(|path| !name(path).as_encoded_bytes().starts_with(b"."));
+    Ok(paths)
 }
 
 /// The images and maps of a folder by name without extension.
@@ -292,9 +295,18 @@ impl<'a> Folder<'a> {
 
     fn file(&self, name: &str) -> anyhow::Result<PathBuf> {
         let missing = || {
+            let other = entries(self.path).ok().and_then(|mut entries| {
+                entries.retain(|path| path.is_file() && path.file_stem() == Some(name.as_ref()));
+                let (other, endings) = (entries.pop()?, ENDINGS.join(", ."));
+                let other = other.display();
+                Some(format!(
+                    "; {other} is not read: convert it to one of .{endings}"
+                ))
+            });
             format!(
-                "{}: has no file named {name}, which has a truth",
-                self.path.display()
+                "{}: has no file named {name}, which has a truth{}",
+                self.path.display(),
+                other.unwrap_or_default()
             )
         };
         self.files.get(name).cloned().with_context(missing)

@@ -4,11 +4,12 @@ mod files;
 mod report;
 
 use crate::cli::shared::usage;
+use anyhow::bail;
 use files::ImageFiles;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::files::{self as on_disk, MapScale};
 use svl::outputs::Outputs;
-use svl::plausibility::map_doubt;
+use svl::plausibility::{map_doubt, without};
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
@@ -44,7 +45,7 @@ for the estimated pixels alone (its Est).
 
 Fractions are in per cent, errors in pixels of disparity. A division by zero
 is null, and - in the table. A hole of DISPARITY is a value that is not finite
-in .pfm, .npy and .npz, 0 in .png.")]
+or negative in .pfm, .npy and .npz, 0 in images and 16-bit integers.")]
 pub(crate) struct Args {
     /// Disparities to score: .pfm, .npy, .npz, 16-bit .png (256·d); or a folder of them
     disparity: PathBuf,
@@ -164,6 +165,29 @@ impl Args {
     }
 }
 
+/// The disparities of a file without those that stand for unknown, which are counted: negative
+/// ones, and in a truth those beyond the image.
+fn disparities(path: &Path, scale: MapScale, is_truth: bool) -> anyhow::Result<Plane<f32>> {
+    let name = path.display();
+    let positive = without(on_disk::read_disparities(path, scale)?, |d| d < 0.0);
+    if is_truth && positive.is_err() {
+        let why = "of the opposite sign, multiply them by -1";
+        bail!("{name}: most disparities are negative: {why}");
+    }
+    let (map, negative) = positive.unwrap_or_else(|map| (map, 0));
+    let width = map.width() as f32;
+    let may_be_beyond = is_truth && map.pixels().any(|d| d <= width);
+    let within = without(map, |d| may_be_beyond && d > width);
+    let (map, beyond) = within.unwrap_or_else(|map| (map, 0));
+    let negative = (negative, "negative disparities");
+    for (count, what) in [negative, (beyond, "disparities beyond the image's width")] {
+        if count > 0 {
+            tracing::warn!("{name}: {count} {what} count as unknown");
+        }
+    }
+    Ok(map)
+}
+
 /// One image's files, read.
 struct Loaded {
     estimate: Plane<f32>,
@@ -177,13 +201,13 @@ impl Loaded {
     fn read(files: &ImageFiles, args: &Args) -> anyhow::Result<Self> {
         let scale = args.disparity_scale.map(|scale| scale as f32);
         let own = args.estimate_scale.map(|scale| scale as f32);
-        let read_truth = |path| on_disk::read_disparities(path, MapScale::same(scale));
+        let read_truth = |path| disparities(path, MapScale::same(scale), true);
         let truth = read_truth(&files.truth)?;
         let of_estimate = MapScale {
             of_16_bits: own,
             of_8_bits: own.or(scale),
         };
-        let estimate = on_disk::read_disparities(&files.disparity, of_estimate)?;
+        let estimate = disparities(&files.disparity, of_estimate, false)?;
         let given = args.max_disparity;
         let scaled = || {
             let size = estimate.width() as f64 / truth.width() as f64;

@@ -2,7 +2,8 @@ use super::*;
 use crate::judge::Judge;
 use svl_core::depth;
 use svl_core::stereo::{
-    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, Rig, StereoPair,
+    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, RecordedMap, Rig,
+    StereoPair,
 };
 
 const SIZE: (usize, usize) = (64, 64);
@@ -97,6 +98,55 @@ fn disparities_read_as_depths_are_named() {
     assert!(words.ends_with("stereo_msgs/DisparityImage"), "{words}");
 }
 
+/// The doubt about a map of files, alone against an exact truth.
+fn doubt_of_files(options: &str, map: impl Fn(f32) -> f32) -> Option<String> {
+    let image = Gray::filled(SIZE.0, SIZE.1, 0).unwrap();
+    let pair = StereoPair::new(image.clone(), image).unwrap();
+    let truth = Plane::from_fn(SIZE.0, SIZE.1, true_px).unwrap();
+    let map = |x: usize, y: usize| map(true_px(x, y));
+    let frame = Frame {
+        truth: Some(Truth::exact(truth, None)),
+        maps: vec![RecordedMap {
+            source: format!("files:pattern=d/*{options},skew_ms=20"),
+            disparity: Plane::from_fn(SIZE.0, SIZE.1, map).unwrap(),
+            density: MapDensity::Dense,
+        }],
+        ..Frame::new(pair, Geometry::Rectified(Some(rig())))
+    };
+    let mut scales = TruthScales::default();
+    scales.observe(&Judge::default().judge(frame, vec![estimate("net", map)]));
+    scales.measured().doubts().pop()
+}
+
+#[test]
+fn maps_of_files_are_doubted_with_the_option_that_cures_them() {
+    let px = |z: f32| rig().disparity_px(f64::from(z)) as f32;
+    let z = |d: f32| rig().depth_m(f64::from(d)).unwrap() as f32;
+    assert_eq!(doubt_of_files(".npy,unit=0,disparity=0", |d| d), None);
+    let times_16 = doubt_of_files(".npy,unit=0,disparity=0", |d| 16.0 * d).unwrap();
+    assert_eq!(
+        times_16,
+        "the map of net is doubtful: its distances are 0.0625 times those of the truth; likely \
+         files:PATTERN,disparity=16"
+    );
+    for (options, words, map) in [
+        (
+            ".npy,unit=0,disparity=0",
+            "unit=1",
+            (&z) as &dyn Fn(f32) -> f32,
+        ),
+        (".png,unit=0,disparity=0", "disparity=1", &|d| d / 256.0),
+        (".npy,unit=1,disparity=0", "unit=0.001", &|d| d / 1000.0),
+        (".npy,unit=1,disparity=0", "disparity=16", &|d| px(16.0 * d)),
+    ] {
+        let doubt = doubt_of_files(options, map).unwrap_or_default();
+        assert!(
+            doubt.ends_with(&format!("files:PATTERN,{words}")),
+            "{options}: {doubt}"
+        );
+    }
+}
+
 #[test]
 fn every_algorithm_has_to_agree() {
     let right = |px: fn(f32) -> f32| vec![estimate("sgm", move |x, y| px(true_px(x, y)))];
@@ -121,7 +171,7 @@ fn doubts_of(
         factor,
         inverse: None,
         is_along_rays: false,
-        is_recorded: label == "map",
+        recorded: (label == "map").then(|| "/estimate".to_owned()),
         right: cells[0],
         wrong: cells[1],
     };
