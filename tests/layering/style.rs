@@ -68,22 +68,22 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12929),
+    ("bench", 12924),
     ("c", 470),
-    ("calibrate", 4909),
-    ("cli", 11700),
-    ("core", 18715),
-    ("files", 2208),
-    ("grab", 5175),
+    ("calibrate", 4919),
+    ("cli", 11683),
+    ("core", 18751),
+    ("files", 2258),
+    ("grab", 5159),
     ("live", 419),
     ("python", 323),
-    ("recording", 13762),
-    ("report", 12593),
-    ("score", 8109),
+    ("recording", 13862),
+    ("report", 12501),
+    ("score", 8197),
     ("sim", 3533),
-    ("thesis", 3693),
-    ("train", 3511),
-    ("viewer", 1749),
+    ("thesis", 3663),
+    ("train", 3468),
+    ("viewer", 1731),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

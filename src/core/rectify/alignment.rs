@@ -296,8 +296,9 @@ impl AlignmentMeter {
             "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
              farther right in the right image; if exchanged (and not both upside down), name them \
              the other way round (--left and --right, the files of `svl match`, or \
-             --side-by-side=right-left for halves of one image){calibrations}; if the cameras converge, `min_disparity=-{reach_px}` of v1 to \
-             v4, bm and sgm covers them, and v5 and dp have none",
+             --side-by-side=right-left for halves of one image){calibrations}; if the cameras \
+             converge, `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and \
+             dp have none",
             self.matches.len()
         ))
     }

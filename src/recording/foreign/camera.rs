@@ -472,7 +472,7 @@ pub(super) fn checks(
     }
     if let (Ok(left), Ok(right)) = (left.projection(), right.projection()) {
         let mut offsets = CalibrationCheck::offsets(&left, &right);
-        // Those to the middle of the cameras are right, as the transforms say.
+        // Offsets to the middle of the cameras are right, as the transforms say.
         let is_right = |apart_m| {
             CalibrationCheck::baseline(rig.baseline_m(), apart_m, "")
                 .doubt

@@ -78,14 +78,14 @@ const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a
 const TRADE_OFFS: [TradeOff; 6] = [
     TradeOff {
         title: "Wrong against time",
-        about: "Down and left is better. The area of a disc is the fraction of cells that are known.",
+        about: "Down and left is better. The area of a disc is the fraction of known cells.",
         axes: [TIME, WRONG],
         area: Some(|_, a| known(a)),
     },
     TradeOff {
         title: "Wrong pixels against time",
-        about: "Down and left is better. The area of a disc is the fraction of visible pixels with a \
-         disparity.",
+        about: "Down and left is better. The area of a disc is the fraction of visible pixels with \
+                a disparity.",
         axes: [TIME, BAD],
         area: Some(COVERED.number),
     },

@@ -268,7 +268,7 @@ pub enum MetricTotal {
 /// The value of a frame.
 type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
 
-const fn of_frames(column: &'static str, value: FrameValue, total: MetricTotal) -> MetricOrigin {
+const fn from_frames(column: &'static str, value: FrameValue, total: MetricTotal) -> MetricOrigin {
     MetricOrigin::Frame {
         column,
         value,
@@ -278,12 +278,12 @@ const fn of_frames(column: &'static str, value: FrameValue, total: MetricTotal) 
 
 /// A metric of frames whose values are averaged.
 const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
-    of_frames(column, value, MetricTotal::Mean)
+    from_frames(column, value, MetricTotal::Mean)
 }
 
 /// A metric of frames whose values are added up.
 const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
-    of_frames(column, value, MetricTotal::Sum)
+    from_frames(column, value, MetricTotal::Sum)
 }
 
 /// A number of the errors of all cells.
@@ -293,7 +293,7 @@ const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin 
 
 /// A metric of frames whose sum is a part of its cases.
 const fn part(column: &'static str, value: FrameValue) -> MetricOrigin {
-    of_frames(column, value, MetricTotal::Share)
+    from_frames(column, value, MetricTotal::Share)
 }
 
 /// An entry of [`METRICS`], begun: its name, its words, and the headings of its group and its

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
-use svl_core::{Error, Result, counted, inputs};
+use svl_core::{Error, Result, counted};
 use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
 use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
 use svl_score::plausibility::{TruthUnit, is_better_match, without};
