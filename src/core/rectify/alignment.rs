@@ -65,7 +65,9 @@ impl RectificationMeter {
     /// or the calibration is not theirs.
     pub fn doubt(&self) -> Option<String> {
         let (before, after) = (self.before.alignment()?, self.after.alignment()?);
-        let is_worse = self.after.is_sure() && self.before.is_better_than(&self.after);
+        let is_worse = self.after.is_sure()
+            && self.before.is_better_than(&self.after)
+            && after.median_abs_px > Alignment::TOLERABLE_PX;
         is_worse.then(|| {
             format!(
                 "vertical misalignment of {:.2} px without rectification and {:.2} px with it \

@@ -169,8 +169,9 @@ pub const STRESSES: &[StressKind] = &[
     StressKind {
         name: "skew",
         summary: "the right image is that of an earlier pair, as from unsynchronized cameras",
-        unit: "frames",
-        formula: "r'(t) = r(t - L); pairs without an earlier one are left out",
+        unit: "scored pairs",
+        formula: "r'(t) = r(t - L), t counts the pairs that --every leaves; those without an \
+                  earlier one are left out",
         levels: &[1.0, 2.0, 3.0],
         range: (1.0, 100.0),
         effect: StressEffect::EarlierRight,

@@ -18,7 +18,7 @@ fn levels_are_scored_tabled_and_drawn() {
             "missed near, %",
             "found near, %",
             "too few pairs to tell",
-            "skew, frames",
+            "skew, scored pairs",
         ],
     );
     let summary: serde_json::Value =
