@@ -362,8 +362,8 @@ mod tests {
             ("fog=1", "no such kind"),
             ("noise=-1", "expected grey levels within 0 ..= 128"),
             ("noise=x", "expected KIND=LEVEL"),
-            ("skew=0.5", "expected whole frames within 1 ..= 100"),
-            ("skew=0", "expected whole frames"),
+            ("skew=0.5", "expected whole scored pairs within 1 ..= 100"),
+            ("skew=0", "expected whole scored pairs"),
             ("noise=NaN", "expected grey levels"),
         ] {
             let error = text.parse::<Stress>().unwrap_err().to_string();
