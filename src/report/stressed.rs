@@ -5,7 +5,7 @@ use super::compare::{Change, Judgement, changes};
 use super::drives::DriveRow;
 use super::results::{CheckpointSummary, ReportTables, Results};
 use super::rows::{MetricTotals, Row};
-use super::samples::{resamples, run_key, sample};
+use super::samples::{blocks, resamples, run_key, sample};
 use super::stress::{Loss, MIN_SAME, NUMBERS, StressNumber, StressSummary, kinds, stress_table};
 use super::table::Table;
 use std::collections::BTreeMap;
@@ -100,11 +100,18 @@ impl Results {
         let is_few = |own: Judgement| own == Judgement::TooFew;
         let own = tables.drives.iter().filter(|row| row.algorithm == label);
         let courses = own.filter(|row| row.stress.as_deref() == text).count();
+        let own = tables.rows.iter().filter(|row| row.algorithm == label);
+        let own: Vec<_> = own.filter(|row| row.stress.as_deref() == text).collect();
+        let cases = if is_driven {
+            courses
+        } else {
+            blocks(&own).last().map_or(0, |last| last + 1)
+        };
         let untold = if text.is_none() || !broken.is_empty() {
             None
         } else if changes.is_empty() {
             Some("not measured")
-        } else if is_driven && courses < METHOD.fewest_blocks
+        } else if cases < METHOD.fewest_blocks
             || changes.iter().any(|change| is_few(change.judgement))
         {
             Some(if is_driven {
@@ -359,6 +366,7 @@ mod tests {
     fn few_pairs_and_no_cells_tell_nothing() {
         let worse = changed(&[("wrong", 40.0), ("right", 30.0)]);
         assert_eq!(breaks(pairs(20, [&PLAIN, &worse])), "too few pairs to tell");
+        assert_eq!(breaks(pairs(20, [&PLAIN; 2])), "too few pairs to tell");
         let nothing = [("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)];
         assert_eq!(breaks(pairs(80, [&nothing; 2])), "not measured");
     }
@@ -446,6 +454,7 @@ mod tests {
             "10: collisions 0.0 → 16.7 per 100 m, finished 100 → 0 %"
         );
         assert_eq!(broken(5, hit), "too few courses to tell");
+        assert_eq!(broken(1, |_| ()), "too few courses to tell");
         let near = |row: &mut DriveRow| row.near_misses = 2;
         assert_eq!(broken(8, near), "10: near misses 0.0 → 33.3 per 100 m");
         // A robot that stands hits nothing, and finishes nothing.

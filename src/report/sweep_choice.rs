@@ -13,7 +13,7 @@ use super::samples::{blocks, sample};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::counted;
 use svl_score::bootstrap::METHOD;
-use svl_score::judge::{Metric, TruthLevel};
+use svl_score::judge::{Better, Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
 
 /// The scores that rank settings.
@@ -53,7 +53,9 @@ impl Results {
             TruthLevel::Distances => Metric::find("right"),
             _ => self.first_metric(),
         };
-        let Some(metric) = self.shown.sort.or(first) else {
+        // A number that is neither good nor bad chooses nothing.
+        let metric = self.shown.sort.or(first);
+        let Some(metric) = metric.filter(|metric| metric.better != Better::Neither) else {
             return;
         };
         let ranking = Ranking {
@@ -157,6 +159,12 @@ mod tests {
 
     /// 280 pairs in 20 blocks by 40 settings; `right`: cells of 100 that a setting has in a block.
     fn chosen(right: impl Fn(usize, usize) -> f64) -> (SweepChoice, String) {
+        let (choices, words) = chosen_by(Shown::default(), right);
+        (choices[0].clone(), words)
+    }
+
+    /// The same, by what is shown; each pair has a false near obstacle.
+    fn chosen_by(shown: Shown, right: impl Fn(usize, usize) -> f64) -> (Vec<SweepChoice>, String) {
         let labels: Vec<_> = (0..40).map(|i| format!("bm:uniqueness={i}")).collect();
         let rows = labels.iter().enumerate().flat_map(|(setting, label)| {
             let right = &right;
@@ -164,7 +172,7 @@ mod tests {
                 let right = right(setting, sequence as usize / 14);
                 let cells = [("right", right), ("wrong", 0.0), ("unknown", 100.0 - right)];
                 let mut metrics = MetricValues::from(cells);
-                metrics.set("false", Some(0.0));
+                metrics.set("false", Some(1.0));
                 Row {
                     sequence,
                     algorithm: label.clone(),
@@ -183,9 +191,9 @@ mod tests {
             manifest: Some(&manifest),
             ..ResultParts::default()
         };
-        let results = Results::new(&tables, parts, Shown::default()).unwrap();
+        let results = Results::new(&tables, parts, shown).unwrap();
         let words = results.answer().join(" ");
-        (results.choices[0].clone(), words)
+        (results.choices, words)
     }
 
     #[test]
@@ -217,5 +225,24 @@ mod tests {
         let expected = "Of 40 settings of bm, use bm:uniqueness=7: right minus wrong 71.0 % on \
                         blocks of pairs that did not choose it, 71.0 % on those that did.";
         assert!(words.contains(expected), "{words}");
+    }
+
+    #[test]
+    fn counts_of_both_halves_are_those_of_all() {
+        let by = |name| {
+            let shown = Shown {
+                sort: Metric::find(name),
+                ..Shown::default()
+            };
+            chosen_by(shown, |_, _| 50.0)
+        };
+        let (choices, words) = by("false");
+        assert_eq!(
+            [choices[0].score, choices[0].own_score],
+            [280.0; 2],
+            "{words}"
+        );
+        // The number of the truth's near obstacles chooses nothing.
+        assert_eq!(by("near").0.len(), 0);
     }
 }

@@ -539,6 +539,17 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     assert_eq!(point["cases"], summary["algorithms"][0]["cases"]["right"]);
     let [low, high] = [0, 1].map(|i| point["interval"][i].as_f64().unwrap());
     assert!((low..high).contains(&point["value"].as_f64().unwrap()));
+    // A report of other pairs empties no other's line.
+    fixture.run("score arena --seeds 2 --every 20 --algo v3 --rerun none -o other -q");
+    drop(fixture.svl("compare 0 other 1 -o other.json"));
+    let trend: serde_json::Value = serde_json::from_str(&fixture.text("other.json")).unwrap();
+    assert_eq!(trend["reports"], serde_json::json!(["0", "1"]));
+    assert!(!trend["lines"].as_array().unwrap().is_empty());
+    let cautions = trend["cautions"].to_string();
+    assert!(
+        cautions.contains("other is left out: it shares no pair"),
+        "{cautions}"
+    );
 }
 
 #[test]

@@ -123,4 +123,13 @@ fn without_truth_the_cells_that_stay_are_counted() {
     let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
     let again = json(fixture.run("report r --json"));
     assert_eq!(again["stress"], summary["stress"]);
+    // Nothing else measures them.
+    let gate = "name = \"n\"\nalgorithms = [\"bm\"]\n[source]\nkind = \"recording\"\n\
+                path = \"bag.mcap\"\n[[gate]]\nmetric = \"same\"\nalgorithm = \"bm\"\nmin = 0.8\n";
+    fixture.write("gate.toml", gate);
+    fixture.fails(
+        "score gate.toml -o n => 1: same is measured at each level of a perturbation
+         score bag.mcap --sort same -o n => 2: same is measured at each level of a perturbation
+         compare r r --fail-on worse:gone => 2: gone is measured at each level of a perturbation",
+    );
 }
