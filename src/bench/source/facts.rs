@@ -1,5 +1,6 @@
 //! Facts of a source by its first pairs: size, cameras, range, truth.
 
+use super::calibration::Calib;
 use super::open::{open, open_recording};
 use super::opened::Opened;
 use super::request::Request;
@@ -152,7 +153,9 @@ impl SourceFacts {
         let doubts = checks.iter().filter_map(|check| check.doubt.clone());
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
         let doubts = doubts.chain(meter.doubt(rig.as_ref(), 0..=i32::MAX));
-        let is_raw = rig.is_none() && first.geometry == Geometry::Raw;
+        // The user's word that the pairs are rectified.
+        let is_assumed = request.calib() == Calib::None;
+        let is_raw = rig.is_none() && first.geometry == Geometry::Raw && !is_assumed;
         Ok(Self {
             size_px: first.pair.size(),
             chain: opened.chain.clone(),
@@ -162,6 +165,7 @@ impl SourceFacts {
             kept_calibration: kept_calibration(&opened, &first),
             geometry: match raw {
                 Some(_) => PairGeometry::Raw,
+                None if is_assumed => PairGeometry::Rectified,
                 None => PairGeometry::from(&first.geometry),
             },
             rig,

@@ -111,10 +111,7 @@ impl Opened {
             }
         }
         let options = Chain::for_options(&request.options, request.raw)?;
-        // The user's word that the pairs are rectified is all that is known of them.
-        let is_assumed = request.calib() == Calib::None && declare.is_none();
         let chain = Chain {
-            assume: is_assumed.then_some(()),
             distinct: options.distinct.filter(|()| !self.is_live),
             rectify,
             declare,
@@ -199,12 +196,11 @@ impl Opened {
                 return Ok(None);
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
-                if calib == Calib::None {
-                    let note = "--calib none uses the images as they are, without distances";
-                    self.notes.push(format!("{name}: {note}"));
-                    return Ok(None);
-                }
-                if calib != Calib::Raw {
+                if calib == Calib::None && !self.facts.remarks.is_empty() {
+                    // They say that rectification is needed, or how it is done.
+                    let why = "--calib none uses the images as they are";
+                    tracing::warn!("{name}: disparities but no distances: {why}");
+                } else if calib != Calib::Raw {
                     let remarks = self.facts.remarks.iter();
                     remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
                 }

@@ -260,7 +260,7 @@ impl AlignmentMeter {
             return Some(format!(
                 "left and right look like one picture twice, or nothing is {nearest}: {:.0} % of \
                  {points} points are within {SAME_PX} px of the same place; name images of two \
-                 cameras (--left and --right, or the files of `svl match`)",
+                 cameras (--left and --right, or the files of match)",
                 100.0 * same
             ));
         }
@@ -297,7 +297,7 @@ impl AlignmentMeter {
         Some(format!(
             "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
              farther right in the right image; if exchanged (and not both upside down), name them \
-             the other way round (--left and --right, the files of `svl match`, or \
+             the other way round (--left and --right, the files of match, or \
              --side-by-side=right-left for halves of one image){calibrations}; if the cameras \
              converge, `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and \
              dp have none",

@@ -149,6 +149,17 @@ fn the_first_line_says_if_svl_can_use_it() {
     let lines: Vec<_> = names.split(' ').map(first).collect();
     insta::assert_snapshot!(lines.join("\n"));
 
+    // The user's word that they are rectified.
+    for name in [
+        "raw.mcap",
+        "bag.mcap --left /cam0/image --right /cam1/image",
+    ] {
+        let text = fixture.svl(&format!("info {name} --calib none")).stdout;
+        assert!(
+            text.starts_with("usable: ") && text.contains("rectified pair"),
+            "{text}"
+        );
+    }
     let usability = fixture.json("info mav0 --json")["usability"].take();
     let expected = serde_json::json!({
         "is_usable": true, "pairs": 2, "geometry": "raw", "distortion_model": "plumb_bob",
