@@ -135,7 +135,7 @@ class Matching(InFolder):
         for cells in found[:6]:
             self.assertEqual(cells.shape, (4, 6))
         kinds = [str(array.dtype) for array in found]
-        self.assertEqual(kinds, ["float32"] * 4 + ["uint8"] * 2 + ["float32", "uint8"])
+        self.assertEqual(kinds, ["float32"] * 4 + ["uint8"] * 3 + ["float32", "uint8"])
         known = found.state == svl.State.KNOWN
         self.assertGreater(known.sum(), 4)
         distance = RIG.focal_px * RIG.baseline_m / found.disparity_px[known]
@@ -444,7 +444,7 @@ class Program(InFolder):
 
     def test_the_gate_is_in_the_report(self):
         scenario = self.folder / "two.toml"
-        for most, passes in [(1, True), (0, False)]:
+        for most, passes in [(0.99, True), (0.001, False)]:
             scenario.write_text(
                 'name = "two"\n[source]\nkind = "arena"\n[arena]\nframes = 2\n'
                 f'[[gate]]\nalgorithm = "v5"\nmetric = "unknown"\nmax = {most}\n'
