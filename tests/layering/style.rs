@@ -68,19 +68,19 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12924),
+    ("bench", 12923),
     ("c", 470),
     ("calibrate", 4919),
     ("cli", 11683),
-    ("core", 18751),
+    ("core", 18753),
     ("files", 2258),
     ("grab", 5159),
     ("live", 419),
     ("python", 323),
     ("recording", 13862),
-    ("report", 12501),
+    ("report", 12509),
     ("score", 8197),
-    ("sim", 3533),
+    ("sim", 3534),
     ("thesis", 3663),
     ("train", 3468),
     ("viewer", 1731),
