@@ -381,11 +381,14 @@ impl TopicScan {
         let step_hz = samples.step_ns.map_or(0.0, |step_ns| 1e9 / step_ns as f64);
         let spread = self.first.first().map(seconds) != self.first.last().map(seconds);
         let is_epoch = self.first.first().map_or(0, seconds) > MIN_EPOCH_S;
-        (if spread {
+        // Within one second the whole stamps are too fast, too, but are those since 1970.
+        let are_seconds_right = if spread {
             stamps_hz < UNIT_RATIO * log_hz
         } else {
             is_epoch
-        }) && self.first.iter().all(|sample| below(sample) < 1_000_000)
+        };
+        are_seconds_right
+            && self.first.iter().all(|sample| below(sample) < 1_000_000)
             && step_hz > MAX_RATE_HZ
             && step_hz >= UNIT_RATIO * log_hz
     }
