@@ -77,7 +77,7 @@ const LINES: [(&str, usize); 16] = [
     ("grab", 5159),
     ("live", 419),
     ("python", 323),
-    ("recording", 13862),
+    ("recording", 13864),
     ("report", 12509),
     ("score", 8197),
     ("sim", 3534),
