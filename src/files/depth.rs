@@ -50,10 +50,13 @@ pub fn no_depth(depths: &Plane<f32>) -> Option<String> {
     let most = known().fold(0.0, f32::max);
     // A depth in metres went through a division.
     let is_near = |other: f32| (most - other).abs() <= 1e-6 * other;
+    if !NO_DEPTHS.into_iter().any(is_near) {
+        return None;
+    }
     let count = known().filter(|depth| *depth == most).count();
     let (width, height) = depths.size();
     let part = count as f64 / (width * height) as f64;
-    (part > MIN_NO_DEPTHS && NO_DEPTHS.into_iter().any(is_near)).then(|| {
+    (part > MIN_NO_DEPTHS).then(|| {
         format!(
             "more than 1 % of the pixels of a depth image have the largest depth, {most} m, which \
              likely stands for none: write 0 where there is no depth (REP 118)"

@@ -73,7 +73,7 @@ const LINES: [(&str, usize); 16] = [
     ("calibrate", 4919),
     ("cli", 11683),
     ("core", 18753),
-    ("files", 2258),
+    ("files", 2261),
     ("grab", 5159),
     ("live", 419),
     ("python", 323),

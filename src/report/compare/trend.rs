@@ -55,7 +55,6 @@ impl Trend {
     /// # Errors
     /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
     pub fn new(runs: &[ScoredRun]) -> Result<Self> {
-        let all = runs;
         let is_driven = runs.iter().any(|run| !run.drives.is_empty());
         let kinds = [
             (Purpose::Compare, "pair"),
@@ -79,16 +78,17 @@ impl Trend {
             pairs.chain(courses).collect()
         };
         // A report of other data would leave nothing of the others.
-        let newest = all.last().map(keys).unwrap_or_default();
-        let is_other = |run: &&ScoredRun| keys(run).is_disjoint(&newest);
-        let (others, runs): (Vec<_>, Vec<_>) = all.iter().partition(is_other);
-        for run in others {
+        let newest = runs.last().map(keys).unwrap_or_default();
+        let keyed = runs.iter().map(|run| (run, keys(run)));
+        let (others, keyed): (Vec<_>, Vec<_>) =
+            keyed.partition(|(_, keys)| keys.is_disjoint(&newest));
+        for (run, _) in others {
             let name = run.name.display();
             cautions.push(format!(
                 "{name} is left out: it shares no {noun} with the newest report"
             ));
         }
-        let sets: Vec<_> = runs.iter().map(|run| keys(run)).collect();
+        let (runs, sets): (Vec<_>, Vec<_>) = keyed.into_iter().unzip();
         let both = sets.iter().cloned().reduce(|a, b| &a & &b);
         let common = both.unwrap_or_default();
         let most = sets.iter().map(BTreeSet::len).max().unwrap_or_default();

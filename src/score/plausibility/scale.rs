@@ -171,9 +171,9 @@ impl MeasuredScales {
         let &AlgorithmScale { right, wrong, .. } = &matched[label];
         (wrong > right && right + wrong >= MIN_CELLS).then(|| {
             format!(
-                "{wrong} of {} cells that {label} knows in the first pairs are wrong by it; it, a \
-                 calibration or the times may not belong to the images: svl info shows what is \
-                 measured of them",
+                "{wrong} of {} cells that {label} knows in the first pairs are wrong by it; the \
+                 truth, a calibration or the times may not belong to the images: svl info shows \
+                 their measurements",
                 right + wrong
             )
         })

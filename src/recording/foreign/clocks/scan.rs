@@ -297,7 +297,7 @@ impl ClockScan {
         Ok(())
     }
 
-    fn read_place(&mut self, messages: &mut dyn EventReader) {
+    pub(super) fn read_place(&mut self, messages: &mut dyn EventReader) {
         let [least, most] = PLACE_BYTES;
         // Depth images and other measurements are needed only of a topic with few of them.
         let is_few = |topic: &TopicScan| {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::messages::{EventReader, FileEvent};
 use crate::stamp_rule::StampUnit;
 use fastrand::Rng;
 
@@ -694,4 +695,52 @@ fn units_below_a_second_are_read_within_one() {
         ..Selection::default()
     };
     assert_eq!(table_with(&parts, &selection).faults, []);
+}
+
+#[test]
+fn left_images_that_come_late_accuse_nobody() {
+    let mut robot = robot();
+    robot[0].latency_ns += 800 * MS;
+    assert_eq!(robot_table(&robot).faults, []);
+    // Measurements of another clock besides.
+    robot[2].clock_ns = -3 * S;
+    names(&robot_table(&robot), "/points", false, "2.200 s behind");
+}
+
+/// Messages of a place of a recording, each of that many bytes.
+struct Place(Vec<(Channel, u64, usize)>, usize);
+
+impl EventReader for Place {
+    fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
+        self.1 += 1;
+        let next = self.0.get(self.1 - 1);
+        Ok(next.map(|(channel, log_ns, bytes)| {
+            let mut data = message(*log_ns as i64, 0);
+            data.resize(*bytes, 0);
+            FileEvent::Message(channel, *log_ns, data.into())
+        }))
+    }
+}
+
+#[test]
+fn a_place_is_read_up_to_a_measurement_that_is_needed() {
+    let image = |side: usize| channel(IMAGES[side], "sensor_msgs/msg/Image");
+    let points = channel("/points", "sensor_msgs/msg/PointCloud2");
+    let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
+    let mut read = |known: usize| {
+        for i in 0..known {
+            scan.take_in(&points, i as u64, &message(S, i as u32));
+        }
+        // Images of 200 kB, and a measurement behind the tenth pair.
+        let mut place: Vec<_> = (0..20).map(|i| (image(i % 2), i as u64, 200_000)).collect();
+        place.push((points.clone(), 20, 100));
+        scan.read_place(&mut Place(place, 0));
+        scan.topics["/points"].later.len()
+    };
+    assert_eq!(read(1), 1, "few");
+    assert_eq!(
+        read(20),
+        1,
+        "enough: the place ends with an image of each camera"
+    );
 }

@@ -210,7 +210,7 @@ fn a_map_is_doubtful_beside_a_reference() {
         "{doubts:?}"
     );
     assert!(doubts[0].contains("those of the reference"), "{doubts:?}");
-    // The reference is none of the matchers that it comes from.
+    // A reference comes from the matchers, and says nothing about them.
     let doubts = doubts_of("v5", reference(), Some(0.5), [0, 60]);
     assert_eq!(doubts, Vec::<String>::new());
 }
