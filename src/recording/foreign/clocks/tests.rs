@@ -708,9 +708,9 @@ fn left_images_that_come_late_accuse_nobody() {
 }
 
 /// Messages of a place of a recording, each of that many bytes.
-struct Place(Vec<(Channel, u64, usize)>, usize);
+struct PlaceMessages(Vec<(Channel, u64, usize)>, usize);
 
-impl EventReader for Place {
+impl EventReader for PlaceMessages {
     fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
         self.1 += 1;
         let next = self.0.get(self.1 - 1);
@@ -734,7 +734,7 @@ fn a_place_is_read_up_to_a_measurement_that_is_needed() {
         // Images of 200 kB, and a measurement behind the tenth pair.
         let mut place: Vec<_> = (0..20).map(|i| (image(i % 2), i as u64, 200_000)).collect();
         place.push((points.clone(), 20, 100));
-        scan.read_place(&mut Place(place, 0));
+        scan.read_place(&mut PlaceMessages(place, 0));
         scan.topics["/points"].later.len()
     };
     assert_eq!(read(1), 1, "few");
