@@ -144,6 +144,8 @@ pub(super) struct AccuracyTally {
     bounds_m: Vec<f64>,
     /// By label.
     algorithms: BTreeMap<String, AlgorithmErrors>,
+    /// True in a run whose pairs each show another scene.
+    has_separate_pairs: bool,
 }
 
 /// The errors of an algorithm.
@@ -169,17 +171,20 @@ impl AccuracyTally {
             rule,
             bounds_m,
             algorithms: BTreeMap::new(),
+            has_separate_pairs: false,
         }
     }
 
-    /// A run begins: its first pair follows none.
-    pub(super) fn begin_pass(&mut self) {
+    /// A run begins: its first pair follows none, and where each shows another scene, none does.
+    pub(super) fn begin_pass(&mut self, has_separate_pairs: bool) {
+        self.has_separate_pairs = has_separate_pairs;
         let algorithms = self.algorithms.values_mut();
         algorithms.for_each(|own| own.last.clear());
     }
 
     /// Adds the cells of a pair. `stamp_ns`: none of a scene, which follows no other in time.
     pub(super) fn add(&mut self, stamp_ns: Option<u64>, cells: &[CellRow]) {
+        let stamp_ns = stamp_ns.filter(|_| !self.has_separate_pairs);
         for cell in cells.iter().filter(|cell| cell.stress.is_none()) {
             let is_scored = cell.verdict != Verdict::NoTruth;
             let Some(true_m) = cell.true_distance_m.filter(|_| is_scored) else {

@@ -48,6 +48,9 @@ pub struct Results {
     /// The settings of swept algorithms to use.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<SweepChoice>,
+    /// Why no setting of an algorithm is chosen.
+    #[serde(skip)]
+    pub(super) unchosen: Vec<String>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the report, in their order.

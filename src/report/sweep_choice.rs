@@ -53,9 +53,7 @@ impl Results {
             TruthLevel::Distances => Metric::find("right"),
             _ => self.first_metric(),
         };
-        // A number that is neither good nor bad chooses nothing.
-        let metric = self.shown.sort.or(first);
-        let Some(metric) = metric.filter(|metric| metric.better != Better::Neither) else {
+        let Some(metric) = self.shown.sort.or(first) else {
             return;
         };
         let ranking = Ranking {
@@ -63,31 +61,58 @@ impl Results {
             is_merit: self.shown.sort.is_none() && self.kind() == TruthLevel::Distances,
         };
         let candidates = self.candidate_labels();
+        let (mut choices, mut unchosen) = (Vec::new(), Vec::new());
         let kinds = records.iter().map(|own| (&own.name, &own.filters));
         let mut seen = BTreeSet::new();
         let kinds = kinds.filter(|(name, filters)| seen.insert(format!("{name} {filters:?}")));
-        let choices = kinds.filter_map(|(name, filters)| {
+        for (name, filters) in kinds {
             let kin = records
                 .iter()
                 .filter(|own| own.name == *name && own.filters == *filters);
             let labels = kin.map(|own| own.label.as_str());
             let labels: Vec<_> = labels.filter(|label| candidates.contains(label)).collect();
-            SweepChoice::new(name, &labels, rows, ranking)
-        });
-        self.choices = choices.collect();
+            if labels.len() < 2 {
+                continue;
+            }
+            match SweepChoice::new(name, &labels, rows, ranking) {
+                Ok(choice) => choices.push(choice),
+                Err(why) => unchosen.push(format!("No setting of {name} is named: {why}.")),
+            }
+        }
+        (self.choices, self.unchosen) = (choices, unchosen);
     }
 
-    /// The choices in sentences.
+    /// The choices in sentences; where the user asked for a metric, also why there is none.
     pub(super) fn choice_words(&self) -> Vec<String> {
-        self.choices.iter().map(SweepChoice::words).collect()
+        let unchosen = self.unchosen.iter().filter(|_| self.shown.sort.is_some());
+        let choices = self.choices.iter().map(SweepChoice::words);
+        choices.chain(unchosen.cloned()).collect()
     }
 }
 
 impl SweepChoice {
-    fn new<'a>(name: &str, labels: &[&'a str], rows: &'a [Row], ranking: Ranking) -> Option<Self> {
-        if labels.len() < 2 {
-            return None;
+    /// The choice among two settings or more.
+    ///
+    /// # Errors
+    /// The reason why there is none.
+    fn new<'a>(
+        name: &str,
+        labels: &[&'a str],
+        rows: &'a [Row],
+        ranking: Ranking,
+    ) -> Result<Self, String> {
+        let metric = ranking.metric;
+        // A number that is neither good nor bad chooses nothing.
+        if metric.better == Better::Neither {
+            let why = "neither less nor more of it is better";
+            return Err(format!("{}, {why}", metric.words));
         }
+        let no_values = || {
+            format!(
+                "{} has no values by pairs; sort by another metric",
+                metric.words
+            )
+        };
         let rows_of = |label: &str| -> Vec<_> {
             let rows = rows.iter();
             let own = rows.filter(|row| row.algorithm == label && row.stress.is_none());
@@ -95,10 +120,16 @@ impl SweepChoice {
         };
         let all = labels.iter().map(|label| (*label, rows_of(label)));
         let all: BTreeMap<_, Vec<&Row>> = all.collect();
-        let blocks = blocks(all.values().next()?);
+        let blocks = all
+            .values()
+            .next()
+            .map_or_else(Vec::new, |rows| blocks(rows));
         let is_equal = |own: &Vec<&Row>| own.len() == blocks.len();
-        if blocks.last()? + 1 < METHOD.fewest_blocks || !all.values().all(is_equal) {
-            return None;
+        if blocks.last().map_or(0, |last| last + 1) < METHOD.fewest_blocks {
+            return Err("too few pairs".to_owned());
+        }
+        if !all.values().all(is_equal) {
+            return Err("a setting failed on pairs".to_owned());
         }
         let half = |side: usize| -> BTreeMap<_, Vec<&Row>> {
             let own_half = |(label, rows): (&&'a str, &Vec<&'a Row>)| {
@@ -111,18 +142,20 @@ impl SweepChoice {
             all.iter().map(own_half).collect()
         };
         let halves = [half(0), half(1)];
-        let [even, odd] = [ranking.best(&halves[0])?, ranking.best(&halves[1])?];
+        let best = |rows| ranking.best(rows).ok_or_else(no_values);
+        let [even, odd] = [best(&halves[0])?, best(&halves[1])?];
         // Each half by the setting that the other one chose.
         let others = [&*halves[1][even], &*halves[0][odd]].concat();
-        let setting = ranking.best(&all)?;
-        Some(Self {
+        let setting = best(&all)?;
+        let score = |rows: &[&Row]| ranking.score(rows).ok_or_else(no_values);
+        Ok(Self {
             algorithm: name.to_owned(),
             settings: labels.len(),
             metric: (!ranking.is_merit).then_some(ranking.metric),
             setting: setting.to_owned(),
-            own_score: ranking.score(&all[setting])?,
+            own_score: score(&all[setting])?,
             halves: [even, odd].map(str::to_owned),
-            score: ranking.score(&others)?,
+            score: score(&others)?,
         })
     }
 
@@ -243,6 +276,20 @@ mod tests {
             "{words}"
         );
         // The number of the truth's near obstacles chooses nothing.
-        assert_eq!(by("near").0.len(), 0);
+        for (name, why) in [
+            (
+                "near",
+                "near obstacles, neither less nor more of it is better",
+            ),
+            (
+                "rmse",
+                "RMSE of distances has no values by pairs; sort by another metric",
+            ),
+        ] {
+            let (choices, words) = by(name);
+            assert_eq!(choices.len(), 0);
+            let sentence = format!("No setting of bm is named: {why}.");
+            assert!(words.contains(&sentence), "{words}");
+        }
     }
 }

@@ -17,6 +17,7 @@ use svl_recording::{
 };
 use svl_report::TopicDelay;
 use svl_score::manifest::{InputRecord, Manifest, hash, hash_bytes};
+use svl_score::scenario::Scenario;
 use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
@@ -229,7 +230,10 @@ impl Opened {
         let changes = (!changes.is_empty()).then(|| changes.join(", "));
         let files = self.calibration.iter();
         let hashes: Vec<_> = files.map(|(_, bytes)| hash_bytes(bytes)).collect();
+        let scenario = self.scenario.as_ref();
+        let scenario = scenario.and_then(|text| Scenario::parse(text, path).ok());
         InputRecord {
+            separate_pairs: scenario.is_some_and(|scenario| scenario.has_separate_pairs()),
             calibration: (!hashes.is_empty()).then(|| hash(&hashes.join("\n"))),
             ..InputRecord::new(name, path, changes)
         }

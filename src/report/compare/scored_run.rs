@@ -199,7 +199,7 @@ impl ScoredRun {
         self.each_pair_of_cells(label, pairs, |i, cells| {
             let run = run_key(pairs[i]);
             if last_run.replace(run) != Some(run) {
-                tally.begin_pass();
+                tally.begin_pass(self.manifest.has_separate_pairs(run.1));
             }
             errors[i] = tally.take_pair(time_ns(pairs[i]), cells);
         })?;

@@ -126,7 +126,8 @@ pub fn collect_tables(
     let mut prior = PriorTally::default();
     let scenario = &plan.manifest.scenario;
     for run in runs {
-        accuracy.begin_pass();
+        let name = run.run.run.as_deref();
+        accuracy.begin_pass(plan.manifest.has_separate_pairs(name));
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
         let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {

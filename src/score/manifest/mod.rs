@@ -17,6 +17,7 @@ use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::{CellRule, hash_words};
 use svl_core::{Error, Result, joined};
 use svl_files::BuildInfo;
+use svl_sim::arena::{ArenaConfig, RandomScenes};
 
 /// The version of the files of a report: `schema` in `manifest.json` and `summary.json`.
 ///
@@ -119,6 +120,9 @@ pub struct InputRecord {
     /// Digest of the pixels of the pairs read, set at the end of the run: equal for equal images
     /// from any path.
     pub pairs_hash: Option<String>,
+    /// True if each pair shows another scene.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub separate_pairs: bool,
 }
 
 /// An algorithm of a run.
@@ -202,6 +206,18 @@ impl Manifest {
     /// The labels of the algorithms.
     pub fn labels(&self) -> impl Iterator<Item = &str> {
         self.algorithms.iter().map(|a| a.label.as_str())
+    }
+
+    /// True if each pair of a run shows another scene, though the pairs have times: random shapes,
+    /// simulated or recorded.
+    pub fn has_separate_pairs(&self, run: Option<&str>) -> bool {
+        let Some(run) = run else {
+            let arena: Option<ArenaConfig> = self.part("arena").ok().flatten();
+            let random = arena.and_then(|config| config.random);
+            return random.is_some_and(RandomScenes::are_layers);
+        };
+        let record = self.runs.iter().find(|record| record.name == run);
+        record.is_some_and(|record| record.separate_pairs)
     }
 
     /// A part of the scenario.
@@ -385,6 +401,7 @@ impl InputRecord {
             changes,
             calibration: None,
             pairs_hash: None,
+            separate_pairs: false,
         }
     }
 

@@ -4,7 +4,7 @@ use super::fixture::Fixture;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use svl::recording::Recording;
-use svl::report::{CellRow, CheckpointRow, Row, read_rows};
+use svl::report::{AccuracyRow, CellRow, CheckpointRow, Row, read_rows};
 use svl::score::Verdict;
 
 /// The arena's two short runs: `run1.mcap` and `run2.mcap` with truth, and as ROS 2 bags, which svl
@@ -369,4 +369,29 @@ fn cells_are_data_in_results_tables_and_json() {
         .iter()
         .find(|cell| cell["state"] == "known");
     assert_eq!(known.unwrap()["disparity_px"], 4.0);
+}
+
+#[test]
+fn scenes_that_change_from_pair_to_pair_have_no_noise() {
+    let fixture = Fixture::new();
+    for random in ["shapes", "boards"] {
+        let file = format!(
+            "name = \"a\"\ndescription = \"\"\nalgorithms = [\"bm\"]\n[cells]\njudge = \
+             \"distance\"\n[source]\nkind = \"arena\"\nseeds = \"1..1\"\n[arena]\nrandom = \
+             \"{random}\"\nframes = 40\nrate_hz = 10.0\n[arena.rig]\nwidth_px = \
+             160\nheight_px = 120\n"
+        );
+        fixture.write("a.toml", file);
+        let record = ["record", "a.toml", "-q", "--force", "-o", "a.mcap"];
+        fixture.svl(&record).done();
+        for scored in ["a.toml", "a.mcap"] {
+            let score = [
+                "score", scored, "--rerun", "none", "-q", "--force", "-o", "a",
+            ];
+            fixture.svl(&score).done();
+            let rows: Vec<AccuracyRow> = read_rows(&fixture.path("a/accuracy.csv")).unwrap();
+            let (known, resting) = (rows[0].cells, rows[0].resting_cells);
+            assert!(known > 0 && resting == 0, "{random}, {scored}: {resting}");
+        }
+    }
 }
