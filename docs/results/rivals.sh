@@ -40,7 +40,7 @@ for name, parts in SETS.items():
                 of[row["verdict"]] += 1
                 of["all"] += 1
         for row in csv.DictReader(open(f"reports/rivals-{part}/summary.csv")):
-            near[row["algorithm"]].update({key: int(row[key] or 0) for key in ("missed", "near", "found")})
+            near[row["algorithm"]].update({key: int(row[key] or 0) for key in ("missed", "near", "found_obstacles")})
     print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | false obstacles | near ones found, % | missed "
           "| wrong, % of the known |\n|---|---:|---:|---:|---:|---:|")
     for algorithm, seeds in counts.items():
@@ -54,7 +54,7 @@ for name, parts in SETS.items():
             sums = sorted(known(sum(draw, collections.Counter())) for draw in draws)
             interval = f" ({sums[50]:.1f}–{sums[1949]:.1f})"
         print(f"| {algorithm} | {right:.1f} / {wrong:.2f} | {of['false']} "
-              f"| {100 * near[algorithm]['found'] / max(near[algorithm]['near'], 1):.1f} "
+              f"| {100 * near[algorithm]['found_obstacles'] / max(near[algorithm]['near'], 1):.1f} "
               f"| {near[algorithm]['missed']} of {near[algorithm]['near']} | {known(of):.2f}{interval} |")
 print("\ndrives\n\n| algorithm | courses | finished, % | collisions | near misses | driven, m |\n|---|---:|---:|---:|---:|---:|")
 sums = collections.defaultdict(collections.Counter)

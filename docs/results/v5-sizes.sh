@@ -26,8 +26,8 @@ for row in csv.DictReader(open(f"{folder}/cells.csv")):
     if row["verdict"] != "no-truth":
         cells[row["algorithm"]].append(row)
 for row in csv.DictReader(open(f"{folder}/rows.csv")):
-    for key in ("found", "near"):
-        near[row["algorithm"]][key] += int(float(row.get(key) or 0))
+    for key in ("found_obstacles", "near"):
+        near[row["algorithm"]][key] += int(float(row[key] or 0))
 for algorithm, rows in cells.items():
     count = collections.Counter(row["verdict"] for row in rows)
     known = [row for row in rows if row["verdict"] in ("right", "wrong")]
@@ -35,6 +35,6 @@ for algorithm, rows in cells.items():
     off = f"{100 * (sum(said) / len(said) - count['right'] / len(known)):+.1f}" if said else ""
     of = near[algorithm]
     print(f"| {name} {algorithm} | {count['right']} / {count['wrong']} / {len(rows) - len(known)} | "
-          f"{100 * count['wrong'] / len(known):.2f} | {of['found']} of {of['near']} | {off} |")
+          f"{100 * count['wrong'] / len(known):.2f} | {of['found_obstacles']} of {of['near']} | {off} |")
 PYTHON
 done

@@ -10,20 +10,7 @@ svl() { "${SVL:-target/release/svl}" "$@"; }
 [ -n "${SVL:-}" ] || cargo build --release --quiet --locked
 mkdir -p reports/v5
 # The models of single pairs: the built-in one without `time`, and that with the slack of revision 3.
-python3 - << 'PYTHON'
-import json, struct
-data = open("src/core/matcher/v5/model.safetensors", "rb").read()
-size = struct.unpack("<Q", data[:8])[0]
-for name, slack in (("single", 100), ("three", 10)):
-    header = json.loads(data[8:8 + size])
-    table = json.loads(header["__metadata__"]["median"])
-    del table["time"]
-    table["slack"] = slack
-    header["__metadata__"]["median"] = json.dumps(table)
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 8)
-    open(f"reports/v5/{name}.safetensors", "wb").write(struct.pack("<Q", len(text)) + text + data[8 + size:])
-PYTHON
+cargo test --release --quiet --locked --test bench -- --ignored models_of_single_pairs > /dev/null
 models=reports/v5
 algorithms=(--algo v5 --algo "single=v5:model=$models/single.safetensors" --algo "three=v5:model=$models/three.safetensors"
   --algo all=v5:confidence=0.001 --algo "all3=v5:model=$models/three.safetensors,confidence=0.001"
@@ -71,8 +58,8 @@ def found(name):
     """Per algorithm and seed: found, near, missed and false by the nearest quarter."""
     sums = collections.defaultdict(lambda: collections.Counter())
     for row in csv.DictReader(open(f"reports/v5-{name}/rows.csv")):
-        for key in ("found", "near", "missed", "false"):
-            sums[row["algorithm"]][key] += int(float(row.get(key) or 0))
+        for key in ("found_obstacles", "near", "missed", "false"):
+            sums[row["algorithm"]][key] += int(float(row[key] or 0))
     return sums
 
 
@@ -109,7 +96,7 @@ for name in sys.argv[1:]:
         n = collections.Counter(r["verdict"] for r in rows)
         known = n["right"] + n["wrong"]
         of = near[algorithm]
-        share = 100 * of["found"] / of["near"] if of["near"] else math.nan
+        share = 100 * of["found_obstacles"] / of["near"] if of["near"] else math.nan
         print(f"| {algorithm} | {100 * n['right'] / len(rows):.2f} | {100 * n['wrong'] / len(rows):.2f} | "
               f"{100 * n['wrong'] / max(known, 1):.2f} | {share:.1f} | {of['missed']} | {of['false']} | "
               f"{len(near_flags(rows))} |")

@@ -188,6 +188,8 @@ impl Results {
         if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
         }
+        let order = self.shown.sort.and_then(|_| self.order_words());
+        let order = order.map(|words| format!("The algorithms are {words}."));
         if self.best.is_empty() {
             let none = match self.kind() {
                 TruthLevel::Courses => self.candidate_labels().len() > 1,
@@ -197,7 +199,7 @@ impl Results {
                 "No algorithm has {}, so none is called best.",
                 self.usable_words()
             );
-            return Vec::from_iter(none.then_some(words));
+            return none.then_some(words).into_iter().chain(order).collect();
         }
         let best: Vec<_> = self.best.iter().collect();
         let names = |own: &[&Best]| {
@@ -231,6 +233,7 @@ impl Results {
         if self.basis.prior_test == PriorTest::TooFewPairs {
             sentences.push("Too few pairs to tell if they beat the prior.".to_owned());
         }
+        sentences.extend(order);
         sentences.extend(self.time_words());
         sentences.extend(self.choice_words());
         sentences

@@ -222,11 +222,14 @@ impl Results {
         }
     }
 
-    /// The order in words; none if the user chose it.
+    /// The order in words; none if the user chose it, and an algorithm has that metric.
     pub(super) fn order_words(&self) -> Option<String> {
-        let words = self.merit_words()?;
-        let sort = self.shown.sort.is_none();
-        sort.then(|| format!("sorted by {words}"))
+        let Some(metric) = self.shown.sort else {
+            return Some(format!("sorted by {}", self.merit_words()?));
+        };
+        let mut values = self.algorithms.iter().map(|a| a.value(metric));
+        let words = format!("not sorted: {} is not measured", metric.words);
+        values.all(|value| value.is_none()).then_some(words)
     }
 
     /// The first column that has a better direction.

@@ -74,7 +74,16 @@ impl Results {
             if labels.len() < 2 {
                 continue;
             }
-            match SweepChoice::new(name, &labels, rows, ranking) {
+            let is_measured = |label: &&str| self.value(label, metric, None).is_some();
+            let choice = if metric.better == Better::Neither {
+                let why = "neither less nor more of it is better";
+                Err(format!("{}, {why}", metric.words))
+            } else if labels.iter().all(is_measured) {
+                SweepChoice::new(name, &labels, rows, ranking)
+            } else {
+                Err(format!("{} is not measured", metric.words))
+            };
+            match choice {
                 Ok(choice) => choices.push(choice),
                 Err(why) => unchosen.push(format!("No setting of {name} is named: {why}.")),
             }
@@ -102,11 +111,6 @@ impl SweepChoice {
         ranking: Ranking,
     ) -> Result<Self, String> {
         let metric = ranking.metric;
-        // A number that is neither good nor bad chooses nothing.
-        if metric.better == Better::Neither {
-            let why = "neither less nor more of it is better";
-            return Err(format!("{}, {why}", metric.words));
-        }
         let no_values = || {
             format!(
                 "{} has no values by pairs; sort by another metric",
@@ -166,18 +170,18 @@ impl SweepChoice {
         };
         let show = |score: f64| metric.map_or_else(String::new, |metric| metric.show(score));
         let (settings, own) = (counted(self.settings, "setting"), show(self.own_score));
-        let [even, odd] = &self.halves;
-        let halves = if even == odd {
-            String::new()
+        let (setting, score, [even, odd]) = (&self.setting, show(self.score), &self.halves);
+        let halves = if even == odd && even == setting {
+            "each half chooses it".to_owned()
         } else {
-            format!("; the halves choose differently: {even} and {odd}")
+            format!(
+                "the halves choose differently: {even} and {odd}, each scored on the other half"
+            )
         };
+        let name = &self.algorithm;
         format!(
-            "Of {settings} of {}, use {}: {words} {} on blocks of pairs that did not choose it, \
-             {own} on those that did{halves}.",
-            self.algorithm,
-            self.setting,
-            show(self.score)
+            "Of {settings} of {name}, use {setting}: {words} {score} on pairs that did not choose \
+             ({halves}), {own} on all pairs, which chose it."
         )
     }
 }
@@ -256,7 +260,8 @@ mod tests {
         });
         assert_eq!(choice.setting, "bm:uniqueness=7");
         let expected = "Of 40 settings of bm, use bm:uniqueness=7: right minus wrong 71.0 % on \
-                        blocks of pairs that did not choose it, 71.0 % on those that did.";
+                        pairs that did not choose (each half chooses it), 71.0 % on all pairs, \
+                        which chose it.";
         assert!(words.contains(expected), "{words}");
     }
 
@@ -281,10 +286,7 @@ mod tests {
                 "near",
                 "near obstacles, neither less nor more of it is better",
             ),
-            (
-                "rmse",
-                "RMSE of distances has no values by pairs; sort by another metric",
-            ),
+            ("rmse", "RMSE of distances is not measured"),
         ] {
             let (choices, words) = by(name);
             assert_eq!(choices.len(), 0);

@@ -264,6 +264,7 @@ mod tests {
                 report: 8,
                 target: 8,
                 features: [0; CellEvidence::FEATURES],
+                plain: 0,
             }),
             right,
             known,

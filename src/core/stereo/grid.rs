@@ -79,6 +79,8 @@ pub struct CellEvidence {
     /// In the order of [`crate::depth::decision::Feature::ALL`]; [`CellEvidence::NOT_MEASURED`]
     /// for what the algorithm does not measure.
     pub features: [i64; CellEvidence::FEATURES],
+    /// Pixels equal to their left neighbour, per mille: no feature of the fit.
+    pub plain: i64,
 }
 
 impl CellEvidence {

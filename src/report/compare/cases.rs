@@ -3,7 +3,7 @@
 use super::text::is_ranked;
 use super::{AlgorithmChange, Change, Comparison, Judgement, NotMeasured};
 use crate::junit::{TestCase, TestResult};
-use svl_score::judge::{Cases, ColumnChoice, Metric, MetricUnit};
+use svl_score::judge::{Cases, ColumnChoice, Metric, MetricOrigin, MetricUnit};
 
 impl Comparison {
     /// A case for the pairs or courses of each algorithm, as more failures leave fewer of them for
@@ -36,6 +36,18 @@ impl Comparison {
                 add(metric.metric.words, TestResult::Skipped(metric.words()));
             }
         }
+        let mut named: Vec<&Metric> = fail_on.iter().copied().flatten().collect();
+        named.retain(|metric| {
+            let asked = [Some(*metric)];
+            let mut own = self.algorithms.iter();
+            !own.any(|own| {
+                own.tested(&asked).next().is_some() || own.untested(&asked).next().is_some()
+            })
+        });
+        cases.extend(named.into_iter().map(|metric| TestCase {
+            name: metric.words.to_owned(),
+            result: TestResult::Skipped(self.unmeasured(metric)),
+        }));
         let things = self.algorithms.first();
         let things = things.map_or("pair", AlgorithmChange::things);
         let gone = self.only_in_base.iter();
@@ -44,6 +56,21 @@ impl Comparison {
             result: TestResult::Failed(format!("is not in {}", self.other.display())),
         }));
         cases
+    }
+}
+
+impl Comparison {
+    /// Why a metric that no algorithm has in both reports is not tested.
+    fn unmeasured(&self, metric: &Metric) -> String {
+        let is_partial = self
+            .algorithms
+            .iter()
+            .any(|own| own.has_partial_checkpoints);
+        if is_partial && matches!(metric.origin, MetricOrigin::Checkpoints) {
+            "is counted over whole runs: score the same pairs".to_owned()
+        } else {
+            "is not measured in both reports".to_owned()
+        }
     }
 }
 

@@ -17,7 +17,7 @@ pub struct Join<'a> {
     pub(super) runs: [&'a ScoredRun; 2],
     pub(super) is_driven: bool,
     pub(super) algorithms: Vec<JoinedAlgorithm<'a>>,
-    /// Algorithms of the first report with several namesakes, each in words.
+    /// Algorithms of the first report without a namesake or with several, each in words.
     pub(super) ambiguous: Vec<String>,
 }
 
@@ -183,7 +183,10 @@ fn add_namesakes<'a>(manifests: [&'a Manifest; 2], both: &mut Vec<[&'a str; 2]>)
             kin.map(|other| other.label.as_str()).collect::<Vec<_>>()
         });
         match (&ours[..], &theirs[..]) {
-            (_, []) => {}
+            (_, []) => ambiguous.push(format!(
+                "{} was not compared: the second report has no {}",
+                own.label, own.name
+            )),
             ([one], [other]) => both.push([one, other]),
             _ => ambiguous.push(format!(
                 "{} was not compared: of {} any may be it; {MAP}",

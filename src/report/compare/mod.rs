@@ -498,7 +498,8 @@ impl AlgorithmChange {
     /// The pairs of the base that are compared, in words, if they are too few.
     fn few_in_common(&self, min_common: f64) -> Option<String> {
         let (common, all) = (self.pairs + self.newly_failed, self.base_pairs);
-        let percent = 100.0 * min_common;
+        // Without the digits that are not of the number as it was written.
+        let percent = (1e6 * min_common).round() / 1e4;
         ((common as f64) < min_common * all as f64).then(|| {
             let things = counted(all, self.things());
             let own = &self.algorithm;

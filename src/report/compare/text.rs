@@ -50,7 +50,7 @@ impl Comparison {
                  score more pairs"
             ),
             Conclusion::TooFewCourses => {
-                format!("fewer than {fewest} of {pairs} differ; drive more, as with --seeds 1..100")
+                format!("of {pairs} {fewest} have to differ; drive more, as with --seeds 1..100")
             }
             Conclusion::NoChange => format!("the results of {pairs} are equal to the bit"),
             Conclusion::NotToldApart => {

@@ -612,7 +612,7 @@ pub const METRICS: &[Metric] = &[
         "misalignment, px",
         "vertical",
     )
-    .unit(Px, Neither)
+    .unit(Px, Zero)
     .origin(mean("row_offset", |facts| {
         facts.estimate.disparity.median_row_offset().map(f64::from)
     }))
@@ -981,6 +981,12 @@ impl Metric {
     /// True if it may be negative.
     pub fn is_signed(&self) -> bool {
         self.better == Zero
+    }
+
+    /// True if the prior has it, and may be better or worse by it.
+    pub fn is_of_prior(&self) -> bool {
+        let is_of_cells = matches!(self.cases, SCORED_CELLS | NEAR);
+        is_of_cells && self.against_truth && self.better != Neither
     }
 
     /// True if it has a value for an area; one of no area has it with the headline's.

@@ -49,6 +49,13 @@ fn metric<'de, D: Deserializer<'de>>(
     metric.map_err(serde::de::Error::custom)
 }
 
+/// The names of the metrics of which that is true.
+fn names(has: impl Fn(&Metric) -> bool) -> String {
+    let own = METRICS.iter().filter(|metric| has(metric));
+    let own: Vec<_> = own.map(|metric| metric.name).collect();
+    own.join(", ")
+}
+
 impl Limit {
     /// The limit with its algorithms renamed.
     pub(super) fn renamed(self, name: &dyn Fn(&str) -> String) -> Self {
@@ -110,7 +117,9 @@ impl Limit {
             } else {
                 ", 1 % is 0.01".to_owned()
             };
-            if is_outside || key == magnitude.0 && bound < 0.0 {
+            if key == magnitude.0 && bound <= 0.0 {
+                Some(format!("{key} = {bound}: expected a number above 0"))
+            } else if is_outside {
                 Some(format!("{key} = {bound}: expected {range}{percent}"))
             } else {
                 let words = format!("{key} = {bound}: {range}: {bound} is always kept{percent}");
@@ -122,21 +131,18 @@ impl Limit {
     /// The fault of a minimum of cases that means nothing.
     fn minimum_fault(&self) -> Option<String> {
         let is_share = |share: f64| share > 0.0 && share <= 1.0;
-        if self.min_cases == Some(0) {
+        // The largest whole number of TOML.
+        if self.min_cases.is_some_and(|cases| cases > i64::MAX as u64) {
+            Some(format!("min_cases: expected 1 to {}", i64::MAX))
+        } else if self.min_cases == Some(0) {
             Some("min_cases = 0: expected 1 or more, or nothing is measured and passes".to_owned())
         } else if let Some(share) = self.min_share.filter(|share| !is_share(*share)) {
             Some(format!(
                 "min_share = {share}: expected a share, above 0 and up to 1"
             ))
         } else if self.min_share.is_some() && self.metric.minimum.share.is_none() {
-            let own = METRICS
-                .iter()
-                .filter(|metric| metric.minimum.share.is_some());
-            let own: Vec<_> = own.map(|metric| metric.name).collect();
-            Some(format!(
-                "min_share belongs to {}; here give min_cases",
-                own.join(", ")
-            ))
+            let own = names(|metric| metric.minimum.share.is_some());
+            Some(format!("min_share belongs to {own}; here give min_cases"))
         } else {
             None
         }
@@ -160,7 +166,10 @@ impl Limit {
                 max_magnitude: Some(_),
                 metric,
                 ..
-            } if !metric.is_signed() => wrong("max_magnitude belongs to bias; here give max"),
+            } if !metric.is_signed() => {
+                let own = names(Metric::is_signed);
+                wrong(&format!("max_magnitude belongs to {own}; here give max"))
+            }
             Self {
                 max_magnitude: Some(_),
                 min,
@@ -214,17 +223,17 @@ impl Limit {
                 metric,
                 relative_to: Some(other),
                 ..
-            } if other == PRIOR && !metric.against_truth => {
-                wrong("the prior has only metrics against truth")
+            } if other == PRIOR && !metric.is_of_prior() => {
+                let own = names(Metric::is_of_prior);
+                wrong(&format!("relative_to = \"prior\" belongs to {own}"))
             }
             Self {
                 metric,
                 area: Some(_),
                 ..
             } if !metric.by_area => {
-                let own = METRICS.iter().filter(|metric| metric.by_area);
-                let own: Vec<_> = own.map(|metric| metric.name).collect();
-                wrong(&format!("area belongs to {}", own.join(", ")))
+                let own = names(|metric| metric.by_area);
+                wrong(&format!("area belongs to {own}"))
             }
             Self {
                 metric,

@@ -259,7 +259,30 @@ fn limits_that_mean_nothing_are_refused() {
             "metric = \"bias\"\nmax_magnitude = 1\nmin = 0",
             "stands alone",
         ),
-        ("metric = \"rmse\"\nmax_magnitude = 1", "belongs to bias"),
+        (
+            "metric = \"rmse\"\nmax_magnitude = 1",
+            "belongs to row_offset, bias;",
+        ),
+        (
+            "metric = \"row_offset\"\nmax = 0.5",
+            "max alone: give min too",
+        ),
+        (
+            "metric = \"bias\"\nmax_magnitude = 0",
+            "max_magnitude = 0: expected a number above 0",
+        ),
+        (
+            "metric = \"bias\"\nmax = 0.1\nrelative_to = \"prior\"",
+            "relative_to = \"prior\" belongs to right, wrong,",
+        ),
+        (
+            "metric = \"near\"\nmax = 0\nrelative_to = \"prior\"",
+            "relative_to = \"prior\" belongs to right",
+        ),
+        (
+            "metric = \"missed\"\nmax = 1\nmin_cases = 18446744073709551615",
+            "min_cases: expected 1 to 9223372036854775807",
+        ),
         (
             "metric = \"wrong\"\nmax = 1",
             "a share, 0 to 1: 1 is always kept, 1 % is 0.01",

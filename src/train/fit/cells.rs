@@ -132,6 +132,7 @@ mod tests {
                     report: 40,
                     target: 40,
                     features,
+                    plain: 0,
                 }),
                 right: random.f64() < 1.0 / (1.0 + (-odds).exp()),
                 known: false,

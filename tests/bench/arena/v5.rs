@@ -82,6 +82,28 @@ struct Flags {
     all: usize,
 }
 
+/// The file of the built-in model without earlier pairs, with that slack.
+fn without_past(slack: i64) -> Vec<u8> {
+    let model = V5Model::built_in();
+    let median = VerdictTable {
+        slack,
+        time: None,
+        ..model.median.clone()
+    };
+    V5Model { median, ..model }.to_bytes()
+}
+
+/// The models that `docs/results/v5.sh` compares with the built-in one.
+#[test]
+#[ignore = "writes files for docs/results/v5.sh"]
+fn models_of_single_pairs() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("reports/v5");
+    for (name, slack) in [("single", 100), ("three", 10)] {
+        let path = folder.join(format!("{name}.safetensors"));
+        std::fs::write(path, without_past(slack)).unwrap();
+    }
+}
+
 /// Pieces of eight pairs from different places as one run without a reset, as
 /// `docs/results/v5.md` describes: the pairs in which obstacles that appear are found.
 fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
@@ -92,16 +114,7 @@ fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
     random.shuffle(&mut pieces);
     let rule = CellRule::default();
     let v5: Algorithm = "v5".parse().unwrap();
-    let model = V5Model::built_in();
-    let three = V5Model {
-        median: VerdictTable {
-            slack: 10,
-            time: None,
-            ..model.median.clone()
-        },
-        ..model
-    };
-    let three = Value::file("three", three.to_bytes());
+    let three = Value::file("three", without_past(10));
     let three = v5.with("model", &three).unwrap();
     let mut matchers = [v5.build().unwrap(), three.build().unwrap()];
     // Per pair and cell: whether the nearest quarter is far, whether it is near, and whether v5 and

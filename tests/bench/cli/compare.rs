@@ -341,7 +341,10 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
     assert_says(&text.join(" "), &[expected, "wrong cells"]);
     assert_says(&fixture.text("x.html"), &["A report has no table of cells"]);
     let failing = fixture.svl("compare 0 1 --fail-on worse:rmse");
-    failing.failed(3, &["no report measures these metrics"]);
+    failing.failed(3, &["RMSE of distances: is not measured in both reports"]);
+    // Nor beside a metric that both measure.
+    let failing = fixture.svl("compare 0 1 --fail-on worse:rmse --fail-on worse:false");
+    failing.failed(3, &["RMSE of distances: is not measured in both reports"]);
 }
 
 #[test]

@@ -212,14 +212,24 @@ fn a_run_outside_of_what_v5_was_fitted_to_is_told() {
     let fixture = Fixture::new();
     fixture.run("record --frames 2 -o a.mcap");
     let told = |options: &str| {
-        let ran = fixture.svl(&format!(
-            "score a.mcap --algo v5 --rerun none --force -o r {options}"
-        ));
-        ran.stderr
-            .contains("v5's probabilities are those of a tolerance of 20 %")
+        let ran = fixture.svl(&format!("score a.mcap --rerun none --force -o r {options}"));
+        let words = "v5's probabilities were not fitted to ";
+        let found = ran.stderr.split(words).nth(1).map(str::to_owned);
+        found.map(|words| words.split(", which").next().unwrap_or_default().to_owned())
     };
-    assert!(told("--tolerance 10%"));
-    assert!(!told(""));
+    assert_eq!(told("--algo v5"), None);
+    let narrow = "a tolerance below 20 % or 0.1 m";
+    assert_eq!(told("--algo v5 --tolerance 10%").as_deref(), Some(narrow));
+    // The table for small cells was fitted to both.
+    assert_eq!(told("--algo v5 --tolerance 10% --cells 24x12"), None);
+    let tiny = "cells smaller than those of 24x12 at 320 px";
+    assert_eq!(told("--algo v5 --cells 64x48").as_deref(), Some(tiny));
+    let near = "cells smaller than those of 5x3 at 320 px";
+    assert_eq!(
+        told("--algo v5:target=near --cells 24x12").as_deref(),
+        Some(near)
+    );
+    assert_eq!(told("--algo v5:target=near"), None);
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! The safe choice for any disparity map.
 
 use super::table::cell;
-use super::{BINS_PER_PX, CellPixels, Feature, Tolerance, VerdictTable, fill_empty_rows, fill_row};
+use super::{
+    BINS_PER_PX, CellPixels, Feature, StepSum, Tolerance, VerdictTable, fill_empty_rows, fill_row,
+};
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
 use std::sync::LazyLock;
@@ -77,7 +79,9 @@ pub fn safe_grid(
         pixels.clear();
         for y in rows {
             let row = y * width + columns.start..y * width + columns.end;
-            let texture = texture(left.row(y), &columns);
+            let grey = &left.row(y)[columns.start.saturating_sub(1)..columns.end];
+            let pairs = grey.iter().zip(&grey[1..]);
+            let texture = StepSum::new(pairs.map(|(a, b)| 4 * u32::from(a.abs_diff(*b))));
             pixels.add(&map.bins[row.clone()], &map.seen[row], 0, texture);
         }
         pixels.count();
@@ -95,17 +99,11 @@ pub fn safe_grid(
     DepthGrid::new(settings.shape(), cells).expect("a grid has at least one cell")
 }
 
-/// Sum of the differences of these columns from their left neighbours, quarters of a grey level.
-fn texture(row: &[u8], columns: &std::ops::Range<usize>) -> i64 {
-    let from = columns.start.max(1);
-    let pairs = row[from - 1..].iter().zip(&row[from..columns.end]);
-    4 * i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::depth;
+    use crate::stereo::Reason;
 
     const SETTINGS: GridSettings = GridSettings {
         columns: 2,
@@ -158,6 +156,20 @@ mod tests {
     fn nothing_seen_is_nothing_known() {
         assert_eq!(cells(|_, _| f32::INFINITY), [None, None]);
         assert_eq!(cells(|_, _| f32::NAN), [None, None]);
+    }
+
+    #[test]
+    fn cells_with_plain_pixels_are_not_far() {
+        // Black from column 12 on: more than a third of the left cell, all of the right one.
+        let left = Gray::from_fn(40, 20, |x, y| match x {
+            0..12 => (x * 37 + y * 11) as u8,
+            _ => 0,
+        });
+        let map = Plane::from_fn(40, 20, |_, _| 0.0).unwrap();
+        let grid = depth::cells(&map, &left.unwrap(), SETTINGS, RULE, None);
+        for (_, cell) in grid.iter() {
+            assert_eq!((cell.depth, cell.reason), (None, Some(Reason::Untextured)));
+        }
     }
 
     #[test]

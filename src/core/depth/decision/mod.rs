@@ -82,7 +82,28 @@ pub struct CellPixels {
     /// Sums over the pixels: matching costs, and steps of grey level to the left neighbour in
     /// quarters.
     cost: i64,
-    texture: i64,
+    texture: StepSum,
+}
+
+/// The steps of grey level of pixels to their left neighbours.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepSum {
+    /// Their sum, quarters of a grey level.
+    pub sum: i64,
+    /// Pixels without a step.
+    pub plain: i64,
+}
+
+impl StepSum {
+    /// The sum of steps of a row.
+    pub fn new(steps: impl Iterator<Item = u32>) -> Self {
+        let add = |(sum, plain), step| (sum + step, plain + u32::from(step == 0));
+        let (sum, plain) = steps.fold((0, 0), add);
+        Self {
+            sum: sum.into(),
+            plain: plain.into(),
+        }
+    }
 }
 
 impl CellPixels {
@@ -98,12 +119,13 @@ impl CellPixels {
     pub fn clear(&mut self) {
         self.counts.fill(0);
         (self.votes, self.none, self.agreed) = (0, 0, None);
-        (self.pixels, self.seen, self.cost, self.texture) = (0, 0, 0, 0);
+        (self.pixels, self.seen, self.cost) = (0, 0, 0);
+        self.texture = StepSum::default();
     }
 
     /// Adds pixels of a row: their bins, their seen flags, and the sums of their costs and steps.
     /// Each votes for its bin, and supports it if it was seen.
-    pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: i64) {
+    pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: StepSum) {
         for (&bin, &seen) in bins.iter().zip(seen) {
             // Counted one index higher, so that prefix sums are counts of lower bins.
             self.counts[bin as usize + 1] += 1 + (u64::from(seen) << 32);
@@ -113,11 +135,12 @@ impl CellPixels {
     }
 
     /// Adds the measurements of pixels of a row that do not vote.
-    pub fn measure(&mut self, seen: &[u8], cost: i64, texture: i64) {
+    pub fn measure(&mut self, seen: &[u8], cost: i64, texture: StepSum) {
         self.pixels += seen.len() as i64;
         self.seen += i64::from(seen.iter().map(|&seen| u32::from(seen)).sum::<u32>());
         self.cost += cost;
-        self.texture += texture;
+        self.texture.sum += texture.sum;
+        self.texture.plain += texture.plain;
     }
 
     /// Adds the votes of a pixel for some bins, which they support, and for none, the last;

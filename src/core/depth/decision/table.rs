@@ -8,8 +8,12 @@ use std::collections::BTreeMap;
 
 /// Evidence without which a cell is not far, though its pixels have the least disparity: gaps are
 /// filled by what is farther, and plain pixels, black or saturated, match anywhere.
-const FAR: [(Feature, i64); 2] = [(Feature::Support, 500), TEXTURED];
+const SUPPORTED: (Feature, i64) = (Feature::Support, 500);
 const TEXTURED: (Feature, i64) = (Feature::Texture, 200);
+
+/// Pixels equal to their left neighbour, per mille, with which a cell may be far: if more are, they
+/// are as many as the median needs.
+const MAX_PLAIN: i64 = 250;
 
 /// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -197,11 +201,12 @@ impl VerdictTable {
                 1000 * cell.seen / pixels,
                 1000 * (report_bins - target).abs() / tolerance.span(report),
                 100 * cell.cost / pixels,
-                25 * cell.texture / pixels,
+                25 * cell.texture.sum / pixels,
                 tolerance.span(report),
                 vote_share(votes - cell.none),
                 vote_share(cell.agreed.unwrap_or(0)),
             ],
+            plain: 1000 * cell.texture.plain / pixels,
         }
     }
 }
@@ -219,12 +224,13 @@ pub fn cell(
     let depth = reported_depth([p20, evidence.report, p80], level, rig);
     let is_shown = |(feature, least)| evidence.features[feature as usize] >= least;
     let is_far = depth.is_some_and(|depth| depth.is_far());
+    let is_textured = is_shown(TEXTURED) && evidence.plain <= MAX_PLAIN;
     // Without a report there is nothing that may be right.
-    let report = depth.filter(|_| !is_far || FAR.into_iter().all(is_shown));
+    let report = depth.filter(|_| !is_far || is_shown(SUPPORTED) && is_textured);
     Cell {
         depth: report.filter(|_| is_known),
         probability: report.map(|_| probability(score)),
-        reason: (is_far && !is_shown(TEXTURED)).then_some(Reason::Untextured),
+        reason: (is_far && !is_textured).then_some(Reason::Untextured),
         evidence: Some(*evidence),
         level,
         ..Cell::UNKNOWN

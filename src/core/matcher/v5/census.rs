@@ -1,5 +1,6 @@
 //! Both images at half size, their censuses, and the penalties of steps: by row, and by column.
 
+use crate::depth::decision::StepSum;
 use crate::error::Result;
 use crate::kernel::{
     Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, quarter_row,
@@ -89,17 +90,11 @@ impl HalfImage {
         self.census.each_ref().map(|plane| &plane.rows[start..])
     }
 
-    /// The sum of the steps from each of a row's columns to its left neighbour.
-    pub(super) fn texture(&self, y: usize, columns: &std::ops::Range<usize>) -> i64 {
-        let row = self.row(y);
-        let from = columns.start.max(1);
-        if from >= columns.end {
-            return 0;
-        }
-        let pairs = row[from - 1..columns.end - 1]
-            .iter()
-            .zip(&row[from..columns.end]);
-        i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
+    /// The steps from each of a row's columns to its left neighbour.
+    pub(super) fn texture(&self, y: usize, columns: &std::ops::Range<usize>) -> StepSum {
+        let row = &self.row(y)[columns.start.saturating_sub(1)..columns.end];
+        let pairs = row.iter().zip(&row[1..]);
+        StepSum::new(pairs.map(|(a, b)| a.abs_diff(*b).into()))
     }
 
     /// Halves an image.

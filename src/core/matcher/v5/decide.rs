@@ -9,10 +9,32 @@ use crate::matcher::MatchContext;
 use crate::stereo::{Cell, CellRule, LevelCell};
 use rayon::prelude::*;
 
-/// Rules and lattice places of a cell below which cells are outside of the fit of the tables.
-const FITTED_M: f64 = 0.1;
-const FITTED_PERCENT: f64 = 20.0;
+/// The narrowest rule of distances, metres and percent, that the tables of images up to 400 px were
+/// fitted to, and that of the others; the fewest lattice places of a cell.
+const WIDE_RULE: (f64, f64) = (0.1, 20.0);
+const NARROW_RULE: (f64, f64) = (0.02, 5.0);
 const FITTED_PLACES: usize = 8;
+
+/// What is outside of the fit of the tables.
+#[derive(Clone, Copy, Default)]
+pub(super) struct OutsideFit {
+    /// The narrowest rule of the fit, metres and percent, if the run's is narrower.
+    pub rule: Option<(f64, f64)>,
+    /// The grid at 320 px of the smallest cells of the fit, if the run's are smaller.
+    pub cells: Option<&'static str>,
+}
+
+impl OutsideFit {
+    /// The parts in words.
+    pub fn words(self) -> Vec<String> {
+        let rule = self.rule;
+        let rule = rule.map(|(m, percent)| format!("a tolerance below {percent} % or {m} m"));
+        let cells = self
+            .cells
+            .map(|grid| format!("cells smaller than those of {grid} at 320 px"));
+        rule.into_iter().chain(cells).collect()
+    }
+}
 
 /// The decision on the cells of a pair.
 struct Deciding<'a> {
@@ -27,19 +49,19 @@ struct Deciding<'a> {
 }
 
 impl Levels {
-    /// Decides on the cells, in raster order, and at each level. True if the rule or the size of
-    /// the cells is outside of what the tables were fitted to.
+    /// Decides on the cells, in raster order, and at each level. Returns what is outside of the fit
+    /// of the tables.
     pub(super) fn decide(
         &mut self,
         choice: &SafeChoice,
         context: &MatchContext,
         cells: &mut [Cell],
         decisions: &mut Vec<LevelCell>,
-    ) -> bool {
+    ) -> OutsideFit {
         self.make_tolerances(choice, context);
         let bins = |tolerances: &[Tolerance]| tolerances.iter().map(Tolerance::bins).max();
         let Some((rule, rig, tolerances)) = &self.tolerances else {
-            return false;
+            return OutsideFit::default();
         };
         let (numbers, most) = (self.numbers(), bins(tolerances).unwrap_or(0));
         let count = numbers.len();
@@ -52,13 +74,26 @@ impl Levels {
         decisions.resize(cells.len() * count, LevelCell::NOTHING);
         let all = numbers.end;
         let is_small = has_small_cells(self.plan.size, cells.len());
-        let is_outside = is_narrow(rule) || places(self.plan.size, cells.len()) < FITTED_PLACES;
+        let is_tiny = places(self.plan.size, cells.len()) < FITTED_PLACES;
+        let has_levels = choice.levels.is_some();
+        let fitted = if has_levels && (all > 1 || is_small) {
+            NARROW_RULE
+        } else {
+            WIDE_RULE
+        };
+        let outside = OutsideFit {
+            rule: is_narrow(rule, fitted).then_some(fitted),
+            cells: match has_levels {
+                true => is_tiny.then_some("24x12"),
+                false => is_small.then_some("5x3"),
+            },
+        };
         let deciding = Deciding {
             choice,
             rule: LevelRule {
                 tolerances,
                 ranges: &self.ranges,
-                is_outside: is_outside && choice.levels.is_some(),
+                is_outside: has_levels && (is_tiny || is_narrow(rule, WIDE_RULE)),
                 rig: rig.as_ref(),
             },
             is_small,
@@ -77,7 +112,7 @@ impl Levels {
                 *cell = deciding.cell(self, context, i, pixels, levels, states);
             });
         (self.pixels, self.past) = (pixels, past);
-        is_outside
+        outside
     }
 
     /// Makes the tolerances of the levels, unless they are known.
@@ -254,9 +289,9 @@ impl Deciding<'_> {
     }
 }
 
-/// True for a rule of distances that is narrower than that of the fit.
-fn is_narrow(rule: &CellRule) -> bool {
+/// True for a rule of distances that is narrower than that one.
+fn is_narrow(rule: &CellRule, (fitted_m, fitted_percent): (f64, f64)) -> bool {
     let (metres, percent) = rule.tolerances();
     let is_distance = matches!(rule, CellRule::Distance { .. });
-    is_distance && (metres < FITTED_M || percent < FITTED_PERCENT)
+    is_distance && (metres < fitted_m || percent < fitted_percent)
 }

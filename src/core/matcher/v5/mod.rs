@@ -25,6 +25,7 @@ use crate::stereo::{
     Cell, DepthGrid, ExtraPlanes, GridShape, LevelCell, LevelVerdict, Reason, RectifiedPair,
 };
 use crate::timing::Stage;
+use decide::OutsideFit;
 use level::MatchSettings;
 use levels::{LevelPlan, Levels};
 use past::CellPasts;
@@ -144,11 +145,11 @@ struct V5 {
     network: Option<GapNetwork>,
     /// Memory for pairs of one size; none for one that cannot be halved.
     levels: Option<Levels>,
-    /// True once a rule or cells were outside of the fit.
-    is_outside: bool,
-    /// Cells so far, and those that are unknown for that reason.
+    /// What of the last pair was outside of the fit.
+    outside_fit: OutsideFit,
+    /// Cells so far, and those whose tolerance is finer than a pixel can tell.
     cells: u64,
-    outside: u64,
+    too_fine: u64,
 }
 
 impl V5 {
@@ -181,8 +182,8 @@ impl V5 {
             choice: choice_of(model, parameters),
             levels: None,
             cells: 0,
-            is_outside: false,
-            outside: 0,
+            outside_fit: OutsideFit::default(),
+            too_fine: 0,
         })
     }
 
@@ -282,13 +283,13 @@ impl Matcher for V5 {
                     levels.weigh(settings.isa, network);
                 }
                 levels.write(&mut output.disparity);
-                self.is_outside |= levels.decide(&self.choice, context, &mut cells, &mut decisions);
+                self.outside_fit = levels.decide(&self.choice, context, &mut cells, &mut decisions);
                 let is_unknown = |decision: &&LevelCell| {
                     decision.level == 0 && decision.verdict == LevelVerdict::Span
                 };
-                let outside = decisions.iter().filter(is_unknown).count();
+                let too_fine = decisions.iter().filter(is_unknown).count();
                 self.cells += cells.len() as u64;
-                self.outside += outside as u64;
+                self.too_fine += too_fine as u64;
             }
         }
         output.grid = Some(DepthGrid::new(shape, cells)?.with_levels(decisions));
@@ -305,15 +306,20 @@ impl Matcher for V5 {
     }
 
     fn remark(&self) -> Option<String> {
-        let share = 100.0 * self.outside as f64 / self.cells.max(1) as f64;
-        self.is_outside.then(|| {
+        let outside = self.outside_fit.words();
+        let outside = (!outside.is_empty()).then(|| {
+            let outside = outside.join(" and ");
+            format!("v5's probabilities were not fitted to {outside}, which this run has")
+        });
+        let too_fine = (self.too_fine > 0).then(|| {
+            let share = 100.0 * self.too_fine as f64 / self.cells as f64;
             format!(
-                "v5's probabilities are those of a tolerance of 20 % and 0.1 m or more, and of \
-                 cells as large as those of 24x12 at 320 px or larger, which this run has not; \
-                 where the tolerance is finer than a pixel can tell, {share:.0} % of the cells, \
-                 they are unknown"
+                "v5: {share:.1} % of the cells are unknown as their tolerance is finer than a \
+                 pixel can tell"
             )
-        })
+        });
+        let parts: Vec<_> = outside.into_iter().chain(too_fine).collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
     }
 
     fn reset(&mut self) {
