@@ -1,6 +1,6 @@
 //! Each pair has the calibration of its own stamp, wherever the file has it.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
 use super::frames::{PERIOD_NS, image};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
@@ -56,10 +56,10 @@ impl Shot {
             let pixels: Vec<u8> = image(size, seed).pixels().collect();
             let camera = Camera {
                 size: SENSOR,
-                distortion: &[distortion, 0.0, 0.0, 0.0],
+                d: &[distortion, 0.0, 0.0, 0.0],
                 tx,
-                binning: 0,
                 roi: [x, 0, size.1 as u32, size.0 as u32],
+                ..CAMERA
             };
             let info = camera_info_of(info, stamp(i), &camera);
             [

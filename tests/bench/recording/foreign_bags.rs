@@ -1,6 +1,8 @@
 //! ROS 2 bags and Foxglove recordings as sources.
 
-use super::bag::{self, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image};
+use super::bag::{
+    self, CAMERA, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image,
+};
 use super::frames::{PERIOD_NS, image, one_line, read};
 use crate::common::assert_says;
 use ::image::codecs::jpeg::JpegEncoder;
@@ -131,10 +133,10 @@ fn a_calibration_is_of_the_images_that_it_says() {
     let infos = |size, binning, roi| {
         let camera = |tx| Camera {
             size,
-            distortion: &[],
             tx,
             binning,
             roi,
+            ..CAMERA
         };
         [("/cam0/camera_info", 0.0), ("/cam1/camera_info", -14.432)]
             .map(|(topic, tx)| camera_info_of(topic, 9, &camera(tx)))

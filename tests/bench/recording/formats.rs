@@ -1,7 +1,7 @@
 //! Bags of every format with every feature: the pairs are those of an MCAP file with the same
 //! messages, each after the other.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
 use super::frames::{PERIOD_NS, image, read, summarize};
 use super::ros1;
 use super::sensor::{SIZE, START_NS, cloud, depth32, open, pairs, tf};
@@ -211,10 +211,9 @@ fn binned() -> Vec<Message> {
     let info = |topic, tx| {
         let camera = Camera {
             size: (48, 32),
-            distortion: &[],
             tx,
             binning: 2,
-            roi: [0; 4],
+            ..CAMERA
         };
         camera_info_of(topic, stamp(0), &camera)
     };

@@ -1,6 +1,6 @@
 //! Hints of `svl score`: each appears for a recording made for it, and none for a sound one.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
 use super::frames::{PERIOD_NS, image, read, record};
 use super::sensor::{cloud, tf};
 use super::stamps::stamped;
@@ -140,10 +140,8 @@ fn pairs(offsets: &[f64]) -> Vec<Message> {
         let info = |topic, tx| {
             let camera = Camera {
                 size: (SIZE.0 as u32, SIZE.1 as u32),
-                distortion: &[],
                 tx,
-                binning: 0,
-                roi: [0; 4],
+                ..CAMERA
             };
             camera_info_of(topic, stamp(i), &camera)
         };

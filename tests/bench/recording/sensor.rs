@@ -1,7 +1,8 @@
 //! Truth from another sensor of a bag: accepted and rejected messages.
 
 use super::bag::{
-    self, Camera, Message, camera_info, camera_info_of, cdr_in, protobuf, ros_image, timestamp,
+    self, CAMERA, Camera, Message, camera_info, camera_info_of, cdr_in, protobuf, ros_image,
+    timestamp,
 };
 use super::frames::{PERIOD_NS, full, image, read};
 use ::image::codecs::png::PngEncoder;
@@ -347,10 +348,7 @@ fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
     );
     let camera = Camera {
         size: (12, 8),
-        distortion: &[],
-        tx: 0.0,
-        binning: 0,
-        roi: [0; 4],
+        ..CAMERA
     };
     let info = camera_info_of("/disparity/camera_info", stamp(0), &camera);
     let (found, _) = truths([info, message], "/disparity");
