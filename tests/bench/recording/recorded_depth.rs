@@ -291,8 +291,7 @@ fn published_results_have_the_cells_of_the_matcher() {
             row.algorithm
         );
     }
-    let summary: serde_json::Value =
-        serde_json::from_str(&fixture.text("rep/summary.json")).unwrap();
+    let summary = fixture.json_file("rep/summary.json");
     let delay = &summary["latency"][0];
     assert_eq!(delay["topic"], "/depth");
     assert_eq!(delay["topic_ms"], serde_json::json!([41.0, 41.0]));
