@@ -3,7 +3,7 @@
 use super::bag::{
     self, CAMERA, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image,
 };
-use super::frames::{PERIOD_NS, image, one_line, read};
+use super::frames::{PERIOD_NS, START_NS, image, one_line, read, stamp};
 use crate::common::assert_says;
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
@@ -16,11 +16,6 @@ use svl::stereo::{Frame, Gray};
 const SIZE: (usize, usize) = (24, 16);
 const LEFT: &str = "/cam0/image_rect";
 const RIGHT: &str = "/cam1/image_rect";
-const START_NS: u64 = 1_700_000_000_000_000_000;
-
-fn stamp(i: u64) -> u64 {
-    START_NS + i * PERIOD_NS
-}
 
 fn bytes(image: &Gray) -> Vec<u8> {
     image.pixels().collect()

@@ -1,7 +1,7 @@
 //! Hints of `svl score`: each appears for a recording made for it, and none for a sound one.
 
 use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
-use super::frames::{PERIOD_NS, image, read, record};
+use super::frames::{image, read, record, stamp};
 use super::sensor::{cloud, tf};
 use super::stamps::stamped;
 use crate::cli::fixture::{Fixture, assert_says};
@@ -126,10 +126,6 @@ fn exchanged_images_are_noticed() {
     assert_says(&line, &["changed.mcap", "--left and --right"]);
     let cured = "changed.mcap --left /stereo/right/image --right /stereo/left/image --algo bm";
     assert_eq!(hints(&fixture, cured), []);
-}
-
-fn stamp(i: u64) -> u64 {
-    1_700_000_000_000_000_000 + i * PERIOD_NS
 }
 
 /// Rectified pairs with a rig, whose right camera has these fourth columns of P, one after the
