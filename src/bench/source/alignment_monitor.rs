@@ -186,8 +186,8 @@ impl Source for AlignmentMonitor<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FromFn;
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray};
 
     /// Pairs without texture, or of squares.

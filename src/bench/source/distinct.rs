@@ -81,8 +81,8 @@ impl Source for DistinctSource<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FromFn;
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     /// The pairs that come out before the first refusal, and that. A letter for each: one picture

@@ -147,8 +147,8 @@ impl Source for PlausibleSource<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FromFn;
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair, Truth};
 
     /// A pair for each disparity of a truth; none for NaN.

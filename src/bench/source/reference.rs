@@ -140,8 +140,8 @@ impl Source for ReferenceSource<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FromFn;
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::Gray;
     use svl_core::stereo::{Geometry, StereoPair};
 
