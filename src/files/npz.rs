@@ -10,8 +10,8 @@ use svl_core::{Error, Result};
 /// Limit on the header's length in bytes; NumPy's own have 118.
 const MAX_HEADER: usize = 4096;
 
-/// The values of the only array of an archive like scikit-image's `motorcycle_disp.npz`, rows x columns of [`NpyNumber`]s in either byte and
-/// memory order, and true if they are integers.
+/// The values of the only array of an archive like scikit-image's `motorcycle_disp.npz`, rows x
+/// columns of [`NpyNumber`]s in either byte and memory order, and true if they are integers.
 pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
     parse(read_bounded(path, MAX_BYTES)?)
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
