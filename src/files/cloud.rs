@@ -1,6 +1,5 @@
 //! Point clouds of disparities, and PLY, which MeshLab, CloudCompare, Open3D and PCL open.
 
-use std::io::Write;
 use std::path::Path;
 use svl_core::stereo::{Gray, Plane, Rig};
 use svl_core::{Error, Result};
@@ -39,8 +38,7 @@ pub fn write_ply(path: &Path, disparity: &Plane<f32>, left: &Gray, rig: &Rig) ->
         let place = [x, y, z].into_iter().flat_map(f32::to_le_bytes);
         bytes.extend(place.chain([grey as u8; 3]));
     }
-    let write = |bytes: &[u8]| std::fs::File::create(path)?.write_all(bytes);
-    write(&bytes).map_err(|e| Error::io(path, e))
+    std::fs::write(path, bytes).map_err(|e| Error::io(path, e))
 }
 
 #[cfg(test)]

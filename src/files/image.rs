@@ -123,11 +123,6 @@ pub fn read_gray(path: &Path) -> Result<Gray> {
     gray(decode(path)?)
 }
 
-/// Same as [`read_gray`], for a file in memory.
-pub fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
-    gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
-}
-
 fn gray(image: DynamicImage) -> Result<Gray> {
     let image = DecodedImage::new(image)?;
     Ok(BitDepth::FULL.clone().grey(image).0)
@@ -216,6 +211,10 @@ pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Res
 mod tests {
     use super::*;
     use crate::encode_jpeg;
+
+    fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
+        gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
+    }
 
     #[test]
     fn files_cut_off_are_no_images() {

@@ -24,12 +24,10 @@ pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide};
 pub use depth::{no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
-pub use image::{IMAGE_ENDINGS, read_image};
-pub use image::{decode_bytes, gray_of};
+pub use image::{IMAGE_ENDINGS, decode_bytes, read_image};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(target_os = "linux")]
 pub use jpeg::brightness;
-pub use npz::read_npz;
 pub use pfm::{read_pfm, write_pfm};
 pub use picture::{
     encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,

@@ -1,6 +1,6 @@
 //! NumPy's npz, a zip archive with one array, and npy, an array: a plane of numbers.
 
-use super::{MAX_BYTES, known, read_bounded};
+use super::{MAX_BYTES, read_bounded};
 use half::f16;
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -10,17 +10,8 @@ use svl_core::{Error, Result};
 /// Limit on the header's length in bytes; NumPy's own have 118.
 const MAX_HEADER: usize = 4096;
 
-/// Reads the only array of an npz archive like scikit-image's `motorcycle_disp.npz`. Non-finite
-/// values become `+∞`, "unknown".
-///
-/// # Errors
-/// [`Error::Io`], or [`Error::Format`] with the missing part.
-pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
-    Ok(known(&archived(path)?.0))
-}
-
-/// The values of the only array of an archive, rows x columns of [`NpyNumber`]s in either byte and
-/// memory order, and true if they are integers.
+/// The values of the only array of an archive like scikit-image's `motorcycle_disp.npz`, rows x
+/// columns of [`NpyNumber`]s in either byte and memory order, and true if they are integers.
 pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
     parse(read_bounded(path, MAX_BYTES)?)
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
@@ -216,6 +207,7 @@ impl NpyHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{MapScale, read_disparities};
     use proptest::prelude::*;
     use std::io::Write;
     use zip::write::SimpleFileOptions;
@@ -280,12 +272,13 @@ mod tests {
 
     #[test]
     fn unknown_disparities_are_infinite() {
-        let file = tempfile::NamedTempFile::new().unwrap();
+        let file = tempfile::Builder::new().suffix(".npz").tempfile().unwrap();
         let data = le(&[1.0, f32::NAN, f32::NEG_INFINITY, 0.0, -1.0, f32::INFINITY]);
         std::fs::write(file.path(), npz(&[npy(HEADER, &data)])).unwrap();
+        let read = read_disparities(file.path(), MapScale::same(None)).unwrap();
         let inf = f32::INFINITY;
         assert_eq!(
-            read_npz(file.path()).unwrap().pixels().collect::<Vec<_>>(),
+            read.pixels().collect::<Vec<_>>(),
             [1.0, inf, inf, 0.0, -1.0, inf]
         );
     }

@@ -2,7 +2,6 @@
 
 use super::{MAX_BYTES, known, read_bounded};
 use std::borrow::Cow;
-use std::io::Write;
 use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
 use svl_core::{Error, Result};
@@ -127,8 +126,7 @@ pub fn write_pfm(path: &Path, plane: &Plane<f32>) -> Result<()> {
             .iter()
             .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
     });
-    let write = |bytes: &[u8]| std::fs::File::create(path)?.write_all(bytes);
-    write(&bytes).map_err(|e| Error::io(path, e))
+    std::fs::write(path, bytes).map_err(|e| Error::io(path, e))
 }
 
 #[cfg(test)]

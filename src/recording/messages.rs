@@ -44,6 +44,11 @@ impl Channel {
         }
     }
 
+    /// A channel of messages of ROS 2.
+    pub(super) fn cdr(topic: &str, schema: &str) -> Self {
+        Self::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
+    }
+
     /// The same with another rule for its stamps.
     pub(super) fn restamped(&self, stamps: StampRule) -> Self {
         Self {
@@ -120,7 +125,7 @@ pub(super) struct Messages {
     past: Vec<Declared>,
     missing: BTreeMap<String, u64>,
     /// True if a summary counts records that were not found.
-    lacks: bool,
+    pub(super) lacks: bool,
 }
 
 impl Declared {
@@ -234,11 +239,6 @@ impl Messages {
     /// By topic the messages counted in the summaries but not found.
     pub(super) fn take_missing(&mut self) -> BTreeMap<String, u64> {
         std::mem::take(&mut self.missing)
-    }
-
-    /// True if the file has, by its summary or by what was skipped, more than was read.
-    pub(super) fn has_more(&self) -> bool {
-        self.lacks || self.records.has_skipped()
     }
 
     /// Declarations of the file, or of the first one if others are appended. Before the end of the

@@ -158,7 +158,7 @@ impl Copier {
         let recovery = &mut self.recovery;
         recovery.losses = messages.records.losses.clone();
         recovery.missing = messages.take_missing();
-        recovery.partial = messages.has_more();
+        recovery.partial = messages.lacks || messages.records.has_skipped();
         recovery.checksums = messages.records.is_checked();
         Ok(())
     }

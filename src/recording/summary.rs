@@ -412,12 +412,6 @@ impl SummaryScan {
         })
     }
 
-    /// Nominal stamps do not reveal the rate.
-    fn has_nominal_stamps(&self) -> bool {
-        let stamps = self.found.header.as_ref().map(|header| &header.stamps);
-        matches!(stamps, Some(Some(StampOrigin::Nominal(_))))
-    }
-
     /// Numbers need not start at 0: a part of a recording keeps its own.
     fn missing_pairs(&self) -> u64 {
         let numbers = match (self.sequences.first(), self.sequences.last()) {
@@ -482,7 +476,10 @@ impl SummaryScan {
         };
         let clock_jumps = clock_jumps(images);
         let steps = steps(images);
-        let period_ns = median_ns(&steps).filter(|_| !self.has_nominal_stamps());
+        let stamps = self.found.header.as_ref().map(|header| &header.stamps);
+        // Nominal stamps do not reveal the rate.
+        let is_nominal = matches!(stamps, Some(Some(StampOrigin::Nominal(_))));
+        let period_ns = median_ns(&steps).filter(|_| !is_nominal);
         let gaps = period_ns.map_or_else(Vec::new, |period_ns| gaps(&steps, period_ns));
         let missing_pairs = self.missing_pairs();
         let (start_ns, end_ns) = self.span_ns();

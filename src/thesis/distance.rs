@@ -34,7 +34,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let curves = Curves::new(&target)?;
     let mut finding = Finding::default();
     curves.add_conditions(target.off_px, &mut finding);
-    target.add_quantities(&mut finding);
+    let (farthest, nearest) = (target.points.first(), target.points.last());
+    finding.quantity("target at 16 cm", "px", "81", nearest.map(|(_, px)| *px));
+    finding.quantity("target at 130 cm", "px", "11", farthest.map(|(_, px)| *px));
     curves.add_table(&target, &mut finding);
     finding.why = curves.why(&target);
     finding.plot(&curves.chart(target));
@@ -88,12 +90,6 @@ impl MeasuredTarget {
             points,
             off_px,
         })
-    }
-
-    fn add_quantities(&self, finding: &mut Finding) {
-        let (farthest, nearest) = (self.points.first(), self.points.last());
-        finding.quantity("target at 16 cm", "px", "81", nearest.map(|(_, px)| *px));
-        finding.quantity("target at 130 cm", "px", "11", farthest.map(|(_, px)| *px));
     }
 }
 

@@ -3,7 +3,7 @@
 
 use crate::common::cases;
 use crate::oracle::dp::Dp;
-use crate::oracle::scenes::difference;
+use crate::oracle::scenes::{difference, random};
 use crate::{common, contract};
 use proptest::prelude::*;
 use svl_core::kernel::Isa;
@@ -52,12 +52,7 @@ enum Scene {
 
 /// A pair of `scene`: in the right image every band of nine rows is moved by its own shift.
 fn pair(scene: Scene, (width, height): (usize, usize), seed: u64) -> StereoPair {
-    let random = |x: usize, y: usize, salt: u64| {
-        let mut z = seed ^ salt ^ ((x as u64) << 32 | y as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as u8
-    };
+    let random = |x: usize, y, salt: u64| random(x as u64, y, seed ^ salt);
     let world = |x: usize, y: usize| match scene {
         Scene::Noise => random(x, y, 1),
         Scene::Boxes => random(x / 9, y / 7, 2) / 8 * 3 + random(x, y, 3) % 2,

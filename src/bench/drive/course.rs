@@ -150,10 +150,6 @@ impl Course {
         self.world.clearance(at.into(), self.drive.height_m).0 - self.drive.radius_m
     }
 
-    pub(super) fn is_goal(&self, at: GroundPoint) -> bool {
-        at.y >= self.goal_m()
-    }
-
     /// Length of the route, metres.
     pub(super) fn length_m(&self) -> f64 {
         self.length_to(self.route.len())

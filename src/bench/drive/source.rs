@@ -137,7 +137,7 @@ impl Drive {
             _ if std::mem::take(&mut self.is_to_be_placed) => self.placed(course),
             _ => self.moved(course),
         };
-        self.log.arrived = course.is_goal(self.robot.at);
+        self.log.arrived = self.robot.at.y >= course.goal_m();
         self.sequence += 1;
         if self.is_over(course) && point.event.is_none() {
             point.event = self.near_miss();

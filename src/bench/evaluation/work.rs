@@ -124,10 +124,6 @@ impl EvaluationWork<'_> {
         matches!(self.plan.scenario.source, ScenarioSource::Recording(_))
     }
 
-    fn are_simulated(&self) -> bool {
-        matches!(self.plan.scenario.source, ScenarioSource::Arena { .. })
-    }
-
     /// Digest of the pairs that are registered before those of a run.
     fn after(&self, i: usize) -> String {
         let runs = self.runs[..i].iter().zip(&self.session.runs);
@@ -141,7 +137,8 @@ impl EvaluationWork<'_> {
     fn is_known(&self, i: usize) -> bool {
         let facts = &self.session.runs[i].facts;
         // svl's own recording of a simulation is that of its description.
-        let is_cached = |path| self.are_simulated() && Path::starts_with(path, RECORDINGS);
+        let is_simulated = matches!(self.plan.scenario.source, ScenarioSource::Arena { .. });
+        let is_cached = |path| is_simulated && Path::starts_with(path, RECORDINGS);
         let mut files = facts.files.iter();
         let named: BTreeSet<_> = facts.files.iter().map(FileStamp::path).collect();
         let mut opened = self.opened[self.runs[i].1].iter();

@@ -187,34 +187,30 @@ impl Source for AlignmentMonitor<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray};
 
     /// Pairs without texture, or of squares.
-    struct Pairs(u64, bool);
-
-    impl Source for Pairs {
-        fn name(&self) -> String {
-            "pairs".into()
-        }
-
-        fn next(&mut self) -> Result<Option<Frame>> {
+    fn pairs(has_texture: bool) -> Box<dyn Source> {
+        let mut taken = 0;
+        Box::new(FromFn(move || {
             let mixed = |x: usize, y: usize| {
                 let mixed = (((x / 9) << 32) | (y / 9)) as u64;
                 let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
                 ((mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) >> 56) as u8
             };
-            let grey = |x, y| if self.1 { mixed(x, y) } else { 90 };
+            let grey = |x, y| if has_texture { mixed(x, y) } else { 90 };
             let image = |d: usize| Gray::from_fn(320, 240, |x, y| grey(x + d, y));
-            self.0 += 1;
+            taken += 1;
             let pair = StereoPair::new(image(0)?, image(8)?)?;
-            Ok((self.0 <= 60).then(|| Frame::new(pair, Geometry::Raw)))
-        }
+            Ok((taken <= 60).then(|| Frame::new(pair, Geometry::Raw)))
+        }))
     }
 
     #[test]
     fn pairs_are_measured_until_they_have_points_enough() {
         for (has_texture, measured) in [(true, MAX_MEASURED), (false, MAX_TRIED)] {
-            let mut monitor = AlignmentMonitor::new(Box::new(Pairs(0, has_texture)), 0);
+            let mut monitor = AlignmentMonitor::new(pairs(has_texture), 0);
             while monitor.next().unwrap().is_some() {}
             assert_eq!(monitor.measured, measured);
             assert_eq!(monitor.meter.is_enough(), has_texture);

@@ -82,19 +82,16 @@ impl Source for DistinctSource<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray, StereoPair};
 
-    /// Pairs by a letter each: one picture twice, black, or distinct; an error.
-    struct Letters(VecDeque<char>);
-
-    impl Source for Letters {
-        fn name(&self) -> String {
-            "letters".into()
-        }
-
-        fn next(&mut self) -> Result<Option<Frame>> {
+    /// The pairs that come out before the first refusal, and that. A letter for each: one picture
+    /// twice, black, or distinct; an error.
+    fn read(letters: &str) -> (usize, Option<String>) {
+        let mut letters = letters.chars();
+        let source = FromFn(move || {
             let image = |scale: usize| Gray::from_fn(40, 20, |x, y| (scale * (31 * x + y)) as u8);
-            let pair = match self.0.pop_front() {
+            let pair = match letters.next() {
                 None => return Ok(None),
                 Some('e') => return Err(Error::Invalid("broken".into())),
                 Some('s') => StereoPair::new(image(1)?, image(1)?),
@@ -102,13 +99,8 @@ mod tests {
                 Some(_) => StereoPair::new(image(1)?, image(3)?),
             };
             Ok(Some(Frame::new(pair?, Geometry::Raw)))
-        }
-    }
-
-    /// The pairs that come out before the first refusal, and that.
-    fn read(letters: &str) -> (usize, Option<String>) {
-        let letters = Letters(letters.chars().collect());
-        let mut source = DistinctSource::new(Box::new(letters));
+        });
+        let mut source = DistinctSource::new(Box::new(source));
         let mut pairs = 0;
         loop {
             match source.next() {
@@ -131,7 +123,7 @@ mod tests {
             let (read, refusal) = read(letters);
             let refusal = refusal.unwrap_or_default();
             let expected = format!(
-                "letters: left and right are one picture twice: all pixels of \
+                "pairs: left and right are one picture twice: all pixels of \
                                     the first {} are equal",
                 counted(pairs as u64, "pair")
             );

@@ -173,6 +173,22 @@ impl Source for &mut (dyn Source + '_) {
         (**self).next()
     }
 }
+
+/// A source of what a function returns.
+#[cfg(test)]
+struct FromFn<F: FnMut() -> Result<Option<Frame>>>(F);
+
+#[cfg(test)]
+impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
+    fn name(&self) -> String {
+        "pairs".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        (self.0)()
+    }
+}
+
 /// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
 fn warn_of_rig(name: &str, frame: &Frame) {
     let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));

@@ -148,18 +148,14 @@ impl Source for PlausibleSource<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair, Truth};
 
     /// A pair for each disparity of a truth; none for NaN.
-    struct Truths(VecDeque<f32>);
-
-    impl Source for Truths {
-        fn name(&self) -> String {
-            "truths".into()
-        }
-
-        fn next(&mut self) -> Result<Option<Frame>> {
-            let Some(d) = self.0.pop_front() else {
+    fn pairs(truths: &[f32]) -> impl Source {
+        let mut truths = truths.iter();
+        FromFn(move || {
+            let Some(&d) = truths.next() else {
                 return Ok(None);
             };
             let image = Gray::filled(40, 2, 0)?;
@@ -173,13 +169,12 @@ mod tests {
                     Geometry::Rectified(Some(rig)),
                 )
             }))
-        }
+        })
     }
 
     /// True for the frames that keep a truth, and the losses or the error.
     fn read(truths: &[f32]) -> (Vec<bool>, std::result::Result<(u64, u64), String>) {
-        let truths = truths.iter().copied().collect();
-        let mut source = PlausibleSource::new(Box::new(Truths(truths)));
+        let mut source = PlausibleSource::new(Box::new(pairs(truths)));
         let mut kept = Vec::new();
         loop {
             match source.next() {
@@ -215,7 +210,7 @@ mod tests {
             assert!(kept.is_empty());
             let error = error.unwrap_err();
             for part in [
-                "truths: the truth (exact) is impossible: its median disparity is 1280 px",
+                "pairs: the truth (exact) is impossible: its median disparity is 1280 px",
                 "likely its disparities divided by 256",
             ] {
                 assert!(error.contains(part), "{error}");

@@ -141,24 +141,19 @@ impl Source for ReferenceSource<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::FromFn;
     use svl_core::stereo::Gray;
     use svl_core::stereo::{Geometry, StereoPair};
 
     const SIZE: (usize, usize) = (96, 48);
 
     /// Frames of a textured plane at a disparity of 7 px, with a stripe of plain grey.
-    struct Wall(u64);
-
-    impl Source for Wall {
-        fn name(&self) -> String {
-            "wall".into()
-        }
-
-        fn next(&mut self) -> Result<Option<Frame>> {
-            if self.0 == 0 {
+    fn wall(mut frames: u64) -> Box<dyn Source> {
+        Box::new(FromFn(move || {
+            if frames == 0 {
                 return Ok(None);
             }
-            self.0 -= 1;
+            frames -= 1;
             let texture = |x: usize, y: usize| {
                 let mixed = ((x * 7919 + y * 104_729) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
                 if (20..30).contains(&y) {
@@ -169,15 +164,11 @@ mod tests {
             };
             let image = |shift| Gray::from_fn(SIZE.0, SIZE.1, |x, y| texture(x + shift, y));
             Ok(Some(Frame {
-                sequence: self.0,
+                sequence: frames,
                 truth: Some(Truth::exact(Plane::filled(SIZE.0, SIZE.1, 3.0)?, None)),
                 ..Frame::new(StereoPair::new(image(0)?, image(7)?)?, Geometry::Raw)
             }))
-        }
-
-        fn pairs(&self) -> Option<u64> {
-            None
-        }
+        }))
     }
 
     fn truth(references: &[&str]) -> Truth {
@@ -185,7 +176,7 @@ mod tests {
             .iter()
             .map(|name| name.parse().unwrap())
             .collect();
-        let mut source = ReferenceSource::new(Box::new(Wall(1)), &references).unwrap();
+        let mut source = ReferenceSource::new(wall(1), &references).unwrap();
         source.next().unwrap().unwrap().truth.unwrap()
     }
 
@@ -236,7 +227,7 @@ mod tests {
     #[test]
     fn a_failed_reference_leaves_no_truth_and_is_counted() {
         let references = ["exec:command=false".parse().unwrap()];
-        let mut source = ReferenceSource::new(Box::new(Wall(3)), &references).unwrap();
+        let mut source = ReferenceSource::new(wall(3), &references).unwrap();
         for _ in 0..3 {
             assert_eq!(source.next().unwrap().unwrap().truth, None);
         }

@@ -288,11 +288,6 @@ fn adjoint(change: &Isometry3<f64>) -> Matrix6<f64> {
     adjoint
 }
 
-/// True if all corners of a board are in front of a camera.
-pub(super) fn in_front(board: &[Point3<f64>], pose: &Isometry3<f64>) -> bool {
-    board.iter().all(|point| (pose * point).z > 0.0)
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;

@@ -192,7 +192,8 @@ fn posed_views(
     let views = selection.views;
     let mut posed = Vec::new();
     for &(id, h) in homographies {
-        match start::pose(intrinsics, &h).filter(|pose| bundle::in_front(board, pose)) {
+        let in_front = |pose: &Isometry3<f64>| board.iter().all(|point| (pose * point).z > 0.0);
+        match start::pose(intrinsics, &h).filter(in_front) {
             Some(pose) => posed.push(PosedView {
                 id,
                 pose,

@@ -110,7 +110,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         incomplete: ran.as_ref().err().map(usage::one_line),
     };
     outputs.set_aside()?;
-    write_report(&page, &args.output)?;
+    write_json(&args.output.join(JSON), &page.json()?)?;
+    write(&args.output.join("reproduce.md"), page.markdown())?;
+    write(&args.output.join("index.html"), page.html()?)?;
     match &ran {
         Ok(()) => outputs.commit(),
         Err(_) => outputs.keep_both(),
@@ -141,12 +143,6 @@ fn repeat(
         Err(_) if progress::interrupted() => bail!("{STOPPED}"),
         found => found.with_context(|| format!("figure {}", experiment.figure())),
     }
-}
-
-fn write_report(page: &FindingsPage<'_>, out: &Path) -> anyhow::Result<()> {
-    write_json(&out.join(JSON), &page.json()?)?;
-    write(&out.join("reproduce.md"), page.markdown())?;
-    Ok(write(&out.join("index.html"), page.html()?)?)
 }
 
 /// The terminal's text: per figure a line with its result and a line with its numbers.

@@ -42,7 +42,8 @@ pub(crate) fn print_report(
     if json {
         return print_json(&ReportAnswer { summary, gate });
     }
-    let lines: String = gate.iter().map(gate_line).collect();
+    let line = |result: &GateResult| format!("{:<12}  {result}\n", result.state.words());
+    let lines: String = gate.iter().map(line).collect();
     let text = summary.terminal(title, style(), explain);
     print(&format!("{text}\n{lines}{}", report_lines(folder)))
 }
@@ -54,11 +55,6 @@ struct ReportAnswer<'a> {
     summary: &'a Results,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     gate: &'a [GateResult],
-}
-
-/// A result for the terminal.
-fn gate_line(result: &GateResult) -> String {
-    format!("{:<12}  {result}\n", result.state.words())
 }
 
 /// Fails for a run that failed a limit, or that no limit applies to.

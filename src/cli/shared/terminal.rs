@@ -71,14 +71,18 @@ pub(crate) fn width() -> usize {
         .map_or(PIPED, |columns| columns.max(MIN_WIDTH))
 }
 
-/// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is
-/// set.
-pub(crate) fn style() -> TerminalStyle {
-    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+/// True if a terminal may show colours: it can, and `NO_COLOR` is not set.
+pub(crate) fn allows_color() -> bool {
+    let is_unwanted = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    !is_unwanted && !is_dumb
+}
+
+/// Form of tables on standard output: with bars and colours on a terminal that may show them.
+pub(crate) fn style() -> TerminalStyle {
     TerminalStyle {
         width: width(),
-        is_rich: io::stdout().is_terminal() && !is_set("NO_COLOR") && !is_dumb,
+        is_rich: io::stdout().is_terminal() && allows_color(),
     }
 }
 

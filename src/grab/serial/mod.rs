@@ -257,13 +257,6 @@ impl SerialTrigger {
         (self.count, self.length_is_set) = (0, false);
     }
 
-    /// Waits for the end of the last pulse: an earlier request would be refused.
-    fn wait_for_pulse_end(&self) {
-        std::thread::sleep(self.last.map_or(Duration::ZERO, |last| {
-            self.length.saturating_sub(last.elapsed())
-        }));
-    }
-
     fn silence_error(&self) -> Error {
         self.line.error(match (self.line.heard, self.line.strange) {
             (true, _) => {
@@ -285,7 +278,10 @@ impl SerialTrigger {
 
 impl Trigger for SerialTrigger {
     fn pulse(&mut self) -> Result<Pulse> {
-        self.wait_for_pulse_end();
+        // Before the end of the last pulse a request would be refused.
+        if let Some(last) = self.last {
+            std::thread::sleep(self.length.saturating_sub(last.elapsed()));
+        }
         // Answers to stray pulses and resets still in the buffer must not be mistaken for the
         // answer to the next request.
         while let Some(answer) = self.line.next(Instant::now())? {

@@ -72,6 +72,15 @@ pub(super) fn decode(
 }
 
 fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+    let unbinned = |size, model, [k, d, r, p]: [Vec<f64>; 4]| Calibration {
+        size,
+        binning: [1, 1],
+        model,
+        k,
+        d,
+        r,
+        p,
+    };
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
             channel,
@@ -80,27 +89,13 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
         )?)),
         ("foxglove.CameraCalibration", "protobuf") => {
             let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
-            Ok(Calibration {
-                size: (m.width, m.height),
-                binning: [1, 1],
-                model: m.distortion_model,
-                k: m.k,
-                d: m.d,
-                r: m.r,
-                p: m.p,
-            })
+            let size = (m.width, m.height);
+            Ok(unbinned(size, m.distortion_model, [m.k, m.d, m.r, m.p]))
         }
         ("foxglove.CameraCalibration", "json") => {
             let m: json::JsonCalibration = json::read(data)?;
-            Ok(Calibration {
-                size: (m.width, m.height),
-                binning: [1, 1],
-                model: m.distortion_model,
-                k: m.k,
-                d: m.d,
-                r: m.r,
-                p: m.p,
-            })
+            let size = (m.width, m.height);
+            Ok(unbinned(size, m.distortion_model, [m.k, m.d, m.r, m.p]))
         }
         ("std_msgs/msg/String", "cdr") => {
             realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)

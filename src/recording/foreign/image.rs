@@ -6,7 +6,7 @@ use super::{encoding, json};
 use crate::decode_protobuf;
 use crate::messages::Channel;
 use crate::ros::{self, RawPixels};
-use foxglove::messages::{CompressedImage, RawImage};
+use foxglove::messages::{CompressedImage, RawImage, Timestamp};
 use svl_files::{self as files, DecodedImage};
 
 /// Schemas of image messages.
@@ -33,6 +33,8 @@ pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
             data,
         })
     };
+    let of_protobuf = |time: Option<Timestamp>| stamp(channel, time.map(|t| (t.sec(), t.nsec())));
+    let of_json = |time: json::JsonTime| stamp(channel, Some((time.sec, time.nsec)));
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/Image", "cdr" | "ros1") => {
             let (stamp, image) = ros::read(channel, data, ros::image)?;
@@ -45,34 +47,22 @@ pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
         ("foxglove.RawImage", "protobuf") => {
             let m: RawImage = decode_protobuf(data)?;
             let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
-            Ok((
-                stamp(channel, m.timestamp.map(|t| (t.sec(), t.nsec()))),
-                image,
-            ))
+            Ok((of_protobuf(m.timestamp), image))
         }
         ("foxglove.CompressedImage", "protobuf") => {
             let m: CompressedImage = decode_protobuf(data)?;
             let image = decompress(&m.data, &m.format);
-            Ok((
-                stamp(channel, m.timestamp.map(|t| (t.sec(), t.nsec()))),
-                image,
-            ))
+            Ok((of_protobuf(m.timestamp), image))
         }
         ("foxglove.RawImage", "json") => {
             let m: json::JsonRawImage = json::read(data)?;
             let image = raw((m.width, m.height, m.step), &m.encoding, &m.data);
-            Ok((
-                stamp(channel, Some((m.timestamp.sec, m.timestamp.nsec))),
-                image,
-            ))
+            Ok((of_json(m.timestamp), image))
         }
         ("foxglove.CompressedImage", "json") => {
             let m: json::JsonCompressedImage = json::read(data)?;
             let image = decompress(&m.data, &m.format);
-            Ok((
-                stamp(channel, Some((m.timestamp.sec, m.timestamp.nsec))),
-                image,
-            ))
+            Ok((of_json(m.timestamp), image))
         }
         (schema, encoding) => Err(format!(
             "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"

@@ -39,7 +39,7 @@ impl LiveTopic {
     }
 
     fn channel(&self) -> Channel {
-        Channel::new(self.name.clone(), self.schema.clone(), "cdr".to_owned())
+        Channel::cdr(&self.name, &self.schema)
     }
 }
 

@@ -426,7 +426,7 @@ mod tests {
             } else {
                 "sensor_msgs/msg/Image"
             };
-            Channel::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
+            Channel::cdr(topic, schema)
         };
         let channels: Vec<_> = topics.iter().map(channel).collect();
         choose(&channels.iter().collect::<Vec<_>>(), selection)
@@ -521,21 +521,17 @@ mod tests {
         }
     }
 
-    fn channel_of(topic: &str, schema: &str) -> Channel {
-        Channel::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
-    }
-
     #[test]
     fn a_compressed_copy_is_used_without_its_original_alone() {
         let compressed = "sensor_msgs/msg/CompressedImage";
         let copies = ["/left/image/compressed", "/right/image/compressed"];
-        let mut channels = copies.map(|topic| channel_of(topic, compressed)).to_vec();
+        let mut channels = copies.map(|topic| Channel::cdr(topic, compressed)).to_vec();
         let chosen = |channels: &[Channel]| {
             choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).unwrap()
         };
         assert_eq!(chosen(&channels), copies);
         let originals = ["/left/image", "/right/image"];
-        let raw = originals.map(|topic| channel_of(topic, "sensor_msgs/msg/Image"));
+        let raw = originals.map(|topic| Channel::cdr(topic, "sensor_msgs/msg/Image"));
         channels.extend(raw);
         assert_eq!(chosen(&channels), originals);
     }
@@ -544,7 +540,10 @@ mod tests {
     fn a_calibration_is_of_the_processing_of_its_images() {
         let found = |infos: &[&str], topic: &str| {
             let schema = "sensor_msgs/msg/CameraInfo";
-            let channels: Vec<_> = infos.iter().map(|info| channel_of(info, schema)).collect();
+            let channels: Vec<_> = infos
+                .iter()
+                .map(|info| Channel::cdr(info, schema))
+                .collect();
             calibration(&channels.iter().collect::<Vec<_>>(), topic)
         };
         let isaac = [
@@ -577,7 +576,9 @@ mod tests {
                     "sensor_msgs/msg/Image"
                 }
             };
-            let channels = topics.iter().map(|topic| channel_of(topic, schema(topic)));
+            let channels = topics
+                .iter()
+                .map(|topic| Channel::cdr(topic, schema(topic)));
             let channels: Vec<_> = channels.collect();
             let channels: Vec<_> = channels.iter().collect();
             found_calibrations(&channels, ["/a/left/image", "/a/right/image"])

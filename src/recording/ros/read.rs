@@ -20,8 +20,8 @@ pub(crate) struct RawPixels<'a> {
     pub(crate) data: &'a [u8],
 }
 
-/// sensor_msgs/msg/CompressedImage.
-pub(crate) struct RosCompressedImage<'a> {
+/// A coded image, or picture of a video.
+pub(crate) struct RosCoded<'a> {
     pub(crate) stamp: RosTime,
     pub(crate) format: &'a str,
     pub(crate) data: &'a [u8],
@@ -105,28 +105,20 @@ pub(crate) fn image<'a>(message: &mut MessageReader<'a>) -> Parsed<(RosTime, Raw
     Ok((stamp, image))
 }
 
-pub(crate) fn compressed_image<'a>(
-    message: &mut MessageReader<'a>,
-) -> Parsed<RosCompressedImage<'a>> {
-    Ok(RosCompressedImage {
+/// sensor_msgs/msg/CompressedImage.
+pub(crate) fn compressed_image<'a>(message: &mut MessageReader<'a>) -> Parsed<RosCoded<'a>> {
+    Ok(RosCoded {
         stamp: header(message)?.stamp,
         format: message.str()?,
         data: message.bytes()?,
     })
 }
 
-/// A coded picture of a video.
-pub(crate) struct RosVideo<'a> {
-    pub(crate) stamp: RosTime,
-    pub(crate) format: &'a str,
-    pub(crate) data: &'a [u8],
-}
-
 /// foxglove_msgs/msg/CompressedVideo, whose head is laid out as a header.
-pub(crate) fn compressed_video<'a>(message: &mut MessageReader<'a>) -> Parsed<RosVideo<'a>> {
+pub(crate) fn compressed_video<'a>(message: &mut MessageReader<'a>) -> Parsed<RosCoded<'a>> {
     let stamp = header(message)?.stamp;
     let data = message.bytes()?;
-    Ok(RosVideo {
+    Ok(RosCoded {
         stamp,
         format: message.str()?,
         data,
@@ -134,12 +126,12 @@ pub(crate) fn compressed_video<'a>(message: &mut MessageReader<'a>) -> Parsed<Ro
 }
 
 /// ffmpeg_image_transport_msgs/msg/FFMPEGPacket.
-pub(crate) fn ffmpeg_packet<'a>(message: &mut MessageReader<'a>) -> Parsed<RosVideo<'a>> {
+pub(crate) fn ffmpeg_packet<'a>(message: &mut MessageReader<'a>) -> Parsed<RosCoded<'a>> {
     let stamp = header(message)?.stamp;
     let (_width, _height) = (message.u32()?, message.u32()?);
     let format = message.str()?;
     let (_pts, _flags, _big_endian) = (message.u64()?, message.u8()?, message.u8()?);
-    Ok(RosVideo {
+    Ok(RosCoded {
         stamp,
         format,
         data: message.bytes()?,

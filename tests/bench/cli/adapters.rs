@@ -69,8 +69,7 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
     let cells = fixture.text("r/cells.csv");
     let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
     assert_eq!(known, 2, "{cells}");
-    let manifest: serde_json::Value =
-        serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
+    let manifest = fixture.json_file("r/manifest.json");
     let program = &manifest["algorithms"][0]["program"];
     assert_eq!(
         (&program["name"], &program["color"]),

@@ -486,7 +486,7 @@ fn a_metric_that_the_other_report_does_not_measure_fails() {
     // Nothing is nearer than a centimetre: nothing is missed, and that is no result.
     fixture.write("none.toml", near("0.01"));
     let ran = fixture.svl("score none.toml -q --gate --algo v3 --rerun none -o 0 --json");
-    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let json = ran.json();
     assert_eq!(json["gate"][0]["state"], "not-measured", "{json}");
     let v3 = &json["algorithms"][0];
     assert_eq!(
@@ -523,7 +523,7 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
         "{page}"
     );
     fixture.run("compare 0 1 2 -o trend.json");
-    let trend: serde_json::Value = serde_json::from_str(&fixture.text("trend.json")).unwrap();
+    let trend = fixture.json_file("trend.json");
     assert_eq!(trend["reports"], serde_json::json!(["0", "1", "2"]));
     let lines = trend["lines"].as_array().unwrap();
     let line = |metric: &str, label: &str| {
@@ -536,7 +536,7 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
         (line("right", "v3")[0].clone(), &line("right", "bm")[0]),
         (line("right", "v3")[2].clone(), &serde_json::Value::Null)
     );
-    let summary: serde_json::Value = serde_json::from_str(&fixture.text("0/summary.json")).unwrap();
+    let summary = fixture.json_file("0/summary.json");
     let point = &line("right", "v3")[0];
     assert_eq!(point["value"], summary["algorithms"][0]["right"]);
     assert_eq!(point["cases"], summary["algorithms"][0]["cases"]["right"]);
@@ -545,7 +545,7 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     // A report of other pairs empties no other's line.
     fixture.run("score arena --seeds 2 --every 20 --algo v3 --rerun none -o other -q");
     drop(fixture.svl("compare 0 other 1 -o other.json"));
-    let trend: serde_json::Value = serde_json::from_str(&fixture.text("other.json")).unwrap();
+    let trend = fixture.json_file("other.json");
     assert_eq!(trend["reports"], serde_json::json!(["0", "1"]));
     assert!(!trend["lines"].as_array().unwrap().is_empty());
     let cautions = trend["cautions"].to_string();

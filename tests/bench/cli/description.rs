@@ -5,8 +5,7 @@ use serde_json::Value;
 
 /// The hashes of all pairs and of the results of each algorithm.
 fn hashes(fixture: &Fixture, report: &str) -> Vec<String> {
-    let manifest: Value =
-        serde_json::from_str(&fixture.text(&format!("{report}/manifest.json"))).unwrap();
+    let manifest = fixture.json_file(&format!("{report}/manifest.json"));
     let algorithms = manifest["algorithms"].as_array().unwrap().iter();
     let results = algorithms.map(|algorithm| algorithm["results_hash"].to_string());
     results
@@ -28,8 +27,7 @@ fn repeats(fixture: &Fixture, command: &str) {
         "{command}"
     );
     let [first, second] = ["first", "second"].map(|report| {
-        let manifest: Value =
-            serde_json::from_str(&fixture.text(&format!("{report}/manifest.json"))).unwrap();
+        let manifest = fixture.json_file(&format!("{report}/manifest.json"));
         manifest["description"].clone()
     });
     // Limits of algorithms that are not run are not printed.
@@ -136,7 +134,7 @@ fn labels_and_links_are_kept_or_refused() {
     std::fs::create_dir(fixture.path("inner")).unwrap();
     let sweep = "run.mcap --algo L=bm:uniqueness=0..20/10,block_size=5/9 --algo v3 --allow-loss";
     repeats(&fixture, &format!("{sweep} 3"));
-    let manifest: Value = serde_json::from_str(&fixture.text("third/manifest.json")).unwrap();
+    let manifest = fixture.json_file("third/manifest.json");
     assert_eq!(
         manifest["algorithms"][3]["label"],
         "L:uniqueness=10,block_size=9"
@@ -176,7 +174,7 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     assert_eq!(score(&["-o", "r"]).code, Some(4));
     assert_eq!(sessions(), 2);
     let identity = || {
-        let list: Value = serde_json::from_str(&fixture.text("r/report.json")).unwrap();
+        let list = fixture.json_file("r/report.json");
         let algorithms = list["content"]["manifest"]["algorithms"]
             .as_array()
             .unwrap();

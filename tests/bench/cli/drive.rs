@@ -45,8 +45,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
     let fixture = driven();
     let text = fixture.run("report r");
     assert_says(&text, &["hits/100 m", "truth", "blind"]);
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     let [truth, blind] = [0, 1].map(|i| summary["drives"][i].clone());
     assert_eq!(
         (&truth["finished"], &truth["collisions"]),
@@ -302,8 +301,7 @@ fn stresses_perturb_the_pairs_of_drives() {
     assert_says(&text, &words);
     assert!(!text.contains("wrong"), "cells of two paths: {text}");
     assert!(fixture.path("r/course-1-seen-row_offset=6.mcap").exists());
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     // Two algorithms at two levels, the first of which is 0; `truth` ignores the images.
     let stress = summary["stress"].as_array().unwrap();
     assert_eq!(
@@ -377,14 +375,12 @@ fn drives_that_go_nowhere_or_run_out_of_pairs_are_said_to() {
     let words = "NOT MEASURED  blind: collisions is not measured in this run: it rests on 0 m \
                  driven, and needs 1 m driven";
     assert_says(&ran.stdout, &[words]);
-    let manifest: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/manifest.json")).unwrap();
+    let manifest = fixture.json_file("r/manifest.json");
     let warnings = manifest["warnings"].as_array().unwrap();
     let range = "v3:max_disparity=4: max_disparity sees nothing nearer than 0.90 m; obstacles at \
                  0.5 m need about 8 px";
     assert_eq!(*warnings, [range]);
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     let blind = &summary["algorithms"][1];
     assert_eq!(
         (&blind["late"], blind.get("collisions")),

@@ -28,10 +28,6 @@ fn scene() -> Fixture {
     fixture
 }
 
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
-
 #[test]
 fn help_explains_the_protocols() {
     insta::assert_snapshot!(Fixture::new().run("eval --help"));
@@ -52,10 +48,9 @@ fn every_protocol_prints_its_table() {
 fn json_has_the_contracts_keys() {
     let fixture = scene();
     let keys = |protocol: &str| {
-        let text = fixture.run(&format!(
-            "eval d.pfm truth.pfm --protocol {protocol} --json"
-        ));
-        let keys: Vec<String> = json(&text).as_object().unwrap().keys().cloned().collect();
+        let line = format!("eval d.pfm truth.pfm --protocol {protocol} --json");
+        let found = fixture.json(&line);
+        let keys: Vec<String> = found.as_object().unwrap().keys().cloned().collect();
         keys
     };
     let table =

@@ -196,8 +196,7 @@ fn failures_are_in_a_table_the_manifest_and_the_page() {
     );
     assert!(failures("some").all(|[_, reason]| reason.contains("too dark")));
     assert!(failures("never").any(|[_, reason]| reason.contains("failed 1 times")));
-    let manifest: serde_json::Value =
-        serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
+    let manifest = fixture.json_file("r/manifest.json");
     let record = &manifest["algorithms"][0];
     assert_eq!(record["failed_pairs"], 1);
     assert!(record["failure"].as_str().unwrap().contains("too dark"));
@@ -220,7 +219,7 @@ fn failures_are_in_a_table_the_manifest_and_the_page() {
         ],
     );
     let json = fixture.svl(&[&line[..], &["--force", "--json"]].concat());
-    let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
+    let summary = json.json();
     assert_eq!(summary["failed"][0]["pairs"], 1);
     assert_eq!(summary["failed"][1]["on_every_pair"], true);
     assert_never_has_no_numbers(&summary, &fixture.text("r/summary.csv"));
@@ -256,7 +255,7 @@ fn an_algorithm_that_failed_on_every_pair_is_not_measured() {
     let score = ["score", "short.toml", "--rerun", "none", "--json", "-o"];
     let alone = [&score[..], &["alone", "--algo", never]].concat();
     let alone = fixture.svl(&alone);
-    let alone: serde_json::Value = serde_json::from_str(&alone.stdout).unwrap();
+    let alone = alone.json();
     assert_eq!(alone["algorithms"][0]["failed_pairs"], 8);
     assert_eq!(alone["algorithms"][0]["p50_ms"], serde_json::Value::Null);
     assert!(fixture.path("alone/index.html").exists());
@@ -265,7 +264,7 @@ fn an_algorithm_that_failed_on_every_pair_is_not_measured() {
     ];
     let both = fixture.svl(&[&score[..], &both].concat());
     assert_eq!(both.code, Some(3), "{}", both.stderr);
-    let both: serde_json::Value = serde_json::from_str(&both.stdout).unwrap();
+    let both = both.json();
     let number = |i: usize, key: &str| both["algorithms"][i][key].clone();
     assert_eq!(
         [number(0, "algorithm"), number(1, "algorithm")],

@@ -20,6 +20,13 @@ impl Fixture {
         }
     }
 
+    /// A folder with a recording of twelve frames.
+    pub fn recorded() -> Self {
+        let fixture = Self::new();
+        fixture.run("record --frames 12 -o run.mcap");
+        fixture
+    }
+
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -61,6 +68,12 @@ impl Fixture {
     #[track_caller]
     pub fn json(&self, line: &(impl CommandLine + ?Sized)) -> serde_json::Value {
         serde_json::from_str(&self.run(line)).unwrap()
+    }
+
+    /// The JSON in this file.
+    #[track_caller]
+    pub fn json_file(&self, name: &str) -> serde_json::Value {
+        serde_json::from_slice(&self.bytes(name)).unwrap()
     }
 
     /// Every line of `table`, `COMMAND => CODE: WORDS | WORDS`, fails with this code and one line
@@ -251,6 +264,12 @@ pub struct Ran {
 }
 
 impl Ran {
+    /// The JSON on standard output.
+    #[track_caller]
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.stdout).unwrap()
+    }
+
     /// Asserts success; returns the output.
     #[track_caller]
     pub fn done(self) -> String {

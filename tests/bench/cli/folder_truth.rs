@@ -281,7 +281,7 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
     let said = ran.stdout + &ran.stderr;
     let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
     assert_eq!(said.matches(doubt).count(), 1, "{said}");
-    let summary: serde_json::Value = serde_json::from_str(&fixture.text("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     assert!(
         summary.to_string().contains("its distances are 5 times"),
         "{summary}"

@@ -3,7 +3,7 @@
 #![cfg(unix)]
 
 use super::fixture::{Fixture, Ran};
-use super::results::{assert_same_report, json, replace_with_time};
+use super::results::{assert_same_report, replace_with_time};
 use fastrand::Rng;
 use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
@@ -270,7 +270,7 @@ impl History {
         };
         self.run(&[&["-o", "r"], prune].concat());
         // Algorithms of earlier commands with the same options stand behind those asked for.
-        let manifest = json(&self.fixture, "r/manifest.json");
+        let manifest = self.fixture.json_file("r/manifest.json");
         let labels = manifest["algorithms"].as_array().unwrap().iter();
         let labels: Vec<_> = labels.map(|own| own["label"].as_str().unwrap()).collect();
         let own: Vec<_> = self.algorithms.iter().map(|own| label(own)).collect();

@@ -4,7 +4,7 @@
 
 use super::fixture::{Fixture, has};
 use super::losses::{messages, write_bag};
-use super::results::{json, unit_files};
+use super::results::unit_files;
 use super::videos::ffmpeg;
 use crate::recording::{bag, ros1};
 use rustix::fs::inotify::{CreateFlags, ReadFlags, Reader, WatchFlags, add_watch, init};
@@ -47,7 +47,7 @@ fn opened(folder: &Path, run: impl FnOnce()) -> BTreeSet<PathBuf> {
 /// The files in the lists of a report's runs.
 fn listed(fixture: &Fixture, report: &str) -> BTreeSet<PathBuf> {
     let runs = unit_files(fixture, report, "run.json").into_iter();
-    let lists = runs.map(|run| json(fixture, &run)["content"]["facts"]["files"].take());
+    let lists = runs.map(|run| fixture.json_file(&run)["content"]["facts"]["files"].take());
     let files = lists.flat_map(|list| list.as_array().unwrap().clone());
     let files = files.filter(|file| file["state"].get("File").is_some());
     let paths = files.map(|file| fixture.path(file["path"].as_str().unwrap()));

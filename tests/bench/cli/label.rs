@@ -4,13 +4,6 @@ use super::fixture::{Fixture, Ran, assert_says};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::{CellExpectation, CheckpointPlace};
 
-/// A folder with a recording of twelve frames.
-fn recorded() -> Fixture {
-    let fixture = Fixture::new();
-    fixture.run("record --frames 12 -o run.mcap");
-    fixture
-}
-
 /// Labels with these keys.
 fn label(fixture: &Fixture, args: &str, keys: &str) -> Ran {
     fixture.write("keys", keys);
@@ -19,7 +12,7 @@ fn label(fixture: &Fixture, args: &str, keys: &str) -> Ran {
 
 #[test]
 fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     // The last label of a cell counts.
     let first = "g 5 enter f right f g 3 enter left f";
     label(&fixture, "run.mcap", &format!("{first} q k")).done();
@@ -58,7 +51,7 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
 
 #[test]
 fn labelled_cells_are_scored() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "> [ , , , [ . . ] right down = \">0.05\" enter right f
                 n \"ahead:\" space \"far\" enter w q";
     let written = label(&fixture, "run.mcap", keys).done();
@@ -130,7 +123,7 @@ fn scored_pair(fixture: &Fixture, sequence: u64) -> String {
 
 #[test]
 fn an_interrupted_session_goes_on() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let args = "run.mcap -o own.toml";
     let stopped = label(&fixture, args, ". . . \"0.43\" enter [ right right");
     stopped.failed(1, &["stopped; own.toml.draft keeps 1 labelled cell"]);
@@ -159,7 +152,7 @@ fn an_interrupted_session_goes_on() {
 
 #[test]
 fn a_draft_without_cells_is_of_its_recording_too() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     label(&fixture, "run.mcap -o own.toml", ". n \"shelf\" enter q k").done();
     fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
     let words = "own.toml.draft: is of run.mcap, and frame 1 of run.mcap is another pair";
@@ -168,7 +161,7 @@ fn a_draft_without_cells_is_of_its_recording_too() {
 
 #[test]
 fn a_replaced_recording_is_refused_before_the_first_key() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     label(&fixture, "run.mcap", "g 3 enter f n \"a\" enter w q").done();
     fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
     let words = "run.toml: checkpoint 1 (a) was labelled at another frame 3 than this source has";
@@ -181,7 +174,7 @@ fn a_replaced_recording_is_refused_before_the_first_key() {
 
 #[test]
 fn a_label_outside_of_the_checkpoint_is_not_written() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "g 9 enter f g 2 enter [ g 5 enter ] n \"a\" enter w screen q d";
     let screen = label(&fixture, "run.mcap", keys).done();
     let words = "frame 9 has a label, and lies outside 2 to 5: move [ or ], or x";
@@ -197,7 +190,7 @@ fn a_label_outside_of_the_checkpoint_is_not_written() {
 
 #[test]
 fn a_label_that_may_have_lost_its_first_key_is_not_taken() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let said = |keys: &str| label(&fixture, "run.mcap", &format!("{keys} screen q d")).done();
     for (keys, doubt) in [
         (". \"5\" enter", "is it 5 or .5? . has moved"),
@@ -221,7 +214,7 @@ fn a_label_that_may_have_lost_its_first_key_is_not_taken() {
 
 #[test]
 fn the_screen_shows_frame_grid_labels_and_algorithm() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "right down \"0.5\" enter n \"shelf\" enter screen q d";
     insta::assert_snapshot!(label(&fixture, "run.mcap --algo v3", keys).done());
     for (keys, words) in [
@@ -276,7 +269,7 @@ fn the_arena_has_a_scenario_of_its_seed() {
 
 #[test]
 fn a_checkpoint_names_its_recording_among_several() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     fixture.run("record --frames 3 --seed 2 -o two.mcap");
     let text = "name = \"both\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \
                 \"distance\"\n[grid]\ncolumns = 4\nrows = 2\n[source]\nkind = \

@@ -1,16 +1,10 @@
 //! Recording from simulated cameras.
 
 use super::fixture::{Fixture, assert_says};
-use svl::source::{RecordingSource, Source};
-use svl::stereo::Frame;
+use super::own_data::frames;
 
 /// Small cameras that start at once.
 const SIM: &str = "sim:size=64x48,pictures=2";
-
-fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
-    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
-    std::iter::from_fn(|| source.next().unwrap()).collect()
-}
 
 #[test]
 fn cameras_are_recorded_and_what_was_done_is_told() {

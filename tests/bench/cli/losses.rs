@@ -44,10 +44,6 @@ pub(super) fn write_bag(
     std::fs::copy(written, fixture.path(name)).unwrap();
 }
 
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
-
 const SCORE: &str = "--algo v3:max_disparity=8 --rerun none -q";
 
 #[test]
@@ -96,7 +92,7 @@ fn unreadable_pairs_hide_no_unpaired_images() {
     bag::write(&fixture.path(""), &messages);
     let score = fixture.svl(&format!("score bag.mcap {SCORE} --json"));
     assert_eq!(score.code, Some(4), "{}", score.stderr);
-    let missing = &json(&score.stdout)["missing"];
+    let missing = &score.json()["missing"];
     assert_eq!(
         ["pairs", "unreadable", "unpaired"].map(|key| missing[key].as_u64()),
         [Some(17), Some(2), Some(1)]
@@ -127,7 +123,7 @@ fn images_without_partners_outside_the_range_are_no_losses() {
     ] {
         let code = Some(if lost > 0 { 4 } else { 0 });
         let score = fixture.svl(&format!("score bag.mcap {SCORE} --json {range} --force"));
-        assert_eq!(json(&score.stdout)["missing"]["unpaired"], lost, "{range}");
+        assert_eq!(score.json()["missing"]["unpaired"], lost, "{range}");
         let replay = format!("replay bag.mcap --algo v3:max_disparity=8 -q {range}");
         let record = format!("record bag.mcap -o own.mcap --force {range}");
         for ran in [score, fixture.svl(&replay), fixture.svl(&record)] {
@@ -167,7 +163,7 @@ fn one_image_of_two_hundred_may_be_allowed() {
         for line in [score, format!("{replay} {allowed}")] {
             let ran = fixture.svl(&line);
             assert_eq!(ran.code, Some(code), "{line}: {}", ran.stderr);
-            let answer = json(&ran.stdout);
+            let answer = ran.json();
             assert_eq!(answer["missing"]["unpaired"], 1);
             let state = if code == 0 { "complete" } else { "lossy" };
             assert_eq!(answer["state"], state);
@@ -204,7 +200,7 @@ fn a_scenario_allows_losses_and_its_description_says_so() {
         assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
         let printed = fixture.run("score s.toml --print-scenario");
         assert_says(&printed, &["allow_loss = "]);
-        let manifest = json(&fixture.text("reports/s/manifest.json"));
+        let manifest = fixture.json_file("reports/s/manifest.json");
         let kept = manifest["description"]["source"]["allow_loss"].to_string();
         assert_eq!(kept, limit);
     }
@@ -261,7 +257,7 @@ fn shards_that_miss_something_are_merged() {
     let line = "score two.toml --rerun none -q";
     let whole = fixture.svl(&format!("{line} -o whole --json"));
     assert_eq!(whole.code, Some(4), "{}", whole.stderr);
-    let whole = json(&whole.stdout);
+    let whole = whole.json();
     let failed = &whole["missing"]["algorithms"]["m"];
     assert_eq!(
         (&failed["pairs"], &failed["failed"]),
@@ -276,7 +272,7 @@ fn shards_that_miss_something_are_merged() {
     let merged = fixture.svl("report p1 p2 -o all -q --json");
     assert_eq!(merged.code, Some(4), "{}", merged.stderr);
     assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
-    let merged = json(&merged.stdout);
+    let merged = merged.json();
     for key in ["missing", "state", "incomplete", "pairs_hash"] {
         assert_eq!(merged[key], whole[key], "{key}");
     }
@@ -290,7 +286,7 @@ fn shards_that_miss_something_are_merged() {
         let ran = fixture.svl(&format!("report p1 p2 -o all -q --allow-loss {limit}"));
         (
             ran.code,
-            json(&fixture.text("all/summary.json"))["state"].clone(),
+            fixture.json_file("all/summary.json")["state"].clone(),
         )
     };
     assert_eq!(allowed("17%"), (Some(0), "complete".into()));
@@ -311,7 +307,7 @@ fn a_workflow_whose_shard_misses_a_pair_ends_with_the_report() {
         &String::from_utf8_lossy(&ran.stderr),
         &["svl: ", " failed on 1 of "],
     );
-    let state = || json(&fixture.text("s/two/all/summary.json"))["state"].clone();
+    let state = || fixture.json_file("s/two/all/summary.json")["state"].clone();
     assert_eq!(state(), "lossy");
     let args = "args=--rerun none --allow-loss 20%";
     let ran = snakemake(&fixture, &[&config[..], &[args]].concat()).unwrap();

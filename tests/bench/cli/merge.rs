@@ -100,7 +100,7 @@ fn parts_of_another_program_are_refused() {
         let unknown = "some: its program reports no version and no model";
         let manifest = fixture.text("all/manifest.json");
         assert_eq!(manifest.matches(unknown).count(), 1, "{manifest}");
-        let summary: Value = serde_json::from_str(&fixture.text("all/summary.json")).unwrap();
+        let summary = fixture.json_file("all/summary.json");
         let state = if code == 4 { "lossy" } else { "complete" };
         assert_eq!(summary["state"], state, "{limit}");
     }
@@ -132,7 +132,7 @@ fn a_merged_report_names_its_machines() {
         summary["algorithms"][0]["results_hash"].clone()
     };
     assert_eq!(hash("all"), hash("whole"));
-    let manifest: Value = serde_json::from_str(&fixture.text("all/manifest.json")).unwrap();
+    let manifest = fixture.json_file("all/manifest.json");
     let sessions = manifest["sessions"].as_array().unwrap();
     let machines = sessions
         .iter()

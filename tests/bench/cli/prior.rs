@@ -86,8 +86,7 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     let line = "score short.toml --algo v3 --algo v5 --rerun none";
     let screen = fixture.run(&format!("{line} -o whole"));
     assert_says(&screen, &["prior", "obstacle cells, %"]);
-    let summary: serde_json::Value =
-        serde_json::from_str(&fixture.text("whole/summary.json")).unwrap();
+    let summary = fixture.json_file("whole/summary.json");
     assert_eq!(stored(&summary["prior"]), counted(&scenario));
     assert_eq!(
         fixture.text("whole/prior.csv").lines().count() as u64,
@@ -97,8 +96,7 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
         fixture.run(&format!("{line} -q --shard {i}/2 -o part-{i}"));
     }
     fixture.run("report part-2 part-1 -o merged -q");
-    let merged: serde_json::Value =
-        serde_json::from_str(&fixture.text("merged/summary.json")).unwrap();
+    let merged = fixture.json_file("merged/summary.json");
     assert_eq!(merged["prior"], summary["prior"]);
     // It can be compared with, and limits can be relative to it.
     let compared = fixture.run("compare whole#prior whole#v3");
@@ -133,8 +131,7 @@ fn one_pair_has_no_others() {
     fixture.write_short_arena("short.toml", FRAMES);
     let line = "score short.toml --seeds 1 --every 400 --algo v3 --rerun none -o one -q";
     fixture.run(line);
-    let summary: serde_json::Value =
-        serde_json::from_str(&fixture.text("one/summary.json")).unwrap();
+    let summary = fixture.json_file("one/summary.json");
     let [right, wrong, unknown] = stored(&summary["prior"])[0];
     assert_eq!((right, wrong), (0, 0));
     assert!(unknown > 0);

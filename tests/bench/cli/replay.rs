@@ -310,7 +310,7 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
             .filter(|line| line.contains("this pair is dropped"));
         assert_eq!(told.count(), 1, "the first of them: {}", ran.stderr);
         assert_says(&ran.stderr, &["3 pairs dropped: cannot be read"]);
-        let answer: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let answer = ran.json();
         assert_eq!(
             (&answer["incomplete"], &answer["algorithms"][0]["pairs"]),
             (&"3 pairs could not be read".into(), &9.into())

@@ -26,13 +26,9 @@ fn untimed(text: &str) -> String {
     kept
 }
 
-pub(super) fn json(fixture: &Fixture, file: &str) -> serde_json::Value {
-    serde_json::from_str(&fixture.text(file)).unwrap()
-}
-
 /// Changes a JSON file of a report's units, and its checksum.
 pub(super) fn edit_checked(fixture: &Fixture, file: &str, edit: impl Fn(&mut serde_json::Value)) {
-    let mut content = json(fixture, file)["content"].take();
+    let mut content = fixture.json_file(file)["content"].take();
     edit(&mut content);
     let content = content.to_string();
     let checksum = svl::manifest::hash(&content);
@@ -88,12 +84,12 @@ pub(super) fn assert_same_report(fixture: &Fixture, reports: [&str; 2], what: &s
     });
     assert!(own == other, "images differ: {what}");
     let [own, other] = reports.map(|report| {
-        let manifest = json(fixture, &format!("{report}/manifest.json"));
+        let manifest = fixture.json_file(&format!("{report}/manifest.json"));
         let texts = manifest["warnings"].as_array().cloned().unwrap_or_default();
         let warnings = texts.iter().map(|text| text.as_str().unwrap().to_owned());
         let hashes = manifest["algorithms"].as_array().unwrap().iter();
         let hashes: Vec<_> = hashes.map(|own| own["results_hash"].clone()).collect();
-        let summary = json(fixture, &format!("{report}/summary.json"));
+        let summary = fixture.json_file(&format!("{report}/summary.json"));
         (
             warnings.collect::<BTreeSet<_>>(),
             hashes,

@@ -18,8 +18,7 @@ fn scores_the_arena_and_writes_the_whole_report() {
             );
         }
     }
-    let json: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("reports/arena/summary.json")).unwrap();
+    let json = fixture.json_file("reports/arena/summary.json");
     assert_eq!(json["algorithms"][0]["pairs"], 40);
     let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("<svg") && !html.contains("http://localhost"));
@@ -251,7 +250,7 @@ fn unmeasured_numbers_are_not_zero() {
         );
         let line = format!("score s.toml --data data --rerun none --gate -o {name} --json");
         let ran = fixture.svl(&line);
-        let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let json = ran.json();
         let algorithm = &json["algorithms"][0];
         let state = &json["gate"][0]["state"];
         if scored {
@@ -306,7 +305,7 @@ fn unmeasured_numbers_are_not_zero() {
     fixture.write("named.toml", text);
     fixture.fails("score named.toml -q => 2: 'mine' is neither");
     let named = fixture.svl("score named.toml -q --gate --algo mine=v3 -o named --json");
-    let json: serde_json::Value = serde_json::from_str(&named.stdout).unwrap();
+    let json = named.json();
     // Two frames show no checkpoint: the limit is checked, not skipped.
     assert_eq!(json["gate"][0]["state"], "not-measured", "{}", named.stderr);
 }

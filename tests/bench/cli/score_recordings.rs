@@ -30,10 +30,6 @@ fn scenario(name: &str, source: &str, rest: &str) -> String {
     )
 }
 
-fn json(fixture: &Fixture, file: &str) -> Value {
-    serde_json::from_slice(&std::fs::read(fixture.path(file)).unwrap()).unwrap()
-}
-
 #[test]
 fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
     let fixture = arena();
@@ -80,8 +76,8 @@ fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
     );
 
     // The same pixels, distinguished only by name.
-    let manifest = json(&fixture, "reports/tape/manifest.json");
-    let other = json(&fixture, "reports/run1/manifest.json");
+    let manifest = fixture.json_file("reports/tape/manifest.json");
+    let other = fixture.json_file("reports/run1/manifest.json");
     assert_eq!(manifest["runs"][0]["name"], "bag2.mcap");
     assert!(manifest["runs"][0]["bytes"].as_u64().unwrap() > 100_000);
     assert_eq!(
@@ -89,7 +85,7 @@ fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
         other["runs"][0]["pairs_hash"]
     );
     assert_eq!(manifest["pairs_hash"], other["pairs_hash"]);
-    let summary = json(&fixture, "reports/tape/summary.json");
+    let summary = fixture.json_file("reports/tape/summary.json");
     assert!(summary["algorithms"][0]["cells_right"].is_null());
     assert!(summary["algorithms"][0]["known_share"].as_f64().unwrap() > 0.1);
     let page = std::fs::read_to_string(fixture.path("reports/tape/index.html")).unwrap();
@@ -253,7 +249,7 @@ fn a_range_keeps_numbers_and_stamps_and_a_smaller_image_its_distances() {
         let [half, whole] = [half, whole].map(|cell| cell.true_distance_m.unwrap());
         assert!((half - whole).abs() < 0.05 * whole, "{half} m, {whole} m");
     }
-    let manifest = json(&fixture, "reports/half/manifest.json");
+    let manifest = fixture.json_file("reports/half/manifest.json");
     let changes = manifest["runs"][0]["changes"].as_str().unwrap();
     assert_eq!(changes, "one pair of 4, scaled by 0.5 (area average)");
 }

@@ -1,7 +1,7 @@
 //! Whole screens: what a user reads at the end, at 80 and at 120 columns.
 
 use super::fixture::Fixture;
-use super::results::{json, unit_files};
+use super::results::unit_files;
 use svl::files::write_pfm;
 use svl::stereo::Plane;
 
@@ -13,7 +13,7 @@ const SCREEN: usize = 25;
 
 /// The rows with 1 ms for the first algorithm, 2 ms for the second and so on: times vary.
 fn fix_times(fixture: &Fixture, report: &str, rows: &str) {
-    let list = json(fixture, &format!("{report}/report.json"));
+    let list = fixture.json_file(&format!("{report}/report.json"));
     let labels = list["content"]["manifest"]["algorithms"]
         .as_array()
         .unwrap();

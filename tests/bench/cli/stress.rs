@@ -21,8 +21,7 @@ fn levels_are_scored_tabled_and_drawn() {
             "skew, scored pairs",
         ],
     );
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     // The main table covers the original pairs.
     assert_eq!(summary["algorithms"][0]["pairs"], 6);
     let stress = summary["stress"].as_array().unwrap();
@@ -92,8 +91,7 @@ fn without_truth_the_cells_that_stay_are_counted() {
                 --stress skew=1";
     let text = fixture.run(line);
     assert_says(&text, &["Stress: jpeg", "same, %", "changed, %", "gone, %"]);
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    let summary = fixture.json_file("r/summary.json");
     let stress = summary["stress"].as_array().unwrap();
     let at = |algorithm: &str, level: f64| {
         let mut own = stress.iter().filter(|s| s["algorithm"] == algorithm);

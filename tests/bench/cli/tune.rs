@@ -4,13 +4,6 @@ use super::fixture::{Fixture, Ran, assert_says};
 use crate::common::python;
 use svl::scenario::Scenario;
 
-/// A folder with a recording of twelve frames.
-fn recorded() -> Fixture {
-    let fixture = Fixture::new();
-    fixture.run("record --frames 12 -o run.mcap");
-    fixture
-}
-
 /// Tunes with these keys.
 fn tune(fixture: &Fixture, args: &str, keys: &str) -> Ran {
     fixture.write("keys", keys);
@@ -28,7 +21,7 @@ fn timeless(screen: &str) -> String {
 
 #[test]
 fn the_screen_shows_knobs_and_what_they_are_worth() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "wait screen down down down down shift-right wait resize:120x40 screen q";
     let screens = tune(&fixture, "run.mcap --algo v3 --algo bm", keys).done();
     insta::assert_snapshot!(timeless(&screens));
@@ -36,7 +29,7 @@ fn the_screen_shows_knobs_and_what_they_are_worth() {
 
 #[test]
 fn a_name_cannot_control_the_screen() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let name = "run\u{202e}\u{1b}[2J\u{9b}1m.mcap";
     std::fs::copy(fixture.path("run.mcap"), fixture.path(name)).unwrap();
     for line in [
@@ -53,7 +46,7 @@ fn a_name_cannot_control_the_screen() {
 /// The algorithms' thread needs the only thread to compute with while the tool waits for it.
 #[test]
 fn one_thread_suffices_for_a_script() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "wait down right wait screen q";
     let text = tune(&fixture, "run.mcap --algo v5 --threads 1", keys).done();
     assert_says(&text, &["12 pairs"]);
@@ -61,7 +54,7 @@ fn one_thread_suffices_for_a_script() {
 
 #[test]
 fn keys_turn_type_undo_and_compare() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let args = "run.mcap --algo v3 --algo bm:block_size=11";
     for (keys, words) in [
         ("down right screen q", "max_disparity      81 (80)"),
@@ -135,7 +128,7 @@ fn keys_turn_type_undo_and_compare() {
 
 #[test]
 fn the_tuned_algorithm_is_written_and_scored() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let keys = "down \"70\" enter wait w enter w screen esc q";
     let text = tune(&fixture, "run.mcap --algo v3", keys).done();
     assert_says(
@@ -214,7 +207,7 @@ fn other_sources_can_be_tuned_on() {
 
 #[test]
 fn pictures_go_to_rerun_and_a_viewer_that_is_gone_ends_nothing() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let args = "run.mcap --algo v3 --rerun out.rrd";
     tune(&fixture, args, "wait right wait right wait . wait q").done();
     assert!(fixture.path("out.rrd").metadata().unwrap().len() > 100_000);
@@ -226,7 +219,7 @@ fn pictures_go_to_rerun_and_a_viewer_that_is_gone_ends_nothing() {
 
 #[test]
 fn the_terminal_is_left_as_it_was() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
     let run = fixture.path("run.mcap");
     let run = run.to_str().unwrap();
@@ -254,7 +247,7 @@ fn the_terminal_is_left_as_it_was() {
 
 #[test]
 fn a_tool_ends_when_its_terminal_closes() {
-    let fixture = recorded();
+    let fixture = Fixture::recorded();
     let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
     let run = fixture.path("run.mcap");
     let scenario = fixture.path("own.toml");

@@ -2,7 +2,7 @@
 
 use super::{assert_numbers, image, numbers};
 use crate::common;
-use svl::files::{MapScale, read_disparities, read_npz, read_pfm};
+use svl::files::{MapScale, read_disparities, read_pfm};
 use svl::score::protocol::Protocol;
 
 /// The numbers of SOURCE.txt next to the map, computed there with numpy.
@@ -45,7 +45,8 @@ fn one_truth_in_several_files() {
         return;
     };
     let motorcycle = folder.join("motorcycle-skimage");
-    let npz = read_npz(&motorcycle.join("motorcycle_disp.npz")).unwrap();
+    let npz = motorcycle.join("motorcycle_disp.npz");
+    let npz = read_disparities(&npz, MapScale::same(None)).unwrap();
     assert_eq!(npz, read_pfm(&motorcycle.join("disp0.pfm")).unwrap());
     let tsukuba = folder.join("tsukuba");
     let palette = read_disparities(

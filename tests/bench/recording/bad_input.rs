@@ -1,10 +1,11 @@
 //! Invalid recordings: the error is one line, and no wrong pair is returned.
 
-use super::frames::{attachment, bare, full, header, one_line, read, record, summarize};
+use super::frames::{attachment, bare, header, one_line, read, record, summarize};
+use super::recovery::specimen;
 use crate::common::assert_says;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use svl::Result;
-use svl::recording::{Header, ImageFormat, Reader};
+use svl::recording::{ImageFormat, Reader};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::Frame;
 
@@ -218,33 +219,10 @@ fn an_attachment_cut_short_is_no_panic() {
     }
 }
 
-/// A recording with every kind of record and message, in several chunks.
-fn specimen(folder: &Path) -> (PathBuf, Vec<Frame>) {
-    let path = folder.join("specimen.mcap");
-    let mut writer =
-        svl::recording::Writer::create(&path, &Header::new("test"), ImageFormat::Raw).unwrap();
-    writer
-        .attach("scenario.toml", "application/toml", b"name = 'x'")
-        .unwrap();
-    let frames: Vec<_> = (0..6)
-        .map(|i| if i < 3 { full(i, SIZE) } else { bare(i, SIZE) })
-        .collect();
-    for frame in &frames {
-        writer.write(frame).unwrap();
-        writer.sync().unwrap();
-    }
-    writer.finish().unwrap();
-    drop(writer);
-    let (whole, error) = read(&path);
-    assert!(error.is_none() && whole.len() == frames.len());
-    (path, whole)
-}
-
 #[test]
 fn a_recording_cut_anywhere_gives_its_whole_pairs_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, frames) = specimen(folder.path());
-    let bytes = std::fs::read(&path).unwrap();
+    let (bytes, frames) = specimen(folder.path());
     let cut = folder.path().join("cut.mcap");
     let mut most = 0;
     for length in (0..bytes.len())
@@ -277,8 +255,7 @@ fn a_recording_cut_anywhere_gives_its_whole_pairs_and_says_so() {
 #[test]
 fn a_changed_byte_anywhere_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, frames) = specimen(folder.path());
-    let bytes = std::fs::read(&path).unwrap();
+    let (bytes, frames) = specimen(folder.path());
     let changed = folder.path().join("changed.mcap");
     for at in (0..bytes.len()).step_by(crate::common::step(3)) {
         let mut bad = bytes.clone();

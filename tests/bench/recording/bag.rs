@@ -292,10 +292,16 @@ pub(crate) fn ffmpeg_packet(
     Message::cdr(topic, schema, stamp, data)
 }
 
-/// Fields of a sensor_msgs/msg/CameraInfo besides a focal length of 328 and a centre of (12, 8).
+/// Fields of a sensor_msgs/msg/CameraInfo.
+#[derive(Clone, Copy)]
 pub(crate) struct Camera<'a> {
+    pub(crate) frame: &'a str,
     pub(crate) size: (u32, u32),
-    pub(crate) distortion: &'a [f64],
+    /// Focal length and principal point of K.
+    pub(crate) k: [f64; 3],
+    pub(crate) d: &'a [f64],
+    /// Focal length and principal point of P.
+    pub(crate) p: [f64; 3],
     /// Fourth column of P.
     pub(crate) tx: f64,
     pub(crate) binning: u32,
@@ -303,50 +309,39 @@ pub(crate) struct Camera<'a> {
     pub(crate) roi: [u32; 4],
 }
 
+/// A camera of 24x16.
+pub(crate) const CAMERA: Camera<'_> = Camera {
+    frame: "cam",
+    size: (24, 16),
+    k: [328.0, 12.0, 8.0],
+    d: &[],
+    p: [328.0, 12.0, 8.0],
+    tx: 0.0,
+    binning: 0,
+    roi: [0; 4],
+};
+
 /// A sensor_msgs/msg/CameraInfo of 24x16 with these distortion coefficients and this fourth column
 /// of P.
-pub(crate) fn camera_info(topic: &'static str, stamp: u64, distortion: &[f64], tx: f64) -> Message {
-    camera_info_of(
-        topic,
-        stamp,
-        &Camera {
-            size: (24, 16),
-            distortion,
-            tx,
-            binning: 0,
-            roi: [0; 4],
-        },
-    )
+pub(crate) fn camera_info(topic: &'static str, stamp: u64, d: &[f64], tx: f64) -> Message {
+    camera_info_of(topic, stamp, &Camera { d, tx, ..CAMERA })
 }
 
 pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_>) -> Message {
-    let &Camera {
-        size: (width, height),
-        distortion,
-        tx,
-        binning,
-        roi,
-    } = camera;
-    let data = cdr(stamp, |cdr| {
-        cdr.write_u32(height);
-        cdr.write_u32(width);
+    let &Camera { size, d, tx, .. } = camera;
+    let ([f, cx, cy], [pf, px, py]) = (camera.k, camera.p);
+    let data = cdr_in(camera.frame, stamp, |cdr| {
+        cdr.write_u32(size.1);
+        cdr.write_u32(size.0);
         cdr.write_string("plumb_bob");
-        cdr.write_sequence_length(distortion.len());
-        let k = [328.0, 0.0, 12.0, 0.0, 328.0, 8.0, 0.0, 0.0, 1.0];
+        cdr.write_sequence_length(d.len());
+        let k = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
         let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let p = [
-            328.0, 0.0, 12.0, tx, 0.0, 328.0, 8.0, 0.0, 0.0, 0.0, 1.0, 0.0,
-        ];
-        distortion
-            .iter()
-            .chain(&k)
-            .chain(&r)
-            .chain(&p)
-            .for_each(|&v| cdr.write_f64(v));
-        [binning; 2]
-            .into_iter()
-            .chain(roi)
-            .for_each(|v| cdr.write_u32(v));
+        let p = [pf, 0.0, px, tx, 0.0, pf, py, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let numbers = d.iter().chain(&k).chain(&r).chain(&p);
+        numbers.for_each(|&v| cdr.write_f64(v));
+        let rest = [camera.binning; 2].into_iter().chain(camera.roi);
+        rest.for_each(|v| cdr.write_u32(v));
         cdr.write_bool(false);
     });
     Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp, data)

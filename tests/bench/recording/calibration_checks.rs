@@ -1,7 +1,7 @@
 //! Calibrations that contradict themselves, the pairs or the transforms: the same answer at every
 //! door.
 
-use super::bag::{self, Message, cdr_in, ros_image_in};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image_in};
 use super::bag_folders::describe;
 use super::frames::read;
 use super::sensor::tf;
@@ -12,67 +12,31 @@ const SIZE: (usize, usize) = (320, 240);
 const F: f64 = 328.0;
 const BASELINE_M: f64 = 0.044;
 
-/// A camera's K, D and P: focal length and principal point, and the fourth column of P.
-#[derive(Clone, Copy)]
-pub(super) struct Info {
-    size: (u32, u32),
-    pub(super) k: [f64; 3],
-    pub(super) d: [f64; 5],
-    p: [f64; 3],
-    pub(super) tx: f64,
-    binning: u32,
-}
-
 /// The arena's cameras, which are rectified.
-pub(super) fn infos() -> [Info; 2] {
-    [0.0, -F * BASELINE_M].map(|tx| Info {
+pub(super) fn infos() -> [Camera<'static>; 2] {
+    [0.0, -F * BASELINE_M].map(|tx| Camera {
+        frame: "cam0",
         size: (320, 240),
         k: [F, 159.5, 119.5],
-        d: [0.0; 5],
+        d: &[0.0; 5],
         p: [F, 159.5, 119.5],
         tx,
-        binning: 0,
+        ..CAMERA
     })
 }
 
 /// The cameras of the arena's pixels beside the K and D that these had before rectification.
-fn raw_infos() -> [Info; 2] {
+fn raw_infos() -> [Camera<'static>; 2] {
     let [left, right] = infos();
-    let d = [-0.05, 0.0, 0.0, 0.0, 0.0];
+    let d = &[-0.05, 0.0, 0.0, 0.0, 0.0];
     [
         left,
-        Info {
+        Camera {
             k: [F, 159.5, 126.5],
             ..right
         },
     ]
-    .map(|info| Info { d, ..info })
-}
-
-pub(super) fn camera_info(topic: &'static str, frame: &str, stamp: u64, info: &Info) -> Message {
-    let Info {
-        size,
-        k: [f, cx, cy],
-        d,
-        p: [pf, px, py],
-        tx,
-        binning,
-    } = *info;
-    let data = cdr_in(frame, stamp, |cdr| {
-        cdr.write_u32(size.1);
-        cdr.write_u32(size.0);
-        cdr.write_string("plumb_bob");
-        cdr.write_sequence_length(5);
-        let k = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
-        let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let p = [pf, 0.0, px, tx, 0.0, pf, py, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let numbers = d.into_iter().chain(k).chain(r).chain(p);
-        numbers.for_each(|v| cdr.write_f64(v));
-        [binning; 2].into_iter().for_each(|v| cdr.write_u32(v));
-        (0..4).for_each(|_| cdr.write_u32(0));
-        cdr.write_bool(false);
-    });
-    Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp, data)
+    .map(|info| Camera { d, ..info })
 }
 
 pub(super) fn arena(fixture: &Fixture) -> Vec<Frame> {
@@ -82,7 +46,7 @@ pub(super) fn arena(fixture: &Fixture) -> Vec<Frame> {
 }
 
 /// The messages of these pairs.
-pub(super) fn messages(frames: &[Frame], infos: [Info; 2]) -> Vec<Message> {
+pub(super) fn messages(frames: &[Frame], infos: [Camera<'_>; 2]) -> Vec<Message> {
     let sides = [
         ("cam0", "/cam0/image_raw", "/cam0/camera_info"),
         ("cam1", "/cam1/image_raw", "/cam1/camera_info"),
@@ -91,9 +55,9 @@ pub(super) fn messages(frames: &[Frame], infos: [Info; 2]) -> Vec<Message> {
     for (i, frame) in frames.iter().enumerate() {
         let stamp = (i as u64 + 1) * 100_000_000;
         let images = [frame.pair.left(), frame.pair.right()];
-        for (((frame, image, info), pixels), camera) in sides.into_iter().zip(images).zip(&infos) {
+        for (((frame, image, info), pixels), camera) in sides.into_iter().zip(images).zip(infos) {
             let pixels: Vec<u8> = pixels.pixels().collect();
-            all.push(camera_info(info, frame, stamp, camera));
+            all.push(camera_info_of(info, stamp, &Camera { frame, ..camera }));
             all.push(ros_image_in(frame, image, stamp, SIZE, ("mono8", &pixels)));
         }
     }
@@ -122,7 +86,7 @@ fn rig_of(frame: &Frame) -> Rig {
 fn contradictions_in_a_bag_are_named_first() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let with = |change: &dyn Fn(&mut Info)| {
+    let with = |change: &dyn Fn(&mut Camera<'static>)| {
         let mut all = infos();
         all.iter_mut().for_each(change);
         all
@@ -139,7 +103,7 @@ fn contradictions_in_a_bag_are_named_first() {
         (all[0].tx, all[1].tx) = (both[0], both[1]);
         all
     };
-    let cases: [(&str, [Info; 2], &[Link]); 13] = [
+    let cases: [(&str, [Camera<'_>; 2], &[Link]); 13] = [
         (
             "usable: 4 rectified pairs, calibrated, no truth",
             infos(),
@@ -175,7 +139,7 @@ fn contradictions_in_a_bag_are_named_first() {
         ),
         (
             "the focal length is 328.0 px in P and 656.0 px in K",
-            with(&|info| (info.k, info.d) = ([2.0 * F + 1e-3, 159.5, 119.5], [1e-9; 5])),
+            with(&|info| (info.k, info.d) = ([2.0 * F + 1e-3, 159.5, 119.5], &[1e-9; 5])),
             none,
         ),
         (
@@ -290,8 +254,8 @@ fn images_that_are_rectified_already_are_named_and_taken_as_they_are_by_an_optio
     let [left, right] = infos();
     let straight = [
         left,
-        Info {
-            d: [1e-6, 0.0, 0.0, 0.0, 0.0],
+        Camera {
+            d: &[1e-6, 0.0, 0.0, 0.0, 0.0],
             ..right
         },
     ];

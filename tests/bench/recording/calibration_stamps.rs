@@ -1,14 +1,13 @@
 //! Each pair has the calibration of its own stamp, wherever the file has it.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
-use super::frames::{PERIOD_NS, image};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
+use super::frames::{image, stamp};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use std::path::Path;
 use svl::recording::{LiveTopic, Reader, Selection, TopicPairs};
 use svl::stereo::{Frame, Rig};
 
-const START_NS: u64 = 1_700_000_000_000_000_000;
 const CAMERAS: [[&str; 2]; 2] = [
     ["/cam0/image_rect", "/cam0/camera_info"],
     ["/cam1/image_rect", "/cam1/camera_info"],
@@ -21,10 +20,6 @@ const RAW: [[&str; 2]; 2] = [
 
 /// Pixels of the sensor.
 const SENSOR: (u32, u32) = (48, 32);
-
-fn stamp(i: u64) -> u64 {
-    START_NS + i * PERIOD_NS
-}
 
 /// Region of the sensor that pair `i` shows, its baseline, and its distortion.
 #[derive(Clone, Copy)]
@@ -56,10 +51,10 @@ impl Shot {
             let pixels: Vec<u8> = image(size, seed).pixels().collect();
             let camera = Camera {
                 size: SENSOR,
-                distortion: &[distortion, 0.0, 0.0, 0.0],
+                d: &[distortion, 0.0, 0.0, 0.0],
                 tx,
-                binning: 0,
                 roi: [x, 0, size.1 as u32, size.0 as u32],
+                ..CAMERA
             };
             let info = camera_info_of(info, stamp(i), &camera);
             [

@@ -2,8 +2,8 @@
 
 use super::bag::{self, Message};
 use super::bag_folders::describe;
-use super::frames::PERIOD_NS;
-use super::sensor::{SIZE, START_NS, depth32, pairs};
+use super::frames::{PERIOD_NS, START_NS};
+use super::sensor::{SIZE, depth32, pairs};
 use super::stamps::stamped;
 use crate::cli::fixture::Fixture;
 use std::path::Path;

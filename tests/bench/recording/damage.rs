@@ -20,6 +20,13 @@ pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, Range<usize>)> {
     records
 }
 
+/// Positions of the chunks of a file.
+pub(crate) fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
+    let chunks = records(bytes).into_iter();
+    let chunks = chunks.filter(|(opcode, _)| *opcode == 6);
+    chunks.map(|(_, range)| range).collect()
+}
+
 /// A recording, and the records that must survive when some of its bytes are hit.
 struct Whole {
     folder: tempfile::TempDir,

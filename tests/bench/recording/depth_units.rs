@@ -1,7 +1,7 @@
 //! Depths of topics in another unit, with distortion or without a depth: as truth and as a map.
 
-use super::bag::{self, Message, ros_image_in};
-use super::calibration_checks::{arena, camera_info, infos, messages};
+use super::bag::{self, Camera, Message, camera_info_of, ros_image_in};
+use super::calibration_checks::{arena, infos, messages};
 use crate::cli::fixture::Fixture;
 use svl::stereo::{Frame, Plane};
 
@@ -148,7 +148,7 @@ fn the_calibration_of_a_depth_camera_is_checked() {
             .iter_mut()
             .for_each(|center| *center *= factor);
         let stamps = (1..=frames.len() as u64).map(|i| i * 100_000_000);
-        all.extend(stamps.map(|stamp| camera_info("/z/camera_info", "cam0", stamp, &camera)));
+        all.extend(stamps.map(|stamp| camera_info_of("/z/camera_info", stamp, &camera)));
         bag::write(&fixture.path(""), &all);
         said(&fixture, "--algo v3 --truth /z/image")
     };
@@ -165,10 +165,12 @@ fn the_distortion_of_a_depth_camera_is_used() {
     let pixels = |distortion: f64| {
         let mut all = messages(&frames, infos());
         all.extend(depth_messages(&frames, "/z/image", &|z| z));
-        let mut camera = infos()[0];
-        camera.d[0] = distortion;
+        let camera = Camera {
+            d: &[distortion, 0.0, 0.0, 0.0, 0.0],
+            ..infos()[0]
+        };
         let stamps = (1..=frames.len() as u64).map(|i| i * 100_000_000);
-        all.extend(stamps.map(|stamp| camera_info("/z/camera_info", "cam0", stamp, &camera)));
+        all.extend(stamps.map(|stamp| camera_info_of("/z/camera_info", stamp, &camera)));
         bag::write(&fixture.path(""), &all);
         fixture.json("info bag.mcap --json")["first_pairs"]["truths"].take()
     };

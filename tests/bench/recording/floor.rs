@@ -2,8 +2,8 @@
 //! of svl's has, by the height of a level camera.
 
 use super::bag::{self, Message, ros_image};
-use super::frames::PERIOD_NS;
-use super::sensor::{FB, SIZE, START_NS, cloud, depth32, pairs};
+use super::frames::{PERIOD_NS, START_NS};
+use super::sensor::{FB, SIZE, cloud, depth32, pairs};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 use svl::scenario::SourceOptions;

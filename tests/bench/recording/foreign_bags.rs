@@ -1,7 +1,9 @@
 //! ROS 2 bags and Foxglove recordings as sources.
 
-use super::bag::{self, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image};
-use super::frames::{PERIOD_NS, image, one_line, read};
+use super::bag::{
+    self, CAMERA, Camera, Message, camera_info, camera_info_of, json_calibration, ros_image,
+};
+use super::frames::{PERIOD_NS, START_NS, image, one_line, read, stamp};
 use crate::common::assert_says;
 use ::image::codecs::jpeg::JpegEncoder;
 use std::path::{Path, PathBuf};
@@ -14,11 +16,6 @@ use svl::stereo::{Frame, Gray};
 const SIZE: (usize, usize) = (24, 16);
 const LEFT: &str = "/cam0/image_rect";
 const RIGHT: &str = "/cam1/image_rect";
-const START_NS: u64 = 1_700_000_000_000_000_000;
-
-fn stamp(i: u64) -> u64 {
-    START_NS + i * PERIOD_NS
-}
 
 fn bytes(image: &Gray) -> Vec<u8> {
     image.pixels().collect()
@@ -131,10 +128,10 @@ fn a_calibration_is_of_the_images_that_it_says() {
     let infos = |size, binning, roi| {
         let camera = |tx| Camera {
             size,
-            distortion: &[],
             tx,
             binning,
             roi,
+            ..CAMERA
         };
         [("/cam0/camera_info", 0.0), ("/cam1/camera_info", -14.432)]
             .map(|(topic, tx)| camera_info_of(topic, 9, &camera(tx)))

@@ -1,10 +1,10 @@
 //! Bags of every format with every feature: the pairs are those of an MCAP file with the same
 //! messages, each after the other.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
-use super::frames::{PERIOD_NS, image, read, summarize};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
+use super::frames::{image, read, stamp, summarize};
 use super::ros1;
-use super::sensor::{SIZE, START_NS, cloud, depth32, open, pairs, tf};
+use super::sensor::{SIZE, cloud, depth32, open, pairs, tf};
 use std::path::{Path, PathBuf};
 use svl::recording::{Reader, truth_topics};
 use svl::stereo::{Frame, Truth};
@@ -193,10 +193,6 @@ const FEATURES: &[Feature] = &[
 const LEFT: &str = "/cam0/image_rect";
 const RIGHT: &str = "/cam1/image_rect";
 
-fn stamp(i: u64) -> u64 {
-    START_NS + i * PERIOD_NS
-}
-
 /// The images of pairs, left and right.
 fn images(pairs: u64) -> Vec<Message> {
     let image = |topic, i, seed| {
@@ -211,10 +207,9 @@ fn binned() -> Vec<Message> {
     let info = |topic, tx| {
         let camera = Camera {
             size: (48, 32),
-            distortion: &[],
             tx,
             binning: 2,
-            roi: [0; 4],
+            ..CAMERA
         };
         camera_info_of(topic, stamp(0), &camera)
     };

@@ -9,8 +9,15 @@ use svl::stereo::{
 };
 use svl::{Error, Result};
 
+/// Time of the first pair.
+pub(crate) const START_NS: u64 = 1_700_000_000_000_000_000;
 /// Time from one pair to the next.
 pub(crate) const PERIOD_NS: u64 = 66_666_667;
+
+/// The stamp of pair number `i`.
+pub(crate) fn stamp(i: u64) -> u64 {
+    START_NS + i * PERIOD_NS
+}
 
 /// A gradient with noise on it, different for every `seed`.
 pub(crate) fn image((width, height): (usize, usize), seed: u64) -> Gray {
@@ -26,7 +33,7 @@ pub(crate) fn image((width, height): (usize, usize), seed: u64) -> Gray {
 pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
     Frame {
         sequence: i,
-        stamp_ns: 1_700_000_000_000_000_000 + i * PERIOD_NS,
+        stamp_ns: stamp(i),
         ..Frame::new(
             StereoPair::new(image(size, 2 * i), image(size, 2 * i + 1)).unwrap(),
             Geometry::Rectified(None),

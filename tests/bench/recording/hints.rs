@@ -1,7 +1,7 @@
 //! Hints of `svl score`: each appears for a recording made for it, and none for a sound one.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image};
-use super::frames::{PERIOD_NS, image, read, record};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, ros_image};
+use super::frames::{image, read, record, stamp};
 use super::sensor::{cloud, tf};
 use super::stamps::stamped;
 use crate::cli::fixture::{Fixture, assert_says};
@@ -128,10 +128,6 @@ fn exchanged_images_are_noticed() {
     assert_eq!(hints(&fixture, cured), []);
 }
 
-fn stamp(i: u64) -> u64 {
-    1_700_000_000_000_000_000 + i * PERIOD_NS
-}
-
 /// Rectified pairs with a rig, whose right camera has these fourth columns of P, one after the
 /// other.
 fn pairs(offsets: &[f64]) -> Vec<Message> {
@@ -140,10 +136,8 @@ fn pairs(offsets: &[f64]) -> Vec<Message> {
         let info = |topic, tx| {
             let camera = Camera {
                 size: (SIZE.0 as u32, SIZE.1 as u32),
-                distortion: &[],
                 tx,
-                binning: 0,
-                roi: [0; 4],
+                ..CAMERA
             };
             camera_info_of(topic, stamp(i), &camera)
         };

@@ -1,7 +1,7 @@
 //! Live topics without a network: pairs of the messages that a bag would hold.
 
 use super::bag::{self, Message, camera_info, cdr_in, ros_compressed, ros_image, ros_image_in};
-use super::frames::{PERIOD_NS, image};
+use super::frames::{PERIOD_NS, START_NS, image};
 use super::sensor::tf;
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
@@ -9,7 +9,6 @@ use svl::recording::{LiveTopic, Selection, TopicPairs};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
-const START_NS: u64 = 1_700_000_000_000_000_000;
 
 /// Pair `i` with its calibrations.
 fn messages(i: u64) -> Vec<Message> {

@@ -1,8 +1,8 @@
 //! Cameras that move: faults of their clocks, copies, order and truth, as pixels and log times tell
 //! them together.
 
-use super::bag::{self, Message};
-use super::calibration_checks::{Info, infos, messages};
+use super::bag::{self, Camera, Message};
+use super::calibration_checks::{infos, messages};
 use super::depth_units::depth_messages;
 use super::frames::read;
 use super::stamps::stamped;
@@ -43,7 +43,7 @@ fn drive() -> (Fixture, Vec<Frame>) {
 /// the stamp and the log time of a topic's message by number, and leaves it out without.
 fn bag_of(
     frames: &[Frame],
-    infos: [Info; 2],
+    infos: [Camera<'_>; 2],
     times: impl Fn(&str, u64) -> Option<(u64, u64)>,
 ) -> Vec<Message> {
     let mut all = messages(frames, infos);

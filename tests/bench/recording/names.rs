@@ -1,12 +1,11 @@
 //! Names of topics and frames: what they decide, and what a measurement says against them.
 
 use super::bag::{self, Message, camera_info, ros_image_in};
-use super::frames::{PERIOD_NS, image};
+use super::frames::{START_NS, image, stamp};
 use super::sensor::tf;
 use crate::cli::fixture::{Fixture, assert_says};
 
 const SIZE: (usize, usize) = (24, 16);
-const START_NS: u64 = 1_700_000_000_000_000_000;
 
 /// Three pairs of images in frames, after these messages.
 fn write(fixture: &Fixture, first: Vec<Message>, images: [(&'static str, &str); 2]) {
@@ -14,8 +13,7 @@ fn write(fixture: &Fixture, first: Vec<Message>, images: [(&'static str, &str); 
     for i in 0..3 {
         messages.extend(images.iter().zip(0..).map(|(&(topic, frame), side)| {
             let pixels: Vec<u8> = image(SIZE, 2 * i + side).pixels().collect();
-            let stamp = START_NS + i * PERIOD_NS;
-            ros_image_in(frame, topic, stamp, SIZE, ("mono8", &pixels))
+            ros_image_in(frame, topic, stamp(i), SIZE, ("mono8", &pixels))
         }));
     }
     bag::write(&fixture.path(""), &messages);
@@ -24,7 +22,7 @@ fn write(fixture: &Fixture, first: Vec<Message>, images: [(&'static str, &str); 
 /// The baseline by `svl info`, millimetres, and its warnings.
 fn baseline(fixture: &Fixture, options: &str) -> (Option<i64>, String) {
     let ran = fixture.svl(&format!("info bag.mcap --json {options}"));
-    let answer: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let answer = ran.json();
     let metres = answer["first_pairs"]["rig"]["baseline_m"].as_f64();
     (
         metres.map(|metres| (1e3 * metres).round() as i64),

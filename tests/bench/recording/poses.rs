@@ -1,8 +1,8 @@
 //! Poses in other programs' recordings, and truths that are moved by them.
 
 use super::bag::{self, Message, cdr_in, ros_image};
-use super::frames::{PERIOD_NS, image, read};
-use super::sensor::{SIZE, START_NS, cloud, open, pairs, tf};
+use super::frames::{PERIOD_NS, START_NS, image, read};
+use super::sensor::{SIZE, cloud, open, pairs, tf};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use re_cdr::{CdrWriter, LittleEndian};

@@ -1,7 +1,7 @@
 //! Depth that a recording or files have, as an algorithm: the results of `sgm`, published as a
 //! camera or a node would, have the cells of `sgm` itself.
 
-use super::bag::{self, Message, cdr_in, ros_image_in};
+use super::bag::{self, CAMERA, Camera, Message, camera_info_of, cdr_in, ros_image_in};
 use super::sensor::{cloud_on, tf};
 use crate::cli::fixture::{Fixture, assert_says};
 use crate::common::python;
@@ -78,21 +78,17 @@ fn camera_info(
     let (cx, cy) = rig.center_px();
     let [cx, cy] = [cx, cy].map(|c| (c + 0.5) * scale - 0.5);
     let cx = if frame == "cam1" { cx + PAD as f64 } else { cx };
-    let f = rig.focal_px() * scale;
-    let data = cdr_in(frame, stamp(i), |cdr| {
-        cdr.write_u32(height as u32);
-        cdr.write_u32(width as u32);
-        cdr.write_string("plumb_bob");
-        cdr.write_sequence_length(5);
-        let k = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
-        let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        let p = [f, 0.0, cx, tx, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let numbers = [0.0; 5].into_iter().chain(k).chain(r).chain(p);
-        numbers.for_each(|v| cdr.write_f64(v));
-        (0..6).for_each(|_| cdr.write_u32(0));
-        cdr.write_bool(false);
-    });
-    Message::cdr(topic, "sensor_msgs/msg/CameraInfo", stamp(i), data)
+    let k = [rig.focal_px() * scale, cx, cy];
+    let camera = Camera {
+        frame,
+        size: (width as u32, height as u32),
+        k,
+        d: &[0.0; 5],
+        p: k,
+        tx,
+        ..CAMERA
+    };
+    camera_info_of(topic, stamp(i), &camera)
 }
 
 fn disparity_image(i: usize, map: &Plane<f32>, rig: &Rig) -> Message {
@@ -295,8 +291,7 @@ fn published_results_have_the_cells_of_the_matcher() {
             row.algorithm
         );
     }
-    let summary: serde_json::Value =
-        serde_json::from_str(&fixture.text("rep/summary.json")).unwrap();
+    let summary = fixture.json_file("rep/summary.json");
     let delay = &summary["latency"][0];
     assert_eq!(delay["topic"], "/depth");
     assert_eq!(delay["topic_ms"], serde_json::json!([41.0, 41.0]));

@@ -1,6 +1,7 @@
 //! Recovery of damaged and truncated files.
 
 use super::bag;
+use super::damage::chunks;
 use super::frames::{attachment, bare, full, header, image, read, recover, summarize};
 use crate::common::assert_says;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
 
-/// A recording of six pairs, each in a chunk of its own.
+/// A recording of six pairs, each in a chunk of its own, with every kind of record and message.
 pub(crate) fn specimen(folder: &Path) -> (Vec<u8>, Vec<Frame>) {
     let path = folder.join("specimen.mcap");
     let mut writer = Writer::create(
@@ -42,19 +43,6 @@ pub(crate) fn recovered(folder: &Path, bytes: &[u8]) -> (svl::Result<Recovery>, 
     let _ = std::fs::remove_file(&saved);
     std::fs::write(&damaged, bytes).unwrap();
     (recover(&damaged, &saved), saved)
-}
-
-/// Positions of the chunks of a file.
-fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
-    let (mut at, mut chunks) = (8, Vec::new());
-    while at + 9 < bytes.len() {
-        let end = at + 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
-        if bytes[at] == 6 {
-            chunks.push(at..end);
-        }
-        at = end;
-    }
-    chunks
 }
 
 #[test]

@@ -1,9 +1,10 @@
 //! Truth from another sensor of a bag: accepted and rejected messages.
 
 use super::bag::{
-    self, Camera, Message, camera_info, camera_info_of, cdr_in, protobuf, ros_image, timestamp,
+    self, CAMERA, Camera, Message, camera_info, camera_info_of, cdr_in, protobuf, ros_image,
+    timestamp,
 };
-use super::frames::{PERIOD_NS, full, image, read};
+use super::frames::{START_NS, full, image, read, stamp};
 use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder};
 use foxglove::messages as fox;
@@ -13,13 +14,8 @@ use svl::source::{Opened, Request, open_recording};
 use svl::stereo::{Frame, MapDensity, Plane, Truth, TruthKind, TruthOrigin};
 
 pub(super) const SIZE: (usize, usize) = (24, 16);
-pub(super) const START_NS: u64 = 1_700_000_000_000_000_000;
 /// Focal length times baseline of [`pairs`], pixels times metres.
 pub(super) const FB: f64 = 14.432;
-
-fn stamp(i: u64) -> u64 {
-    START_NS + i * PERIOD_NS
-}
 
 /// Two rectified pairs in frame `cam`, with a rig.
 pub(super) fn pairs() -> Vec<Message> {
@@ -347,10 +343,7 @@ fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
     );
     let camera = Camera {
         size: (12, 8),
-        distortion: &[],
-        tx: 0.0,
-        binning: 0,
-        roi: [0; 4],
+        ..CAMERA
     };
     let info = camera_info_of("/disparity/camera_info", stamp(0), &camera);
     let (found, _) = truths([info, message], "/disparity");

@@ -1,8 +1,8 @@
 //! Truth for pairs whose stamps are equal or zero, and truth far from its pair in time.
 
 use super::bag::{self, Message};
-use super::frames::{PERIOD_NS, full, record, summarize};
-use super::sensor::{FB, SIZE, START_NS, depth32, open, pairs, refused};
+use super::frames::{PERIOD_NS, START_NS, full, record, stamp, summarize};
+use super::sensor::{FB, SIZE, depth32, open, pairs, refused};
 use svl::recording::ImageFormat;
 use svl::source::{RecordingSource, Source};
 
@@ -99,7 +99,6 @@ fn counts_that_differ_are_refused() {
 
 #[test]
 fn a_truth_is_found_wherever_it_lies() {
-    let stamp = |i: u64| START_NS + i * PERIOD_NS;
     let images = || stereo(40, stamp);
     let truth = |i: u64| depth(i + 1, stamp(i));
     // The one for each pair, between two that are near but belong to others.

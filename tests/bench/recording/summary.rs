@@ -1,7 +1,7 @@
 //! Summaries of recordings, as `svl info` shows them.
 
 use super::bag;
-use super::frames::{PERIOD_NS, bare, full, record, summarize};
+use super::frames::{PERIOD_NS, bare, full, record, stamp, summarize};
 use svl::recording::{Gap, ImageFormat, RecordingSummary, SkewSummary, UnpairedImages};
 use svl::stereo::Frame;
 
@@ -156,7 +156,6 @@ fn clocks_that_jump_are_no_gaps() {
     );
 
     // A bag whose stamps jump ahead and back again, while its log times go on.
-    const START_NS: u64 = 1_700_000_000_000_000_000;
     let jump_ns = |i: u64| {
         if (10..20).contains(&i) {
             3_600_000_000_000
@@ -165,10 +164,7 @@ fn clocks_that_jump_are_no_gaps() {
         }
     };
     let messages = |i: u64| {
-        let (log_time, stamp) = (
-            START_NS + i * PERIOD_NS,
-            START_NS + i * PERIOD_NS + jump_ns(i),
-        );
+        let (log_time, stamp) = (stamp(i), stamp(i) + jump_ns(i));
         ["/cam0/image", "/cam1/image"].map(|topic| {
             let image = bag::ros_image(topic, log_time, SIZE, "mono8", &[7; 24 * 16]);
             super::stamps::stamped(&image, stamp, log_time)
@@ -177,10 +173,7 @@ fn clocks_that_jump_are_no_gaps() {
     let messages: Vec<_> = (1..30).flat_map(messages).collect();
     let summary = summarize(&bag::write(folder.path(), &messages)).unwrap();
     let hour = 3_600_000_000_000;
-    let expected = [
-        (START_NS + 9 * PERIOD_NS, hour),
-        (START_NS + 19 * PERIOD_NS + hour as u64, -hour),
-    ];
+    let expected = [(stamp(9), hour), (stamp(19) + hour as u64, -hour)];
     assert_eq!(jumps(&summary), expected);
     assert_eq!((summary.period_ns, summary.gaps), (Some(PERIOD_NS), vec![]));
 }

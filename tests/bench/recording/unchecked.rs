@@ -1,6 +1,6 @@
 //! Bags without checksums, as written by ROS 2's recorder: the damage that is detected.
 
-use super::damage::records;
+use super::damage::{chunks, records};
 use super::frames::{image, read, summarize};
 use super::{bag, recovery};
 use crate::common::assert_says;
@@ -27,14 +27,6 @@ fn specimen(folder: &Path) -> Vec<u8> {
         })
         .collect();
     std::fs::read(bag::write_unchecked(folder, &messages)).unwrap()
-}
-
-fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
-    records(bytes)
-        .into_iter()
-        .filter(|(opcode, _)| *opcode == 6)
-        .map(|(_, range)| range)
-        .collect()
 }
 
 /// The common report of info and recover on `bytes`.

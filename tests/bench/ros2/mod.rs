@@ -124,7 +124,7 @@ fn live_results_are_published_and_proved_by_a_recording() {
     });
     // A machine under load drops pairs of the live run, and says so with 4.
     let ran = fixture.svl("replay run.mcap --verify=live.csv --json");
-    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let json = ran.json();
     let verification = &json["verification"];
     assert_eq!(verification["differing"], serde_json::json!({}));
     let common = verification["live"]["common"].as_u64().unwrap();

@@ -26,6 +26,14 @@ impl Scene {
     ];
 }
 
+/// A grey value of a place.
+pub(crate) fn random(x: u64, y: usize, seed: u64) -> u8 {
+    let mut z = seed ^ (x << 32 | y as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) as u8
+}
+
 /// A pair of `scene` whose right image is the left one moved by `shift`, each with its own noise of
 /// `noise` levels.
 pub(crate) fn pair(
@@ -35,12 +43,7 @@ pub(crate) fn pair(
     noise: u8,
     seed: u64,
 ) -> StereoPair {
-    let random = |x: i32, y: usize, salt: u64| {
-        let mut z = seed ^ salt ^ ((x as u64) << 32 | y as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as u8
-    };
+    let random = |x: i32, y, salt: u64| random(x as u64, y, seed ^ salt);
     let world = |x: i32, y: usize| match scene {
         Scene::Noise => random(x, y, 1),
         Scene::Constant => seed as u8,

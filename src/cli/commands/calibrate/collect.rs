@@ -69,7 +69,8 @@ pub(super) fn collect(
         }
         let chooser = chooser.get_or_insert_with(|| {
             if frame.rig().is_some() {
-                bar.suspend(|| warn_of_rectified(&opened));
+                let name = opened.source.name();
+                bar.suspend(|| tracing::warn!("{name}: its images are rectified already"));
             }
             found.size = frame.pair.size();
             Chooser::new(board, found.size)
@@ -118,10 +119,6 @@ pub(super) fn collect(
         found.views = chooser.views().to_vec();
     }
     Ok(found)
-}
-
-fn warn_of_rectified(opened: &Opened) {
-    tracing::warn!("{}: its images are rectified already", opened.source.name());
 }
 
 /// The message of the bar; `word` is what became of the last pair.

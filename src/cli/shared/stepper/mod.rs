@@ -140,12 +140,7 @@ impl<'a> Stepper<'a> {
     }
 
     /// The frame that is shown.
-    pub(crate) fn frame(&self) -> &Frame {
-        &self.frame
-    }
-
-    /// The same, to be kept.
-    pub(crate) fn held_frame(&self) -> &Arc<Frame> {
+    pub(crate) fn frame(&self) -> &Arc<Frame> {
         &self.frame
     }
 

@@ -1,7 +1,7 @@
 //! The screen of a tool: the terminal, or for a script a screen in memory.
 
 use crate::cli::shared::log;
-use crate::cli::shared::terminal::print;
+use crate::cli::shared::terminal::{allows_color, print};
 use anyhow::Context;
 use ratatui::backend::{CrosstermBackend, TestBackend};
 use ratatui::buffer::Buffer;
@@ -93,9 +93,7 @@ impl Screen {
 
     /// True if shades can be shown; else characters replace them.
     pub(crate) fn has_shades(&self) -> bool {
-        let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-        let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-        matches!(self, Self::Terminal(_)) && !is_set("NO_COLOR") && !is_dumb
+        matches!(self, Self::Terminal(_)) && allows_color()
     }
 
     /// Redraws the screen, of another size where it is in memory.

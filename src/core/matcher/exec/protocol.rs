@@ -2,7 +2,7 @@
 
 use crate::matcher::MatchContext;
 use crate::matcher::stage::DisparityRange;
-use crate::stereo::{Gray, Rgb, Rig, StereoPair};
+use crate::stereo::{Gray, Rig, StereoPair};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 
@@ -160,25 +160,20 @@ pub(super) fn request(
     bytes.push(b'\n');
     let gray = [pair.left(), pair.right()];
     match (form.color, context.color) {
-        (false, _) => gray
-            .into_iter()
-            .for_each(|image| push_gray(&mut bytes, image)),
-        (true, Some(color)) => color.iter().for_each(|image| push_color(&mut bytes, image)),
+        (false, _) => {
+            let rows = gray.into_iter().flat_map(Gray::rows);
+            rows.for_each(|row| bytes.extend_from_slice(row));
+        }
+        (true, Some(color)) => {
+            let rows = color.iter().flat_map(|image| image.rows());
+            rows.for_each(|row| bytes.extend_from_slice(row.as_flattened()));
+        }
         (true, None) => gray.into_iter().for_each(|image| {
             let pixels = image.rows().flatten();
             bytes.extend(pixels.flat_map(|&grey| [grey; 3]));
         }),
     }
     bytes
-}
-
-fn push_gray(bytes: &mut Vec<u8>, image: &Gray) {
-    image.rows().for_each(|row| bytes.extend_from_slice(row));
-}
-
-fn push_color(bytes: &mut Vec<u8>, image: &Rgb) {
-    let rows = image.rows();
-    rows.for_each(|row| bytes.extend_from_slice(row.as_flattened()));
 }
 
 /// Reads the reply to a question; its disparities go into the given buffer.

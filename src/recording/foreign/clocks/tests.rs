@@ -73,10 +73,6 @@ fn logged(robot: &[Publisher], random: &mut Rng) -> Vec<Logged> {
     messages
 }
 
-fn channel(topic: &str, schema: &str) -> Channel {
-    Channel::new(topic.to_owned(), schema.to_owned(), "cdr".to_owned())
-}
-
 /// A header with that stamp, and some bytes.
 fn message(stamp: i64, bytes: u32) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];
@@ -93,7 +89,7 @@ fn table_with(messages: &[Logged], selection: &Selection) -> ClockTable {
         // Calibrations do not change.
         let bytes = if schema.ends_with("Info") { 7 } else { place };
         let data = message(stamp, bytes as u32);
-        scan.take_in(&channel(topic, schema), log as u64, &data);
+        scan.take_in(&Channel::cdr(topic, schema), log as u64, &data);
     }
     ClockTable::new(&scan, &[], selection)
 }
@@ -160,9 +156,9 @@ fn poses_may_be_ahead_by_2_s_and_equal_calibrations_are_never_wrong() {
     let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
     for (place, (log, topic, schema, stamp)) in changing.into_iter().enumerate() {
         let data = message(stamp, place as u32);
-        scan.take_in(&channel(topic, schema), log as u64, &data);
+        scan.take_in(&Channel::cdr(topic, schema), log as u64, &data);
         let calibration = message(stamp - 3 * S, place as u32);
-        let info = channel("/left/camera_info", "sensor_msgs/msg/CameraInfo");
+        let info = Channel::cdr("/left/camera_info", "sensor_msgs/msg/CameraInfo");
         scan.take_in(&info, log as u64, &calibration);
     }
     let table = ClockTable::new(&scan, &[], &Selection::default());
@@ -236,8 +232,8 @@ fn right_images_that_come_late_have_no_fault() {
     assert_eq!(robot_table(&late).faults, []);
     // For a while, as their calibrations of the same stamps show; a clock steps for both.
     let channels = [
-        channel("/right/image_rect", "sensor_msgs/msg/Image"),
-        channel("/right/camera_info", "sensor_msgs/msg/CameraInfo"),
+        Channel::cdr("/right/image_rect", "sensor_msgs/msg/Image"),
+        Channel::cdr("/right/camera_info", "sensor_msgs/msg/CameraInfo"),
     ];
     let mut with_infos = robot();
     with_infos.push(publisher(
@@ -251,7 +247,7 @@ fn right_images_that_come_late_have_no_fault() {
         messages.sort_by_key(|(log, ..)| *log);
         for (place, (log, topic, schema, stamp)) in messages.into_iter().enumerate() {
             let data = message(stamp, place as u32);
-            scan.take_in(&channel(topic, schema), log as u64, &data);
+            scan.take_in(&Channel::cdr(topic, schema), log as u64, &data);
         }
         let channels: Vec<_> = channels.iter().collect();
         ClockTable::new(&scan, &channels, &Selection::default()).permits_pairs()
@@ -427,7 +423,7 @@ fn messages_that_come_several_times_are_named_with_a_cure() {
                 let stamp = BEGIN + i64::from(stamp) * 33 * MS;
                 let log = BEGIN + i64::from(place) * 33 * MS + 5 * MS;
                 let data = message(stamp, number);
-                scan.take_in(&channel(topic, schema), log as u64, &data);
+                scan.take_in(&Channel::cdr(topic, schema), log as u64, &data);
             }
         }
         ClockTable::new(&scan, &[], &Selection::default())
@@ -559,9 +555,9 @@ fn sparse_table(messages: &[Logged], random: &mut Rng) -> ClockTable {
         let data = message(stamp, bytes as u32);
         let is_later = places.iter().any(|from| (*from..from + 8).contains(&place));
         if !scan.has_enough() {
-            scan.take_in(&channel(topic, schema), log as u64, &data);
+            scan.take_in(&Channel::cdr(topic, schema), log as u64, &data);
         } else if is_later {
-            scan.take_in_later(&channel(topic, schema), log as u64, &data);
+            scan.take_in_later(&Channel::cdr(topic, schema), log as u64, &data);
         }
     }
     ClockTable::new(&scan, &[], &Selection::default())
@@ -654,7 +650,11 @@ fn images_that_a_node_repeats_at_times_are_named() {
             } else {
                 log as u32
             };
-            scan.take_in(&channel(topic, schema), log as u64, &message(stamp, bytes));
+            scan.take_in(
+                &Channel::cdr(topic, schema),
+                log as u64,
+                &message(stamp, bytes),
+            );
         }
         ClockTable::new(&scan, &[], &Selection::default())
     };
@@ -724,8 +724,8 @@ impl EventReader for PlaceMessages {
 
 #[test]
 fn a_place_is_read_up_to_a_measurement_that_is_needed() {
-    let image = |side: usize| channel(IMAGES[side], "sensor_msgs/msg/Image");
-    let points = channel("/points", "sensor_msgs/msg/PointCloud2");
+    let image = |side: usize| Channel::cdr(IMAGES[side], "sensor_msgs/msg/Image");
+    let points = Channel::cdr("/points", "sensor_msgs/msg/PointCloud2");
     let mut scan = ClockScan::new(&IMAGES.map(str::to_owned));
     let mut read = |known: usize| {
         for i in 0..known {

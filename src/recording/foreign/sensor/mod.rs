@@ -128,7 +128,8 @@ pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<St
                 if is_read || *left == 0 {
                     unknown.remove(&channel.topic);
                 }
-                if is_read && (is_named_depth(&channel.topic) || !kind::is_mono16(channel, &data)) {
+                let is_named_depth = || channel.topic.to_lowercase().contains("depth");
+                if is_read && (is_named_depth() || !kind::is_mono16(channel, &data)) {
                     found.insert(channel.topic.clone());
                 }
             }
@@ -140,10 +141,6 @@ pub fn truth_topics(recording: &Recording, pairs: &[String; 2]) -> Result<Vec<St
 /// True if the messages of a channel measure distances.
 pub(super) fn measures_distances(channel: &Channel) -> bool {
     kind::find(channel).is_ok()
-}
-
-fn is_named_depth(topic: &str) -> bool {
-    topic.to_lowercase().contains("depth")
 }
 
 impl SensorTopic {

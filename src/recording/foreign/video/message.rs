@@ -74,11 +74,11 @@ pub(crate) struct Packet<'a> {
 /// # Errors
 /// The reason why the message cannot be read.
 pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>, String> {
-    let of_ros = |video: ros::RosVideo<'a>| {
+    let of_ros = |picture: ros::RosCoded<'a>| {
         Ok(Packet {
-            stamp: image::ros_stamp(channel, video.stamp)?,
-            codec: Codec::from_format(video.format),
-            data: video.data.into(),
+            stamp: image::ros_stamp(channel, picture.stamp)?,
+            codec: Codec::from_format(picture.format),
+            data: picture.data.into(),
         })
     };
     match (channel.schema.as_str(), channel.encoding.as_str()) {
@@ -105,12 +105,7 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
             of_ros(ros::read(channel, data, ros::ffmpeg_packet)?)
         }
         (COMPRESSED_IMAGE, "cdr" | "ros1") => {
-            let image = ros::read(channel, data, ros::compressed_image)?;
-            Ok(Packet {
-                stamp: image::ros_stamp(channel, image.stamp)?,
-                codec: Codec::from_format(image.format),
-                data: image.data.into(),
-            })
+            of_ros(ros::read(channel, data, ros::compressed_image)?)
         }
         (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
     }
@@ -123,11 +118,7 @@ mod tests {
 
     #[test]
     fn a_compressed_image_is_a_picture_by_its_format() {
-        let channel = Channel::new(
-            "/left/image_compressed".to_owned(),
-            COMPRESSED_IMAGE.to_owned(),
-            "cdr".to_owned(),
-        );
+        let channel = Channel::cdr("/left/image_compressed", COMPRESSED_IMAGE);
         // An empty header and no data.
         let message = |format: &str| {
             let mut data = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];

@@ -10,7 +10,6 @@ pub use place::{CheckpointPlace, FrameOrigin};
 pub use tally::CheckpointTally;
 
 use super::{CellJudgement, Verdict};
-use place::PlaceTable;
 use std::cmp::Ordering;
 use svl_core::counted;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape, hash_words};
@@ -114,15 +113,17 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             let frames = || pairs.iter().map(|pair| pair.frame);
             Some([frames().min()?, frames().max()?])
         };
-        let place = PlaceTable {
-            at_m: table.at_m,
-            radius_m: table.radius_m,
-            heading_deg: table.heading_deg,
-            heading_tolerance_deg: table.heading_tolerance_deg,
-            frames: table.frames.or_else(|| labelled().filter(|_| !has_place)),
-            seconds: table.seconds,
-        };
-        let place = CheckpointPlace::try_from(place)
+        let place = CheckpointPlace::new(
+            table.at_m,
+            [
+                table.radius_m,
+                table.heading_deg,
+                table.heading_tolerance_deg,
+            ],
+            table.frames.or_else(|| labelled().filter(|_| !has_place)),
+            table.seconds,
+        );
+        let place = place
             .map_err(|what| Error::Invalid(format!("checkpoint {number} ({name}): {what}")))?;
         Ok(Self {
             number: table.number,
@@ -141,24 +142,16 @@ impl TryFrom<CheckpointTable> for Checkpoint {
 
 impl From<Checkpoint> for CheckpointTable {
     fn from(checkpoint: Checkpoint) -> Self {
-        let PlaceTable {
-            at_m,
-            radius_m,
-            heading_deg,
-            heading_tolerance_deg,
-            frames,
-            seconds,
-        } = checkpoint.place.into();
-        Self {
+        let mut table = Self {
             number: checkpoint.number,
             name: checkpoint.name,
             description: checkpoint.description,
-            at_m,
-            radius_m,
-            heading_deg,
-            heading_tolerance_deg,
-            frames,
-            seconds,
+            at_m: None,
+            radius_m: None,
+            heading_deg: None,
+            heading_tolerance_deg: None,
+            frames: None,
+            seconds: None,
             file: checkpoint.file,
             pair: match checkpoint.pairs.len() {
                 0 => None,
@@ -169,7 +162,23 @@ impl From<Checkpoint> for CheckpointTable {
             must: checkpoint.must,
             order: checkpoint.order,
             cell: checkpoint.expected,
+        };
+        match checkpoint.place {
+            CheckpointPlace::Pose {
+                at_m,
+                radius_m,
+                heading_deg,
+                heading_tolerance_deg,
+            } => {
+                table.at_m = Some(at_m);
+                table.radius_m = Some(radius_m);
+                table.heading_deg = Some(heading_deg);
+                table.heading_tolerance_deg = Some(heading_tolerance_deg);
+            }
+            CheckpointPlace::Frames(frames) => table.frames = Some(frames),
+            CheckpointPlace::Seconds(seconds) => table.seconds = Some(seconds),
         }
+        table
     }
 }
 

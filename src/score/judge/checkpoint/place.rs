@@ -44,27 +44,15 @@ impl FrameOrigin {
     }
 }
 
-/// A place in a file.
-#[derive(Default)]
-pub(super) struct PlaceTable {
-    pub at_m: Option<[f64; 2]>,
-    pub radius_m: Option<f64>,
-    pub heading_deg: Option<f64>,
-    pub heading_tolerance_deg: Option<f64>,
-    pub frames: Option<[u64; 2]>,
-    pub seconds: Option<[f64; 2]>,
-}
-
-impl TryFrom<PlaceTable> for CheckpointPlace {
-    type Error = &'static str;
-
-    fn try_from(table: PlaceTable) -> Result<Self, &'static str> {
-        let angles = [
-            table.radius_m,
-            table.heading_deg,
-            table.heading_tolerance_deg,
-        ];
-        match (table.at_m, table.frames, table.seconds) {
+impl CheckpointPlace {
+    /// The place with these entries in a file; `angles`: radius, heading and its tolerance.
+    pub(super) fn new(
+        at_m: Option<[f64; 2]>,
+        angles: [Option<f64>; 3],
+        frames: Option<[u64; 2]>,
+        seconds: Option<[f64; 2]>,
+    ) -> Result<Self, &'static str> {
+        match (at_m, frames, seconds) {
             (Some(at_m), None, None) => match angles {
                 [
                     Some(radius_m),
@@ -87,31 +75,7 @@ impl TryFrom<PlaceTable> for CheckpointPlace {
             _ => Err("give only one of at_m, frames and seconds"),
         }
     }
-}
 
-impl From<CheckpointPlace> for PlaceTable {
-    fn from(place: CheckpointPlace) -> Self {
-        let mut table = Self::default();
-        match place {
-            CheckpointPlace::Pose {
-                at_m,
-                radius_m,
-                heading_deg,
-                heading_tolerance_deg,
-            } => {
-                table.at_m = Some(at_m);
-                table.radius_m = Some(radius_m);
-                table.heading_deg = Some(heading_deg);
-                table.heading_tolerance_deg = Some(heading_tolerance_deg);
-            }
-            CheckpointPlace::Frames(frames) => table.frames = Some(frames),
-            CheckpointPlace::Seconds(seconds) => table.seconds = Some(seconds),
-        }
-        table
-    }
-}
-
-impl CheckpointPlace {
     pub(super) fn validate(&self) -> Result<(), String> {
         match *self {
             Self::Pose {

@@ -252,8 +252,7 @@ fn bags_of_drivers_are_recorded_and_scored() {
 
 /// Most cells are right by the driver's truth, and few are wrong.
 fn check_score(fixture: &Fixture, name: &str) {
-    let summary: serde_json::Value =
-        serde_json::from_str(&fixture.text("report/summary.json")).unwrap();
+    let summary = fixture.json_file("report/summary.json");
     let share = |key: &str| summary["algorithms"][0][key].as_f64().unwrap_or(f64::NAN);
     let (right, wrong) = (share("cells_right"), share("cells_wrong"));
     assert!(

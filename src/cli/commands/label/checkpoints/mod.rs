@@ -96,7 +96,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     args.input.check()?;
     // Before anything takes time.
     let session = StepSession::new(args.script.as_deref())?;
-    let output = args.output.clone().unwrap_or_else(|| default_output(name));
+    let stem = Path::new(name).file_stem().unwrap_or_default();
+    let default = || Path::new(stem).with_extension("toml");
+    let output = args.output.clone().unwrap_or_else(default);
     let existing = ScenarioFile::read(&output, name)?;
     if existing.is_some() {
         refuse_what_the_scenario_says(args, &output)?;
@@ -145,12 +147,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let ended = session.run(&mut stepper, &mut tool)?;
     tool.finish(ended)
-}
-
-/// The scenario of a source that names none.
-fn default_output(source: &str) -> PathBuf {
-    let stem = Path::new(source).file_stem().unwrap_or_default();
-    Path::new(stem).with_extension("toml")
 }
 
 fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {

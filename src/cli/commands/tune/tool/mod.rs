@@ -151,7 +151,7 @@ impl Tuner {
 
     fn ask(&self, stepper: &Stepper<'_>) {
         self.worker.ask(Job {
-            frame: std::sync::Arc::clone(stepper.held_frame()),
+            frame: std::sync::Arc::clone(stepper.frame()),
             settings: self.pair().map(TunedSetting::clone),
         });
     }
