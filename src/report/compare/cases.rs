@@ -57,9 +57,7 @@ impl Comparison {
         }));
         cases
     }
-}
 
-impl Comparison {
     /// Why a metric that no algorithm has in both reports is not tested.
     fn unmeasured(&self, metric: &Metric) -> String {
         let is_partial = self
