@@ -228,7 +228,7 @@ impl Results {
             return Some(format!("sorted by {}", self.merit_words()?));
         };
         let mut values = self.algorithms.iter().map(|a| a.value(metric));
-        let words = format!("not sorted: {} is not measured", metric.words);
+        let words = format!("not sorted: {} is not measured", metric.name);
         values.all(|value| value.is_none()).then_some(words)
     }
 

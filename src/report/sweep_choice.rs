@@ -77,11 +77,11 @@ impl Results {
             let is_measured = |label: &&str| self.value(label, metric, None).is_some();
             let choice = if metric.better == Better::Neither {
                 let why = "neither less nor more of it is better";
-                Err(format!("{}, {why}", metric.words))
+                Err(format!("{}, {why}", metric.name))
             } else if labels.iter().all(is_measured) {
                 SweepChoice::new(name, &labels, rows, ranking)
             } else {
-                Err(format!("{} is not measured", metric.words))
+                Err(format!("{} is not measured", metric.name))
             };
             match choice {
                 Ok(choice) => choices.push(choice),
@@ -114,7 +114,7 @@ impl SweepChoice {
         let no_values = || {
             format!(
                 "{} has no values by pairs; sort by another metric",
-                metric.words
+                metric.name
             )
         };
         let rows_of = |label: &str| -> Vec<_> {
@@ -282,11 +282,8 @@ mod tests {
         );
         // The number of the truth's near obstacles chooses nothing.
         for (name, why) in [
-            (
-                "near",
-                "near obstacles, neither less nor more of it is better",
-            ),
-            ("rmse", "RMSE of distances is not measured"),
+            ("near", "near, neither less nor more of it is better"),
+            ("rmse", "rmse is not measured"),
         ] {
             let (choices, words) = by(name);
             assert_eq!(choices.len(), 0);
