@@ -210,6 +210,9 @@ mod tests {
                 let cells = [("right", right), ("wrong", 0.0), ("unknown", 100.0 - right)];
                 let mut metrics = MetricValues::from(cells);
                 metrics.set("false", Some(1.0));
+                // Nothing is near, so nothing can be missed.
+                metrics.set("near", Some(0.0));
+                metrics.set("missed", Some(0.0));
                 Row {
                     sequence,
                     algorithm: label.clone(),
@@ -284,6 +287,7 @@ mod tests {
         for (name, why) in [
             ("near", "near, neither less nor more of it is better"),
             ("rmse", "rmse is not measured"),
+            ("missed", "missed is not measured"),
         ] {
             let (choices, words) = by(name);
             assert_eq!(choices.len(), 0);
