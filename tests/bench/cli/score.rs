@@ -220,7 +220,7 @@ fn a_run_outside_of_what_v5_was_fitted_to_is_told() {
     let narrow = "a tolerance below 20 % or 0.1 m";
     assert_eq!(told("--algo v5 --tolerance 10%").as_deref(), Some(narrow));
     // The table for small cells was fitted to both.
-    assert_eq!(told("--algo v5 --tolerance 10% --cells 24x12"), None);
+    assert_eq!(told("--algo v5 --tolerance 0.05m,10% --cells 24x12"), None);
     let tiny = "cells smaller than those of 24x12 at 320 px";
     assert_eq!(told("--algo v5 --cells 64x48").as_deref(), Some(tiny));
     let near = "cells smaller than those of 5x3 at 320 px";
