@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 const SUPPORTED: (Feature, i64) = (Feature::Support, 500);
 const TEXTURED: (Feature, i64) = (Feature::Texture, 200);
 
-/// Most pixels of a far cell that equal their left neighbour, per mille: more of them may be half of
-/// what votes.
+/// Most pixels of a far cell that equal their left neighbour, per mille: more of them may be half
+/// of what votes.
 const MAX_PLAIN: i64 = 250;
 
 /// One piece of evidence on a cell.
