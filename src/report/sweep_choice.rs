@@ -91,7 +91,8 @@ impl Results {
         (self.choices, self.unchosen) = (choices, unchosen);
     }
 
-    /// The choices in sentences; where the user asked for a metric, also why there is none.
+    /// The choices in sentences; where the user asked for a metric, also why no setting
+    /// is chosen.
     pub(super) fn choice_words(&self) -> Vec<String> {
         let unchosen = self.unchosen.iter().filter(|_| self.shown.sort.is_some());
         let choices = self.choices.iter().map(SweepChoice::words);
@@ -103,7 +104,7 @@ impl SweepChoice {
     /// The choice among two settings or more.
     ///
     /// # Errors
-    /// The reason why there is none.
+    /// The reason why no setting is chosen.
     fn new<'a>(
         name: &str,
         labels: &[&'a str],
@@ -171,8 +172,9 @@ impl SweepChoice {
         let show = |score: f64| metric.map_or_else(String::new, |metric| metric.show(score));
         let (settings, own) = (counted(self.settings, "setting"), show(self.own_score));
         let (setting, score, [even, odd]) = (&self.setting, show(self.score), &self.halves);
-        let halves = if even == odd && even == setting {
-            "each half chooses it".to_owned()
+        let halves = if even == odd {
+            let chosen = if even == setting { "it" } else { even.as_str() };
+            format!("each half chooses {chosen}")
         } else {
             format!(
                 "the halves choose differently: {even} and {odd}, each scored on the other half"

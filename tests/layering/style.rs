@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 13833),
-    ("report", 12582),
+    ("report", 12583),
     ("score", 8196),
     ("sim", 3534),
     ("thesis", 3660),
