@@ -34,75 +34,63 @@
 //! [`Visibility`]: svl_core::stereo::Visibility
 //! [`Surface`]: svl_core::stereo::Surface
 
+mod bags;
+mod cameras;
+mod clocks;
+mod decode;
+mod mcap;
+mod message;
+mod pairs;
+mod poses;
+mod read;
+mod results;
+mod sensor;
+mod stream;
+mod write;
+
 /// The Rust example of the README, as a doctest.
 #[cfg(doctest)]
 #[doc = include_str!("README.md")]
 mod readme {}
 
-mod append_file;
-mod bag;
-mod cells;
-mod chunk;
-mod container;
-mod dialect;
-mod file;
-mod foreign;
-mod geometry;
-mod header;
-mod images;
-mod index;
-mod layout;
-mod messages;
-mod opened;
-mod own_topics;
-mod reader;
-mod records;
-mod recovery;
-mod restamped;
-mod result;
-mod ros;
-mod ros1_bag;
-mod search;
-mod skew;
-mod sqlite;
-mod stamp_rule;
-mod stream_facts;
-mod summary;
-mod sync;
-mod synced_file;
-mod topic_file;
-mod truth;
-mod writer;
-
-pub use bag::{files, is_bag, only_file};
-pub use cells::{AlgorithmCells, CellReport};
-pub use container::is_recording;
-pub use dialect::{Dialect, RecordingFormat};
-pub use foreign::{
-    ClockFault, ClockOffset, ClockRole, ClockTable, FramePoses, LiveTopic, PoseStep, PoseSummary,
-    RawCamera, Selection, SensorRole, SensorSelection, SensorTopic, TopicClock, TopicLatency,
-    TopicPairs, UnpairedImages, VideoSummary, truth_topics,
-};
-pub use header::{Header, StampOrigin};
-pub use images::ImageFormat;
+pub use crate::bags::bag::{files, is_bag, only_file};
+pub use crate::bags::container::is_recording;
+pub use crate::bags::header::{Header, StampOrigin};
+pub use crate::bags::opened::Recording;
+pub use crate::cameras::topics::Selection;
+pub use crate::clocks::faults::ClockFault;
+pub use crate::clocks::measure::{ClockOffset, TopicClock};
+pub use crate::clocks::scan::ClockRole;
+pub use crate::clocks::table::ClockTable;
+pub use crate::decode::video::topic::VideoSummary;
 #[doc(hidden)]
-pub use messages::warn_once;
-pub use opened::Recording;
-pub use reader::Reader;
-pub use records::DamagedPart;
-pub use recovery::Recovery;
-pub use result::{AlgorithmResult, PairResult, StoredResults};
-pub use ros::{
-    CDR_LE, ResultMessage, ResultOptions, diagnostics, result_messages, static_transforms,
-};
-pub use skew::{SkewBin, SkewSummary};
-pub use stamp_rule::StampUnit;
-pub use stream_facts::{CameraFacts, StreamFacts};
-pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
-pub use sync::PairGeometry;
-pub use topic_file::TopicFile;
-pub use truth::disparities;
-pub use writer::Writer;
+pub use crate::mcap::messages::warn_once;
+pub use crate::mcap::records::DamagedPart;
+pub use crate::message::images::ImageFormat;
+pub use crate::message::ros::CDR_LE;
+pub use crate::message::ros::result_message::{ResultMessage, ResultOptions};
+pub use crate::message::sync::PairGeometry;
+pub use crate::pairs::skew::{SkewBin, SkewSummary};
+pub use crate::pairs::stamp_pairing::UnpairedImages;
+pub use crate::pairs::stream_facts::{CameraFacts, StreamFacts};
+pub use crate::pairs::truth::disparities;
+pub use crate::poses::motion::PoseStep;
+pub use crate::poses::pose_summary::{FramePoses, PoseSummary};
+pub use crate::read::reader::Reader;
+pub use crate::read::summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
+pub use crate::read::topic_pairs::{LiveTopic, TopicPairs};
+pub use crate::results::cells::{AlgorithmCells, CellReport};
+pub use crate::results::result::{AlgorithmResult, PairResult, StoredResults};
+pub use crate::results::ros_messages::{diagnostics, result_messages};
+pub use crate::results::scan::static_transforms;
+pub use crate::sensor::measurements::TopicLatency;
+pub use crate::sensor::topic::{SensorRole, SensorSelection, SensorTopic, truth_topics};
+pub use crate::sensor::view::RawCamera;
+pub use crate::stream::stamp_rule::StampUnit;
+pub use crate::write::dialect::{Dialect, RecordingFormat};
+pub use crate::write::recovery::Recovery;
+pub use crate::write::topic_file::TopicFile;
+pub use crate::write::writer::Writer;
 
 use std::borrow::Cow;
 use svl_core::stereo::Side;

@@ -1,0 +1,862 @@
+//! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
+
+use crate::decode::{json, realsense};
+use crate::decode_protobuf;
+use crate::mcap::messages::Channel;
+use crate::message::ros;
+use crate::sensor::kind::head;
+use nalgebra::{Matrix3, Matrix3x4, Rotation3};
+use svl_core::stereo::{
+    CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,
+    StereoCalibration, check_offsets, check_size, rotation,
+};
+
+/// Schemas of calibration messages.
+pub(crate) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
+
+/// Tolerances of rectified cameras, for rounding in calibration files: relative difference of the
+/// focal lengths, difference of the principal points' rows.
+const FOCAL_TOLERANCE: f64 = 1e-4;
+const ROW_TOLERANCE_PX: f64 = 0.1;
+
+/// Offsets of P that are rounding: a fraction of the focal length.
+const ROUNDING: f64 = 1e-6;
+
+/// Greatest relative difference of the baselines in P and in the static transforms, if the sign of
+/// the one in P is reversed.
+const BASELINE_TOLERANCE: f64 = 0.1;
+
+/// Focal lengths and principal points of K and P that differ by no more are equal, up to rounding:
+/// pixels.
+const MAX_SAME_PX: f64 = 0.01;
+
+/// One camera's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Calibration {
+    /// Width and height of its images, pixels.
+    size: (u32, u32),
+    /// Columns and rows of the sensor that are one pixel of them.
+    binning: [u32; 2],
+    /// Name of the distortion model.
+    model: String,
+    /// Intrinsics before rectification, row-major 3x3.
+    k: Vec<f64>,
+    /// Distortion coefficients.
+    d: Vec<f64>,
+    /// Rotation into the rectified frame, row-major 3x3.
+    r: Vec<f64>,
+    /// Projection of the rectified camera, row-major 3x4.
+    p: Vec<f64>,
+}
+
+/// True if the messages of a channel are calibrations.
+pub(crate) fn is_calibration(channel: &Channel) -> bool {
+    SCHEMAS.contains(&channel.schema.as_str()) || realsense::is_calibration(channel)
+}
+
+/// A calibration and its stamp; one without a stamp has its log time.
+///
+/// # Errors
+/// The reason why it cannot be read.
+pub(crate) fn decode(
+    channel: &Channel,
+    log_time: u64,
+    data: &[u8],
+) -> Result<(u64, Calibration), String> {
+    let calibration = decode_calibration(channel, data)?;
+    // RealSense's is a text.
+    let stamp = if realsense::is_calibration(channel) {
+        None
+    } else {
+        head(channel, data)?.0
+    };
+    Ok((stamp.unwrap_or(log_time), calibration))
+}
+
+fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+    let unbinned = |size, model, [k, d, r, p]: [Vec<f64>; 4]| Calibration {
+        size,
+        binning: [1, 1],
+        model,
+        k,
+        d,
+        r,
+        p,
+    };
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
+            channel,
+            data,
+            ros::camera_info,
+        )?)),
+        ("foxglove.CameraCalibration", "protobuf") => {
+            let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
+            let size = (m.width, m.height);
+            Ok(unbinned(size, m.distortion_model, [m.k, m.d, m.r, m.p]))
+        }
+        ("foxglove.CameraCalibration", "json") => {
+            let m: json::JsonCalibration = json::read(data)?;
+            let size = (m.width, m.height);
+            Ok(unbinned(size, m.distortion_model, [m.k, m.d, m.r, m.p]))
+        }
+        ("std_msgs/msg/String", "cdr") => {
+            realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
+        }
+        (schema, encoding) if SCHEMAS.contains(&schema) => Err(format!(
+            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
+        )),
+        (schema, _) => {
+            let known = svl_core::joined(SCHEMAS);
+            Err(format!("it is a {schema}, svl reads {known}"))
+        }
+    }
+}
+
+/// A RealSense stream's: its images are rectified by the camera, so P is K; the baseline is in the
+/// transforms.
+fn from_stream(camera: realsense::StreamCamera) -> Calibration {
+    let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
+    Calibration {
+        size: camera.size,
+        binning: [1, 1],
+        model: camera.model,
+        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        d: camera.distortion.to_vec(),
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+}
+
+/// The calibration of the published images, which may be a binned region of the sensor (as
+/// image_geometry's PinholeCameraModel).
+fn from_camera_info(info: ros::CameraInfo) -> Calibration {
+    let ros::CameraInfo {
+        width,
+        height,
+        model,
+        distortion: d,
+        mut k,
+        r,
+        mut p,
+        binning,
+        roi,
+    } = info;
+    // ROS leaves binning at 0 if it was never set.
+    let [columns, rows] = binning.map(|pixels| pixels.max(1));
+    let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
+    let size = (
+        side(roi.width, width) / columns,
+        side(roi.height, height) / rows,
+    );
+    for matrix in [&mut k[..], &mut p[..]] {
+        let row = matrix.len() / 3;
+        // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
+        matrix[2] -= f64::from(roi.x);
+        matrix[row + 2] -= f64::from(roi.y);
+        matrix[..row]
+            .iter_mut()
+            // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
+            .for_each(|v| *v /= f64::from(columns));
+        matrix[row..2 * row]
+            .iter_mut()
+            .for_each(|v| *v /= f64::from(rows));
+    }
+    Calibration {
+        size,
+        binning: [columns, rows],
+        model,
+        k: k.to_vec(),
+        d,
+        r: r.to_vec(),
+        p: p.to_vec(),
+    }
+}
+
+/// Differences of a calibration from the previous one.
+#[derive(Debug, PartialEq)]
+pub(crate) struct CalibrationChange {
+    /// `P[0][0]`, before and after.
+    focal_px: [f64; 2],
+    /// `P[0][3]`, which is minus focal length times baseline.
+    offset: [f64; 2],
+}
+
+impl std::fmt::Display for CalibrationChange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            focal_px: [focal, next_focal],
+            offset: [offset, next_offset],
+        } = self;
+        if focal != next_focal {
+            write!(f, "focal length {focal:.2}, then {next_focal:.2} px")
+        } else if offset != next_offset {
+            write!(f, "P[0][3] {offset:.3}, then {next_offset:.3}")
+        } else {
+            f.write_str("with the same focal length")
+        }
+    }
+}
+
+impl Calibration {
+    /// The numbers of K, D, R and P.
+    fn numbers(&self) -> Vec<f64> {
+        [&self.k[..], &self.d, &self.r, &self.p].concat()
+    }
+
+    /// Differences of `next`; `None` if all numbers are equal.
+    pub(crate) fn change(&self, next: &Self) -> Option<CalibrationChange> {
+        // NaN, from an uncalibrated camera, equals itself here.
+        let bits = |calibration: &Self| {
+            let numbers = calibration.numbers().into_iter();
+            numbers.map(f64::to_bits).collect::<Vec<_>>()
+        };
+        let is_same =
+            self.size == next.size && self.model == next.model && bits(self) == bits(next);
+        let both = |index: usize| {
+            [self, next].map(|calibration| calibration.p.get(index).copied().unwrap_or_default())
+        };
+        (!is_same).then(|| CalibrationChange {
+            focal_px: both(0),
+            offset: both(3),
+        })
+    }
+
+    /// Checks that it has the focal lengths of `known`, another calibration of the camera, and no
+    /// numbers that are not finite.
+    ///
+    /// # Errors
+    /// The fault. A camera that was never calibrated has it from the start, and no `known` without.
+    pub(crate) fn check_damage(&self, known: &Self) -> Result<(), String> {
+        let is_finite = |calibration: &Self| {
+            let numbers = calibration.numbers();
+            numbers.iter().all(|number| number.is_finite())
+        };
+        if is_finite(known) && !is_finite(self) {
+            return Err("it has numbers that are not finite".to_owned());
+        }
+        let lost = [true, false]
+            .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());
+        if lost.contains(&true) {
+            return Err("it has no focal length, and the one before it does".to_owned());
+        }
+        Ok(())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Focal lengths along x and y: from K for a raw camera, else from P. `None` if unknown.
+    pub(crate) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
+        let focal = if is_raw {
+            (*self.k.first()?, *self.k.get(4)?)
+        } else {
+            (*self.p.first()?, *self.p.get(5)?)
+        };
+        (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
+    }
+
+    /// Name of the distortion model; `None` if all coefficients are 0.
+    pub(crate) fn distortion_model(&self) -> Option<&str> {
+        let is_distorted = self.d.iter().any(|coefficient| *coefficient != 0.0);
+        is_distorted.then_some(&self.model)
+    }
+
+    /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
+    pub(crate) fn lacks_baseline(&self, right: &Self) -> bool {
+        // Rounding is no baseline.
+        let is_zero = |calibration: &&Self| match calibration.p[..] {
+            // A P of zeros is that of a camera without a calibration.
+            [focal, _, _, offset, ..] => focal > 0.0 && offset.abs() <= ROUNDING * focal.max(1.0),
+            _ => false,
+        };
+        [self, right].iter().all(is_zero)
+    }
+
+    /// True if the two P put the right camera to the left of the left one.
+    pub(crate) fn has_reversed_baseline(&self, right: &Self) -> bool {
+        match (&self.p[..], &right.p[..]) {
+            ([focal, _, _, left, ..], [_, _, _, right, ..]) => {
+                right - left > ROUNDING * focal.max(1.0)
+            }
+            _ => false,
+        }
+    }
+
+    /// True if the baseline has to come from the static transforms.
+    pub(crate) fn needs_baseline(&self, right: &Self) -> bool {
+        self.lacks_baseline(right) || self.has_reversed_baseline(right)
+    }
+
+    /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
+    ///
+    /// # Errors
+    /// The size that it is for.
+    pub(crate) fn check_size(&self, size: (usize, usize)) -> Result<(), String> {
+        let own = (self.size.0 as usize, self.size.1 as usize);
+        if own == (0, 0) {
+            return Ok(());
+        }
+        check_size(own, size).map_err(|e| e.to_string())
+    }
+
+    /// The check of a binning.
+    fn binning_check(&self, size: (usize, usize)) -> Option<CalibrationCheck> {
+        let [_, _, cx, _, _, cy, ..] = self.k[..] else {
+            return None;
+        };
+        let is_binned = self.binning != [1, 1];
+        is_binned.then(|| CalibrationCheck::binning((cx, cy), self.binning, size))
+    }
+
+    /// The doubts about the calibration of a depth camera whose principal point is `center_px`, for
+    /// images of that size.
+    pub(crate) fn depth_doubts(&self, center_px: (f64, f64), size: (usize, usize)) -> Vec<String> {
+        let center = CalibrationCheck::center("depth camera", center_px, size);
+        let checks = [self.binning_check(size), Some(center)];
+        let mut doubts = checks.into_iter().flatten().filter_map(|check| check.doubt);
+        // The first is the cause of the other.
+        doubts.next().into_iter().collect()
+    }
+
+    /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
+    /// that projects to other pixels than K.
+    pub(crate) fn is_of_raw_camera(&self) -> bool {
+        if self.is_rectified_by_depthai() {
+            return false;
+        }
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
+        // of a product of rotations.
+        let turned = self.r.iter().any(|v| *v != 0.0)
+            && self
+                .r
+                .iter()
+                .zip(identity)
+                .any(|(a, b)| (a - b).abs() > 1e-9);
+        turned || self.is_projected_anew() || self.is_distorted()
+    }
+
+    /// True if it has a coefficient, or is a fisheye, whose coefficients may be 0.
+    fn is_distorted(&self) -> bool {
+        let is_fisheye = || matches!(self.model.parse(), Ok(DistortionModel::Equidistant));
+        self.d.iter().any(|coefficient| *coefficient != 0.0)
+            || self.focal_px(true).is_some() && is_fisheye()
+    }
+
+    /// True of the rectified images of depthai-ros: it sets the distortion to 0 and the diagonal of
+    /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that
+    /// diagonal.
+    fn is_rectified_by_depthai(&self) -> bool {
+        let [a, b, c, d, e, f, g, h, i] = self.r[..] else {
+            return false;
+        };
+        [a, e, i] == [1.0; 3]
+            && [b, c, d, f, g, h].iter().any(|v| *v != 0.0)
+            && self.d.iter().all(|coefficient| *coefficient == 0.0)
+    }
+
+    /// True if P projects to other pixels than K does.
+    fn is_projected_anew(&self) -> bool {
+        let (Some(_), Some(_)) = (self.focal_px(true), self.focal_px(false)) else {
+            return false;
+        };
+        // K has three columns, P four: focal lengths and principal point.
+        let same = [(0, 0), (2, 2), (4, 5), (5, 6)];
+        let differs = |(k, p): (usize, usize)| (self.k[k] - self.p[p]).abs() > MAX_SAME_PX;
+        self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
+    }
+
+    fn distortion(&self) -> Result<Distortion, String> {
+        // A camera that was never calibrated names no model.
+        let model = if self.model.is_empty() {
+            Ok(DistortionModel::PlumbBob)
+        } else {
+            self.model.parse::<DistortionModel>()
+        };
+        let distortion = model.and_then(|model| model.with_coefficients(&self.d));
+        distortion.map_err(|e| e.to_string())
+    }
+
+    pub(crate) fn camera(&self) -> Result<Intrinsics, String> {
+        let distortion = self.distortion()?;
+        let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
+            return Err(format!(
+                "its K has {} numbers, 9 make a camera",
+                self.k.len()
+            ));
+        };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
+    }
+
+    pub(crate) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
+        match <[f64; 12]>::try_from(&self.p[..]) {
+            // Uncalibrated cameras publish a P of zeros; NaN fails too.
+            Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
+            _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
+        }
+    }
+
+    pub(crate) fn rotation(&self) -> Result<Rotation3<f64>, String> {
+        let r = <[f64; 9]>::try_from(&self.r[..])
+            .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
+        rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
+    }
+}
+
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none, or that of the
+/// other sign, as DepthAI's, whose first camera is the right one.
+///
+/// # Errors
+/// The reason why there is none.
+pub(crate) fn rig(
+    left: &Calibration,
+    right: &Calibration,
+    baseline_m: Option<f64>,
+) -> Result<Rig, String> {
+    let baseline_m = baseline_m.filter(|_| left.needs_baseline(right));
+    let (left, mut right) = (left.projection()?, right.projection()?);
+    if let Some(baseline_m) = baseline_m {
+        let offset = right[(0, 0)] * baseline_m;
+        let reversed = right[(0, 3)] - left[(0, 3)];
+        let is_same = (reversed - offset).abs() <= BASELINE_TOLERANCE * offset;
+        if is_same {
+            right[(0, 3)] = left[(0, 3)] - offset;
+        } else if reversed <= ROUNDING * right[(0, 0)] {
+            right[(0, 3)] = -offset;
+        }
+    }
+    let rig = check_offsets(&left, &right).and_then(|()| {
+        let (focal, row) = (FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+        Rig::from_projections(&left, &right, focal, row, LengthUnit::Metres)
+    });
+    rig.map_err(|e| {
+        if left[(0, 3)] < right[(0, 3)] {
+            // Swapped topics are the usual cause of a negative baseline.
+            format!(
+                "{e}: if the images are exchanged, too, --left and --right name their topics; if \
+                 the calibrations alone are, --calib FILE replaces them, or a /tf_static with the \
+                 cameras' frames shows that only the sign of P is wrong (DepthAI: \
+                 i_reverse_stereo_socket_order)"
+            )
+        } else {
+            format!("{e}; --calib FILE replaces it")
+        }
+    })
+}
+
+/// The checks of the numbers of two cameras, of which `rig` is that of rectified images.
+/// `size`: that of the images, for calibrations that have none. `apart_m`: distance of the cameras
+/// by the static transforms.
+pub(crate) fn checks(
+    ([left, right], size): ([&Calibration; 2], (usize, usize)),
+    rig: &Rig,
+    calibration: Option<&StereoCalibration>,
+    apart_m: Option<f64>,
+) -> Vec<CalibrationCheck> {
+    let size = match left.size {
+        (0, 0) => size,
+        (width, height) => (width as usize, height as usize),
+    };
+    let mut checks = match calibration {
+        Some(calibration) => calibration.checks(),
+        None => rig.checks(size),
+    };
+    if let (None, Some((raw_px, _))) = (calibration, left.focal_px(true)) {
+        checks.push(CalibrationCheck::focal(rig.focal_px(), raw_px));
+    }
+    if let (Ok(left), Ok(right)) = (left.projection(), right.projection()) {
+        let mut offsets = CalibrationCheck::offsets(&left, &right);
+        // Offsets to the middle of the cameras are right, as the transforms say.
+        let is_right = |apart_m| {
+            CalibrationCheck::baseline(rig.baseline_m(), apart_m, "")
+                .doubt
+                .is_none()
+        };
+        offsets.doubt = offsets.doubt.filter(|_| !apart_m.is_some_and(is_right));
+        checks.push(offsets);
+    }
+    if let Some(binning) = left.binning_check(size) {
+        // It is the cause of the others.
+        if binning.doubt.is_some() {
+            checks.iter_mut().for_each(|check| check.doubt = None);
+        }
+        checks.push(binning);
+    }
+    if let Some(apart_m) = apart_m.filter(|_| !left.needs_baseline(right)) {
+        let check = CalibrationCheck::baseline(rig.baseline_m(), apart_m, "/tf_static");
+        checks.push(check);
+    }
+    checks
+}
+
+/// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
+///
+/// # Errors
+/// The missing part.
+pub(crate) fn calibration(
+    left: &Calibration,
+    right: &Calibration,
+    baseline_m: Option<f64>,
+) -> Result<StereoCalibration, String> {
+    let rig = rig(left, right, baseline_m)?;
+    let cameras = [left.camera()?, right.camera()?];
+    let rectification = Rectification {
+        size: cameras[0].size(),
+        left: left.rotation()?,
+        right: right.rotation()?,
+        rig,
+    };
+    let [left, right] = cameras;
+    let calibration =
+        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
+    Ok(calibration
+        .map_err(|e| e.to_string())?
+        .with_rectification(rectification))
+}
+
+#[cfg(test)]
+pub(crate) fn calibration_of_size(size: (u32, u32)) -> Calibration {
+    Calibration {
+        size,
+        binning: [1, 1],
+        model: String::new(),
+        k: vec![],
+        d: vec![],
+        r: vec![],
+        p: vec![],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
+        let p = vec![
+            focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
+        let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
+        let (d, r) = (
+            vec![0.0; 5],
+            vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        );
+        Calibration {
+            size: (320, 240),
+            binning: [1, 1],
+            model: "plumb_bob".into(),
+            k,
+            d,
+            r,
+            p,
+        }
+    }
+
+    #[test]
+    fn damage_is_of_a_camera_that_was_calibrated() {
+        let good = Calibration {
+            k: vec![300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0],
+            ..calibration_of_size((4, 3))
+        };
+        let with = |focal: f64| {
+            let mut other = good.clone();
+            other.k[0] = focal;
+            other
+        };
+        assert!(good.check_damage(&good).is_ok() && with(310.0).check_damage(&good).is_ok());
+        assert!(
+            with(f64::NAN)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("finite")
+        );
+        assert!(
+            with(0.0)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("focal length")
+        );
+        for focal in [f64::NAN, 0.0] {
+            assert!(with(focal).check_damage(&with(focal)).is_ok());
+            assert!(good.check_damage(&with(focal)).is_ok());
+        }
+    }
+
+    #[test]
+    fn the_baseline_is_between_the_cameras() {
+        // The arrangement of KITTI's colour cameras, neither of which is at the origin.
+        let (left, right) = (camera(500.0, 120.0, 30.0), camera(500.0, 120.0, -20.0));
+        let found = rig(&left, &right, Some(9.0)).unwrap();
+        assert!((found.baseline_m() - 0.1).abs() < 1e-12);
+        // P of a single camera each.
+        let alone = camera(500.0, 120.0, 0.0);
+        assert_eq!(rig(&alone, &alone, Some(0.05)).unwrap().baseline_m(), 0.05);
+        let says = |left: &Calibration, right: &Calibration, what: &str| {
+            let error = rig(left, right, None).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        };
+        let left = camera(500.0, 120.0, 0.0);
+        says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
+        says(&left, &left, "baseline");
+        // In millimetres, and what rounding leaves.
+        says(
+            &left,
+            &camera(500.0, 120.0, -60_000.0),
+            "1.200e2 m is not between",
+        );
+        says(
+            &left,
+            &camera(500.0, 120.0, -0.1),
+            "2.000e-4 m: the offset is likely the baseline itself",
+        );
+        let rounded = camera(500.0, 120.0, -1e-9);
+        let found = rig(&left, &rounded, Some(0.05)).unwrap();
+        assert!((found.baseline_m() - 0.05).abs() < 1e-9);
+        says(
+            &left,
+            &camera(510.0, 120.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &camera(500.0, 122.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![0.0; 12],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn the_sign_of_the_baseline_is_that_of_the_transforms() {
+        let left = camera(500.0, 120.0, 0.0);
+        let reversed = camera(500.0, 120.0, 50.0);
+        assert!(left.has_reversed_baseline(&reversed) && left.needs_baseline(&reversed));
+        let found = rig(&left, &reversed, Some(0.101)).unwrap();
+        assert!((found.baseline_m() - 0.101).abs() < 1e-12);
+        // Another length: one of the two is wrong in more than its sign.
+        for metres in [None, Some(0.2)] {
+            let error = rig(&left, &reversed, metres).unwrap_err();
+            assert!(error.contains("i_reverse_stereo_socket_order"), "{error}");
+        }
+        let sound = camera(500.0, 120.0, -50.0);
+        assert!(!left.has_reversed_baseline(&sound) && !left.needs_baseline(&sound));
+        assert_eq!(rig(&left, &sound, Some(0.2)).unwrap().baseline_m(), 0.1);
+    }
+
+    #[test]
+    fn depthai_s_rectified_images_are_no_raw_ones() {
+        // The raw K, the rectified P, and a rotation of which the diagonal alone was reset.
+        let mut rectified = camera(500.0, 120.0, 0.0);
+        rectified.k[0] = 510.0;
+        rectified.r = vec![1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0];
+        assert!(!rectified.is_of_raw_camera());
+        let raw = Calibration {
+            d: vec![0.1],
+            ..rectified.clone()
+        };
+        assert!(raw.is_of_raw_camera());
+        rectified.r[4] = 0.9999;
+        assert!(rectified.is_of_raw_camera());
+    }
+
+    #[test]
+    fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
+        let info = |binning, (x, y, width, height)| ros::CameraInfo {
+            width: 640,
+            height: 480,
+            model: "plumb_bob".into(),
+            distortion: vec![],
+            k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [
+                600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
+            binning,
+            roi: ros::RegionOfInterest {
+                x,
+                y,
+                height,
+                width,
+            },
+        };
+        let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
+        assert_eq!(
+            (whole.size, whole.k[0], whole.p[3]),
+            ((640, 480), 600.0, -60.0)
+        );
+        // The order of image_geometry's PinholeCameraModel: first the offset, then the binning; Tx
+        // is scaled too, so the baseline is unchanged.
+        let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
+        assert_eq!(
+            (binned.size, &binned.p[..4], &binned.p[4..8]),
+            (
+                (320, 240),
+                &[300.0, 0.0, 161.0, -30.0][..],
+                &[0.0, 300.0, 121.0, 0.0][..]
+            )
+        );
+        let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
+        assert_eq!(
+            (part.size, &part.k[..6]),
+            ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
+        );
+        assert_eq!(
+            (&part.p[..4], part.p[6]),
+            (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
+        );
+        assert!(part.check_size((160, 240)).is_ok());
+        assert!(
+            part.check_size((320, 240))
+                .unwrap_err()
+                .contains("of 160x240 pixels, these have 320x240")
+        );
+        assert!(
+            Calibration {
+                size: (0, 0),
+                ..part
+            }
+            .check_size((320, 240))
+            .is_ok(),
+            "it does not say"
+        );
+    }
+
+    #[test]
+    fn raw_cameras_with_all_their_numbers_can_be_rectified() {
+        let left = Calibration {
+            d: vec![-0.28, 0.07, 0.0, 0.0],
+            ..camera(500.0, 120.0, 0.0)
+        };
+        let right = camera(500.0, 120.0, -50.0);
+        let found = calibration(&left, &right, None).unwrap();
+        assert_eq!(
+            (
+                *found.left().distortion(),
+                found.rig().unwrap().baseline_m()
+            ),
+            (Distortion::PlumbBob([-0.28, 0.07, 0.0, 0.0, 0.0]), 0.1)
+        );
+        let with = |model: &str, d: &[f64]| Calibration {
+            model: model.into(),
+            d: d.to_vec(),
+            ..left.clone()
+        };
+        let error =
+            |left: Calibration, right: &Calibration| calibration(&left, right, None).unwrap_err();
+        let (fisheye, rational) = (
+            with("equidistant", &[0.1, 0.0, 0.0, 0.0]),
+            with("rational_polynomial", &[0.1; 8]),
+        );
+        for camera in [&fisheye, &rational] {
+            let right = Calibration {
+                model: camera.model.clone(),
+                d: vec![0.0; camera.d.len()],
+                ..right.clone()
+            };
+            let found = calibration(camera, &right, None).unwrap();
+            assert_eq!(found.left().distortion().coefficients(), camera.d);
+        }
+        let mixed = Calibration {
+            d: vec![0.1; 5],
+            ..right.clone()
+        };
+        assert!(error(fisheye, &mixed).contains("equidistant, the right one's plumb_bob"));
+        assert!(error(with("ftheta", &[]), &right).contains("'ftheta' is not supported"));
+        assert!(error(with("equidistant", &[0.1; 3]), &right).contains("3 coefficients"));
+        let zeros = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.0; 8],
+            ..left.clone()
+        };
+        assert!(calibration(&zeros, &right, None).is_ok());
+        for (k, r) in [
+            (vec![], left.r.clone()),
+            (left.k.clone(), vec![]),
+            (left.k.clone(), vec![0.0; 9]),
+        ] {
+            assert!(
+                calibration(
+                    &Calibration {
+                        k,
+                        r,
+                        ..left.clone()
+                    },
+                    &right,
+                    None
+                )
+                .is_err()
+            );
+        }
+    }
+
+    #[test]
+    fn a_change_of_any_number_is_one() {
+        let first = camera(500.0, 120.0, -50.0);
+        assert_eq!(first.change(&first), None);
+        let unknown = camera(f64::NAN, 120.0, -50.0);
+        assert_eq!(unknown.change(&unknown), None);
+        let change = first.change(&camera(250.0, 120.0, -25.0)).unwrap();
+        assert_eq!(change.focal_px, [500.0, 250.0]);
+        assert!(first.change(&camera(500.0, 121.0, -50.0)).is_some());
+        let distorted = Calibration {
+            d: vec![0.1],
+            ..first.clone()
+        };
+        assert!(first.change(&distorted).is_some());
+        assert_eq!(first.focal_px(true), Some((500.0, 500.0)));
+        assert_eq!(camera(0.0, 1.0, 0.0).focal_px(false), None);
+    }
+
+    #[test]
+    fn raw_cameras_are_known() {
+        let rectified = camera(500.0, 120.0, 0.0);
+        assert!(!rectified.is_of_raw_camera());
+        assert!(
+            !Calibration {
+                r: vec![0.0; 9],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                d: vec![-0.28],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        // Without distortion, but projected anew: by another focal length or principal point.
+        let with = |focal: f64, cy: f64| Calibration {
+            k: vec![focal, 0.0, rectified.p[2], 0.0, focal, cy, 0.0, 0.0, 1.0],
+            ..rectified.clone()
+        };
+        assert!(!with(500.0, 120.0).is_of_raw_camera());
+        assert!(!with(500.001, 120.0).is_of_raw_camera());
+        assert!(with(510.0, 120.0).is_of_raw_camera());
+        assert!(with(500.0, 126.0).is_of_raw_camera());
+    }
+}

@@ -1,0 +1,183 @@
+//! Decodes ROS and Foxglove pixel encodings.
+
+use super::bayer::Tile;
+use super::encoding::{Samples, samples, u16_of};
+use super::{bayer, encoding};
+use crate::message::ros::read::RawPixels;
+use svl_core::stereo::Plane;
+use svl_files::{BitDepth, DecodedImage, every_byte};
+
+/// An image as in its message: a mosaic is not interpolated yet, as its bit depth comes first.
+pub(crate) struct MessageImage {
+    pub image: DecodedImage,
+    pub mosaic: Option<Tile>,
+}
+
+impl MessageImage {
+    /// The demosaiced image.
+    pub(crate) fn demosaiced(self, depth: &mut BitDepth) -> DecodedImage {
+        match self.mosaic {
+            Some(tile) => DecodedImage::Color(bayer::color(&depth.grey(self.image).0, tile)),
+            None => self.image,
+        }
+    }
+}
+
+/// # Errors
+/// The reason why it cannot be read.
+pub(crate) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
+    let why_no_image = || encoding::why_no_image(raw.encoding);
+    let encoding = encoding::named(raw.encoding).ok_or_else(why_no_image)?;
+    let rows = encoding.rows(raw)?;
+    let (width, height) = (raw.width as usize, raw.height as usize);
+    let grey8 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray);
+    let grey16 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray16);
+    let image = match encoding.samples {
+        // Row by row: most images are of these.
+        Samples::Grey8(1, _) | Samples::Bayer8(_) => grey8(rows.collect::<Vec<_>>().concat()),
+        Samples::Grey8(bytes, at) => grey8(every_byte(rows, bytes, at)),
+        Samples::Grey16 | Samples::Bayer16(_) => grey16(samples(rows, u16_of(raw)).collect()),
+        Samples::Color8(bytes, rgb) => {
+            let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
+            let pixels: Vec<u8> = pixels.flat_map(|pixel| rgb.map(|at| pixel[at])).collect();
+            DecodedImage::from_rgb(width, height, &pixels)
+        }
+        Samples::Color16(channels, rgb) => {
+            let value = u16_of(raw);
+            let pixels = rows.flat_map(|row| row.chunks_exact(2 * channels));
+            let pixels =
+                pixels.map(|pixel| rgb.map(|at| value([pixel[2 * at], pixel[2 * at + 1]])));
+            Plane::from_vec(width, height, pixels.collect()).map(DecodedImage::Color16)
+        }
+        Samples::Float32 | Samples::Float64 => return Err(why_no_image()),
+    };
+    Ok(MessageImage {
+        image: image.map_err(|e| e.to_string())?,
+        mosaic: encoding.mosaic(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(
+        encoding: &str,
+        (width, height): (u32, u32),
+        step: u32,
+        data: &[u8],
+    ) -> Result<Vec<u8>, String> {
+        let raw = RawPixels {
+            width,
+            height,
+            step,
+            encoding,
+            big_endian: false,
+            data,
+        };
+        decode(&raw).map(|image| grey(image).pixels().collect())
+    }
+
+    fn grey(image: MessageImage) -> svl_core::stereo::Gray {
+        let mut depth = BitDepth::FULL;
+        let image = image.demosaiced(&mut depth);
+        depth.grey(image).0
+    }
+
+    #[test]
+    fn every_encoding_gives_its_grey() {
+        // Grey 10 and 200 in all encodings, in rows with one byte of padding.
+        let two: [(&str, u32, &[u8]); 9] = [
+            ("mono8", 3, &[10, 200]),
+            ("mono16", 4, &[99, 10, 99, 200]),
+            ("16UC1", 5, &[99, 10, 99, 200, 0]),
+            ("uyvy", 4, &[128, 10, 128, 200]),
+            ("yuv422", 5, &[128, 10, 128, 200]),
+            ("yuyv", 4, &[10, 128, 200, 128]),
+            ("yuv422_yuy2", 4, &[10, 128, 200, 128]),
+            ("rgb8", 6, &[10, 10, 10, 200, 200, 200]),
+            (
+                "bgr16",
+                12,
+                &[99, 10, 99, 10, 99, 10, 99, 200, 99, 200, 99, 200],
+            ),
+        ];
+        for (encoding, step, data) in two {
+            assert_eq!(
+                read(encoding, (2, 1), step, data),
+                Ok(vec![10, 200]),
+                "{encoding}"
+            );
+        }
+        let below: [(&str, u32, &[u8]); 2] = [
+            ("rgb8", 4, &[10, 10, 10, 0, 200, 200, 200]),
+            ("bgra8", 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]),
+        ];
+        for (encoding, step, data) in below {
+            assert_eq!(
+                read(encoding, (1, 2), step, data),
+                Ok(vec![10, 200]),
+                "{encoding}"
+            );
+        }
+        // The chroma below is not looked at.
+        for (encoding, chroma) in [("nv12", 4), ("NV21", 4), ("nv24", 12)] {
+            let data = [&[10, 200, 0, 30, 40, 0][..], &vec![255; chroma]].concat();
+            let read = read(encoding, (2, 2), 3, &data);
+            assert_eq!(read, Ok(vec![10, 200, 30, 40]), "{encoding}");
+        }
+        assert_eq!(read("bayer_rggb8", (2, 2), 2, &[50; 4]), Ok(vec![50; 4]));
+        assert_eq!(
+            read("bayer_gbrg16", (2, 2), 4, &[9, 50, 9, 50, 9, 50, 9, 50]),
+            Ok(vec![50; 4])
+        );
+    }
+
+    #[test]
+    fn colours_and_bytes_are_in_their_order() {
+        // Pure red, of 8 and of 16 bits.
+        let red = [255, 255, 0, 0, 0, 0, 9, 9];
+        let blue_first = [0, 0, 0, 0, 255, 255, 9, 9];
+        assert_eq!(read("rgb8", (1, 1), 3, &red[1..4]), Ok(vec![76]));
+        assert_eq!(read("bgr8", (1, 1), 3, &[0, 0, 255]), Ok(vec![76]));
+        assert_eq!(read("rgba8", (1, 1), 4, &[255, 0, 0, 255]), Ok(vec![76]));
+        assert_eq!(read("rgb16", (1, 1), 6, &red), Ok(vec![76]));
+        assert_eq!(read("bgr16", (1, 1), 6, &blue_first), Ok(vec![76]));
+        assert_eq!(read("rgba16", (1, 1), 8, &red), Ok(vec![76]));
+        assert_eq!(read("bgra16", (1, 1), 8, &blue_first), Ok(vec![76]));
+        let big = |encoding, data: &[u8]| {
+            let raw = RawPixels {
+                width: 1,
+                height: 1,
+                step: data.len() as u32,
+                encoding,
+                big_endian: true,
+                data,
+            };
+            grey(decode(&raw).unwrap()).get(0, 0)
+        };
+        assert_eq!(big("mono16", &[77, 0]), 77);
+        assert_eq!(big("rgb16", &[77, 0, 77, 0, 77, 0]), 77);
+    }
+
+    #[test]
+    fn more_data_than_padding_is_another_encoding() {
+        let padded = |bytes: usize| read("mono8", (2, 2), 2, &vec![7; 4 + bytes]);
+        assert_eq!(padded(4096), Ok(vec![7; 4]));
+        let long = padded(4097).unwrap_err();
+        assert!(long.contains("is shorter than its 4101 bytes"), "{long}");
+    }
+
+    #[test]
+    fn pixels_that_are_no_image_are_refused() {
+        assert!(read("mono8", (2, 0), 2, &[0; 9]).is_err());
+        assert!(read("bgra8", (u32::MAX, u32::MAX), u32::MAX, &[0; 9]).is_err());
+        let depths = read("32FC1", (1, 1), 4, &[0; 4]).unwrap_err();
+        assert!(depths.contains("'32FC1', which are depths"), "{depths}");
+        let unknown = read("bayer_rgbg8", (1, 1), 1, &[0]).unwrap_err();
+        assert!(
+            unknown.contains("'bayer_rgbg8', svl reads mono8"),
+            "{unknown}"
+        );
+    }
+}

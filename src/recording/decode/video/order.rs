@@ -1,0 +1,386 @@
+//! Decides by the headers of each message's picture if a decoder can have all that it refers to.
+//!
+//! A decoder conceals a missing picture: it repeats the one before. So svl looks for gaps itself,
+//! and omits all pictures from there to the next keyframe.
+
+use super::headers;
+use super::headers::{CodecParameters, UnitKind};
+use super::message::{Codec, Packet};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// The pictures of a topic so far.
+pub(crate) struct PictureOrder {
+    /// Codec and parameters of the sequence.
+    sequence: Option<(Codec, CodecParameters)>,
+    /// Hash of the sequence's parameters: they are repeated with each keyframe.
+    hash: u64,
+    /// True if they changed since the last picture that can be decoded.
+    is_new: bool,
+    /// The number of the next picture, or the reason to wait for a keyframe.
+    next: Result<u32, String>,
+    /// Slices of a picture.
+    slices: usize,
+    /// Stamp of the last message.
+    last_ns: Option<u64>,
+    /// Sum and number of the times between two pictures.
+    periods_ns: (u64, u64),
+    /// Pictures since the last keyframe, and the shortest way so far from one to the next: numbers
+    /// begin anew there.
+    since_key: u32,
+    shortest_group: Option<u32>,
+}
+
+impl Default for PictureOrder {
+    fn default() -> Self {
+        Self {
+            sequence: None,
+            hash: 0,
+            is_new: false,
+            next: Err("the video begins without one".to_owned()),
+            slices: 0,
+            last_ns: None,
+            periods_ns: (0, 0),
+            since_key: 0,
+            shortest_group: None,
+        }
+    }
+}
+
+/// A picture that can be decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct CodedPicture {
+    pub(crate) codec: Codec,
+    /// True if it refers to no other.
+    pub(crate) is_key: bool,
+    /// True if codec or size may differ from those before.
+    pub(crate) is_new: bool,
+}
+
+impl PictureOrder {
+    /// Adds the next message.
+    ///
+    /// # Errors
+    /// The reason why its picture cannot be decoded.
+    pub(crate) fn take_in(
+        &mut self,
+        packet: &Result<Packet<'_>, String>,
+    ) -> Result<CodedPicture, String> {
+        let picture = match packet {
+            Ok(packet) => self.picture(packet),
+            Err(reason) => Err(reason.clone()),
+        };
+        if let Err(reason) = &picture
+            && self.next.is_ok()
+        {
+            self.next = Err(reason.clone());
+        }
+        picture
+    }
+
+    fn picture(&mut self, packet: &Packet<'_>) -> Result<CodedPicture, String> {
+        let last_ns = std::mem::replace(&mut self.last_ns, packet.stamp);
+        let apart_ns = packet.stamp.zip(last_ns);
+        let apart_ns = apart_ns.and_then(|(stamp, last)| stamp.checked_sub(last));
+        let codec = packet.codec.clone()?;
+        let units = headers::units(&packet.data)?;
+        let kinds: Vec<_> = units
+            .iter()
+            .map(|unit| headers::kind(codec, unit))
+            .collect();
+        let is_slice = |kind: &&UnitKind| matches!(kind, UnitKind::Slice { .. });
+        let mut slices = kinds.iter().filter(is_slice);
+        let begins = |kind: &UnitKind| matches!(kind, UnitKind::Slice { is_first: true, .. });
+        let pictures = kinds.iter().filter(|kind| begins(kind)).count();
+        let Some(&UnitKind::Slice { is_key, is_first }) = slices.next() else {
+            return Err("it contains no picture".to_owned());
+        };
+        if !is_first || pictures != 1 {
+            return Err("it does not contain one whole picture".to_owned());
+        }
+        if !is_key && let Err(reason) = &self.next {
+            return Err(format!("before it a keyframe is missing: {reason}"));
+        }
+        let slice_count = kinds.iter().filter(is_slice).count();
+        self.take_in_parameters(codec, &units, &kinds, is_key)?;
+        let unread = || "the header of its picture cannot be read".to_owned();
+        let (_, parameters) = self.sequence.ok_or("it has no parameters of its video")?;
+        let mut slices = units.iter().zip(&kinds).filter(|(_, kind)| begins(kind));
+        let slice = slices.next().map(|(unit, _)| unit).ok_or_else(unread)?;
+        let number = parameters.number(codec, slice).ok_or_else(unread)?;
+        if number.is_bidirectional {
+            return Err(
+                "it has B-frames, which refer to later messages: record without".to_owned(),
+            );
+        }
+        if let Ok(expected) = self.next
+            && !is_key
+            && number.number != expected
+        {
+            return Err("a message before it is missing, or it has B-frames".to_owned());
+        }
+        self.check_slices(slice_count, is_key)?;
+        let numbers = parameters.numbers();
+        let numbers = self
+            .shortest_group
+            .map_or(numbers, |group| group.min(numbers));
+        self.check_time(apart_ns, is_key, numbers)?;
+        self.count_in_group(is_key);
+        self.next = Ok(number.next);
+        Ok(CodedPicture {
+            codec,
+            is_key,
+            is_new: std::mem::take(&mut self.is_new),
+        })
+    }
+
+    /// Counts the pictures from one keyframe to the next.
+    fn count_in_group(&mut self, is_key: bool) {
+        self.since_key += 1;
+        if is_key {
+            let group = std::mem::take(&mut self.since_key);
+            // From the first one on, and where nothing is missing.
+            if self.next.is_ok() {
+                let shortest = self.shortest_group.unwrap_or(group);
+                self.shortest_group = Some(shortest.min(group));
+            }
+        }
+    }
+
+    /// A decoder conceals a missing slice as well: pictures have as many as those before.
+    fn check_slices(&mut self, count: usize, is_key: bool) -> Result<(), String> {
+        let before = self.slices;
+        self.slices = before.max(count);
+        if count == before || before == 0 || (is_key && count > before) {
+            return Ok(());
+        }
+        Err(format!(
+            "it has {count} slices, those before {before}: one may be missing; record with a fixed \
+             number of slices"
+        ))
+    }
+
+    /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of
+    /// them, or as a group of pictures, is seen by the stamps.
+    fn check_time(
+        &mut self,
+        apart_ns: Option<u64>,
+        is_key: bool,
+        numbers: u32,
+    ) -> Result<(), String> {
+        // Keyframes may follow a gap.
+        let Some(apart_ns) = apart_ns.filter(|_| !is_key) else {
+            return Ok(());
+        };
+        let (total_ns, count) = self.periods_ns;
+        if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
+            return Err(
+                "as many messages before it may be missing as have other numbers".to_owned(),
+            );
+        }
+        self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
+        Ok(())
+    }
+
+    /// Stores the parameters in a message.
+    fn take_in_parameters(
+        &mut self,
+        codec: Codec,
+        units: &[&[u8]],
+        kinds: &[UnitKind],
+        is_key: bool,
+    ) -> Result<(), String> {
+        for (unit, kind) in units.iter().zip(kinds) {
+            let known = self.sequence.filter(|(known, _)| *known == codec);
+            let parameters = match kind {
+                UnitKind::Sequence => {
+                    let hash = xxh3_64(unit);
+                    if known.is_some() && hash == self.hash {
+                        continue;
+                    }
+                    if !is_key {
+                        return Err("its parameters change without a keyframe".to_owned());
+                    }
+                    (self.sequence, self.hash, self.is_new) = (None, hash, true);
+                    self.slices = 0;
+                    CodecParameters::read(codec, unit)
+                }
+                UnitKind::Pictures => {
+                    let (_, known) = known.ok_or("it has no parameters of its video")?;
+                    known.with_pictures(codec, unit)
+                }
+                _ => continue,
+            };
+            let parameters = parameters.ok_or("its parameters cannot be read")?;
+            self.sequence = Some((codec, parameters));
+        }
+        match self.sequence {
+            Some((known, _)) if known == codec => Ok(()),
+            _ => {
+                Err("it has no parameters of its video: record them with each keyframe".to_owned())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// CodecParameters of the baseline profile, with numbers of 4 bits, and of pictures.
+    const SEQUENCE: [u8; 5] = [0x67, 66, 0, 10, 0xC0];
+    const PICTURES: [u8; 2] = [0x68, 0xC0];
+    const KEY: [u8; 3] = [0x65, 0x88, 0x80];
+
+    /// A picture that refers to others: P, or with `kind` 1 B.
+    fn picture(reference: u8, kind: u8, number: u8) -> [u8; 3] {
+        [
+            reference << 5 | 1,
+            0x9A | kind << 2 | number >> 3,
+            number << 5,
+        ]
+    }
+
+    fn taken(order: &mut PictureOrder, units: &[&[u8]]) -> Result<CodedPicture, String> {
+        taken_at(order, units, None)
+    }
+
+    fn taken_at(
+        order: &mut PictureOrder,
+        units: &[&[u8]],
+        stamp: Option<u64>,
+    ) -> Result<CodedPicture, String> {
+        let mark: &[u8] = &[0, 0, 0, 1];
+        let data: Vec<u8> = units
+            .iter()
+            .flat_map(|unit| [mark, unit].concat())
+            .collect();
+        order.take_in(&Ok(Packet {
+            stamp,
+            codec: Ok(Codec::H264),
+            data: data.into(),
+        }))
+    }
+
+    #[test]
+    fn a_gap_lasts_to_the_next_keyframe() {
+        let mut order = PictureOrder::default();
+        let mut add = |units: &[&[u8]]| taken(&mut order, units).map(|coded| coded.is_key);
+        let key: [&[u8]; 3] = [&SEQUENCE, &PICTURES, &KEY];
+        assert!(
+            add(&[&picture(1, 0, 1)])
+                .unwrap_err()
+                .contains("begins without")
+        );
+        assert!(add(&[&KEY]).unwrap_err().contains("no parameters"));
+        assert_eq!(add(&key), Ok(true));
+        assert_eq!(add(&[&picture(1, 0, 1)]), Ok(false));
+        // Nothing refers to it, so its number comes again.
+        assert_eq!(add(&[&picture(0, 0, 2)]), Ok(false));
+        assert_eq!(add(&[&picture(1, 0, 2)]), Ok(false));
+        assert!(
+            add(&[&picture(1, 0, 4)])
+                .unwrap_err()
+                .contains("is missing")
+        );
+        let next = add(&[&picture(1, 0, 5)]).unwrap_err();
+        assert!(
+            next.contains("keyframe is missing: a message before it"),
+            "{next}"
+        );
+        assert_eq!(add(&[&KEY]), Ok(true));
+        for i in 1..40 {
+            assert_eq!(add(&[&picture(1, 0, i % 16)]), Ok(false));
+        }
+        assert!(add(&[&picture(1, 1, 8)]).unwrap_err().contains("B-frames"));
+    }
+
+    #[test]
+    fn missing_slices_and_long_gaps_are_seen() {
+        let mut order = PictureOrder::default();
+        let key: [&[u8]; 4] = [&SEQUENCE, &PICTURES, &KEY, &[0x65, 0x48]];
+        let other: &[u8] = &[1 << 5 | 1, 0x40];
+        assert!(taken(&mut order, &key).is_ok());
+        assert!(taken(&mut order, &[&picture(1, 0, 1), other]).is_ok());
+        let missing = taken(&mut order, &[&picture(1, 0, 2)]).unwrap_err();
+        assert!(missing.contains("1 slices, those before 2"), "{missing}");
+        assert!(taken(&mut order, &key).is_ok());
+        // Sixteen numbers: the seventeenth message has the expected one.
+        let times = [30, 36, 2, 64, 17 * 33].map(|ms| order.check_time(Some(ms), false, 16));
+        assert_eq!(times.iter().filter(|time| time.is_ok()).count(), 4);
+        assert!(times[4].is_err());
+    }
+
+    #[test]
+    fn a_missing_group_of_pictures_is_seen() {
+        let mut order = PictureOrder::default();
+        let key: [&[u8]; 3] = [&SEQUENCE, &PICTURES, &KEY];
+        let mut add = |i: u64, units: &[&[u8]]| {
+            let coded = taken_at(&mut order, units, Some(i * 100_000_000));
+            coded.map(|coded| coded.is_key)
+        };
+        let mut at = 0;
+        for _ in 0..2 {
+            for i in 0..5 {
+                let other = picture(1, 0, i);
+                let units: &[&[u8]] = if i == 0 { &key } else { &[&other] };
+                assert_eq!(add(at, units), Ok(i == 0));
+                at += 1;
+            }
+        }
+        assert_eq!(add(at, &key), Ok(true));
+        assert_eq!(add(at + 1, &[&picture(1, 0, 1)]), Ok(false));
+        // Five are missing, a keyframe among them: the next one has the expected number.
+        let missing = add(at + 7, &[&picture(1, 0, 2)]).unwrap_err();
+        assert!(missing.contains("may be missing"), "{missing}");
+        assert_eq!(add(at + 10, &key), Ok(true));
+    }
+
+    #[test]
+    fn other_parameters_are_another_stream() {
+        let mut order = PictureOrder::default();
+        let mut is_new = |sequence: &[u8]| {
+            let coded = taken(&mut order, &[sequence, &PICTURES, &KEY]);
+            coded.map(|coded| coded.is_new)
+        };
+        assert_eq!(
+            [is_new(&SEQUENCE), is_new(&SEQUENCE)],
+            [Ok(true), Ok(false)]
+        );
+        let other = [0x67, 66, 0, 11, 0xC0];
+        // Unreadable ones change it too, and so does the next readable one.
+        assert!(is_new(&other[..4]).is_err());
+        assert_eq!([is_new(&SEQUENCE), is_new(&other)], [Ok(true), Ok(true)]);
+    }
+
+    #[test]
+    fn any_bytes_are_a_picture_or_a_reason() {
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut orders = [PictureOrder::default(), PictureOrder::default()];
+        let key = [
+            &[0, 0, 1][..],
+            &SEQUENCE,
+            &[0, 0, 1],
+            &PICTURES,
+            &[0, 0, 1],
+            &KEY,
+        ]
+        .concat();
+        for _ in 0..20_000 {
+            let mut data = key.clone();
+            (0..random.usize(..6)).for_each(|_| {
+                let at = random.usize(..data.len());
+                data[at] = random.u8(..);
+            });
+            data.truncate(random.usize(..=data.len()));
+            data.extend((0..random.usize(..20)).map(|_| random.u8(..)));
+            for (order, codec) in orders.iter_mut().zip([Codec::H264, Codec::H265]) {
+                let packet = Ok(Packet {
+                    stamp: None,
+                    codec: Ok(codec),
+                    data: data.as_slice().into(),
+                });
+                let _ = order.take_in(&packet);
+            }
+        }
+    }
+}

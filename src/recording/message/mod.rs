@@ -1,0 +1,6 @@
+//! The messages of svl's recordings and of ROS, as bytes and as types.
+
+pub(crate) mod geometry;
+pub(crate) mod images;
+pub(crate) mod ros;
+pub(crate) mod sync;

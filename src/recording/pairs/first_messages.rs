@@ -1,0 +1,155 @@
+//! The first messages of a source: calibrations, the cameras' frames and baseline, and the number
+//! of bits that 16-bit images use.
+
+use super::pair_reader::PairReader;
+use super::stamp_order::HOLD_NS;
+use crate::cameras::camera_track::CameraTrack;
+use crate::cameras::topics::Selection;
+use crate::decode::image;
+use crate::decode::video::topic;
+use crate::mcap::messages::Channel;
+use crate::sensor::kind::head;
+use svl_core::Result;
+use svl_files::{BitDepth, DECIDING_PAIRS};
+
+/// The first messages, from which a [`PairReader`] is prepared before its first pair.
+#[derive(Default)]
+pub(crate) struct FirstMessages {
+    images: FirstImages,
+    /// The earliest stamp of each camera's images.
+    first_ns: [Option<u64>; 2],
+    /// The frame of each camera's first calibration.
+    info_frames: [Option<String>; 2],
+    /// The first log time, the latest, and that at which the calibrations were there.
+    begin_ns: Option<u64>,
+    log_ns: u64,
+    calibrated_ns: Option<u64>,
+}
+
+impl FirstMessages {
+    /// True if all is known that these messages may contain.
+    pub(crate) fn are_enough(&self, pairs: &PairReader) -> bool {
+        let [left, right] = &pairs.frames;
+        let (Some(left), Some(right)) = (left, right) else {
+            return false;
+        };
+        // The baseline of the calibrations is compared with the transforms of the first second.
+        let is_early = self
+            .begin_ns
+            .is_some_and(|begin_ns| self.log_ns < begin_ns.saturating_add(HOLD_NS));
+        let wants_baseline = (pairs.lacks_baseline() || is_early && pairs.wait.is_none())
+            && pairs.baseline.may_be_found(left, right);
+        self.have_first_calibrations(pairs) && self.images.are_enough() && !wants_baseline
+    }
+
+    /// True if the first calibrations are known. In a file, one that is after its images may not be
+    /// the earliest: those of the next second decide.
+    fn have_first_calibrations(&self, pairs: &PairReader) -> bool {
+        let is_before = |(track, first_ns): (&CameraTrack, Option<u64>)| {
+            let stamps = track.first_ns().zip(first_ns);
+            stamps.is_none_or(|(calibration_ns, image_ns)| calibration_ns <= image_ns)
+        };
+        let are_before = pairs.tracks.iter().zip(self.first_ns).all(is_before);
+        let is_past = |found_ns: u64| self.log_ns >= found_ns.saturating_add(HOLD_NS);
+        let are_settled = pairs.wait.is_some() || self.calibrated_ns.is_some_and(is_past);
+        !pairs.lacks_calibration() && (are_before || are_settled)
+    }
+
+    /// Takes a message in. An unreadable one is reported when its turn comes.
+    pub(crate) fn take_in(
+        &mut self,
+        pairs: &mut PairReader,
+        channel: &Channel,
+        log_ns: u64,
+        data: &[u8],
+    ) {
+        self.begin_ns.get_or_insert(log_ns);
+        self.log_ns = self.log_ns.max(log_ns);
+        drop(pairs.calibrate(channel, log_ns, data));
+        if !pairs.lacks_calibration() {
+            self.calibrated_ns.get_or_insert(log_ns);
+        }
+        self.images.take_in(&pairs.images, channel, data);
+        let cameras = pairs.images.iter().zip(&mut pairs.frames);
+        for (info, frame) in pairs.calibrations.iter().zip(&mut self.info_frames) {
+            if info.as_ref() == Some(&channel.topic)
+                && let Ok((_, name)) = head(channel, data)
+            {
+                frame.get_or_insert(name);
+            }
+        }
+        for ((topic, frame), first_ns) in cameras.zip(&mut self.first_ns) {
+            if *topic == channel.topic
+                && let Ok((stamp, name)) = head(channel, data)
+            {
+                frame.get_or_insert(name);
+                let stamp_ns = stamp.unwrap_or(log_ns);
+                *first_ns = Some(first_ns.map_or(stamp_ns, |first_ns| first_ns.min(stamp_ns)));
+            }
+        }
+        pairs.baseline.take_in(channel, data);
+        if let [Some(left), Some(right)] = &pairs.frames {
+            pairs.baseline_m = pairs.baseline.metres(left, right).ok();
+        }
+    }
+
+    /// True of each camera whose images are pictures of a video.
+    pub(crate) fn are_videos(&self) -> [bool; 2] {
+        self.images.are_videos
+    }
+
+    /// Decides the bit depth.
+    ///
+    /// # Errors
+    /// The errors of [`BitDepth::decide`].
+    pub(crate) fn end(self, pairs: &mut PairReader, selection: &Selection) -> Result<()> {
+        pairs.check_info_frames(&self.info_frames, selection);
+        pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
+        Ok(())
+    }
+}
+
+/// The largest values of the first 16-bit images of both cameras.
+#[derive(Default)]
+struct FirstImages {
+    largest: [Vec<u16>; 2],
+    /// True if they have 8 bits: then there is nothing to decide.
+    are_of_8_bits: bool,
+    are_videos: [bool; 2],
+}
+
+impl FirstImages {
+    fn are_enough(&self) -> bool {
+        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
+        self.are_of_8_bits || self.largest.iter().all(enough)
+    }
+
+    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
+        for side in (0..2).filter(|side| topics[*side] == channel.topic) {
+            // Videos are decoded to 8 bits.
+            if video::is_picture(channel, data) {
+                self.are_videos[side] = true;
+                self.are_of_8_bits = true;
+            }
+            if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+                continue;
+            }
+            // An unreadable one is reported when its turn comes.
+            if let Ok((_, Ok(image))) = image::decode(channel, data) {
+                match image.image.largest() {
+                    Some(largest) => self.largest[side].push(largest),
+                    None => self.are_of_8_bits = true,
+                }
+            }
+        }
+    }
+
+    /// The largest of all; the inner value is `None` for 8 bits.
+    fn largest(self) -> Option<Option<u16>> {
+        if self.are_of_8_bits {
+            Some(None)
+        } else {
+            self.largest.into_iter().flatten().max().map(Some)
+        }
+    }
+}
