@@ -1,19 +1,21 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
-use super::descriptions::TABLES;
-use super::drives::CoursePlan;
-use super::html::{CheckpointFigure, ReportPage, SceneFigure};
-use super::maps::maps;
-use super::results::{ReportTables, ResultParts, Shown, TopicDelay, pairs_hash};
-use super::rows::Row;
-use super::samples::grouped;
-use super::sources::{SUMMARY, Sources};
-use super::sweeps::sweeps;
-use super::units::{
-    REPORT_LIST, ReportPlan, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
-    read_tables, write_tables,
-};
-use super::{GateResult, Results, limit_results, shots, write_algorithms};
+use crate::pages::html::report_page::{CheckpointFigure, ReportPage, SceneFigure};
+use crate::pages::maps::maps;
+use crate::pages::sweeps::sweeps;
+use crate::results::algorithm_parameters::write_algorithms;
+use crate::results::descriptions::TABLES;
+use crate::results::gate::{GateResult, limit_results};
+use crate::results::summary::{ReportTables, ResultParts, Results, Shown, TopicDelay, pairs_hash};
+use crate::rows::records::Row;
+use crate::rows::samples::grouped;
+use crate::subjects::drives::CoursePlan;
+use crate::subjects::sources::{SUMMARY, Sources};
+use crate::units::plan::ReportPlan;
+use crate::units::run_units::RunUnits;
+use crate::units::shots;
+use crate::units::store::{REPORT_LIST, StoredSession, UNITS, Units};
+use crate::units::tables::{collect_tables, made_of, read_tables, write_tables};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
@@ -407,7 +409,7 @@ impl Report<'_> {
         shots::for_runs(self.plan, self.runs)
     }
 
-    fn maps(&self, candidates: &[&str]) -> Result<Vec<super::plot::CourseMap>> {
+    fn maps(&self, candidates: &[&str]) -> Result<Vec<crate::show::plot::map::CourseMap>> {
         if !self.plan.is_driven() {
             return Ok(Vec::new());
         }

@@ -1,8 +1,8 @@
 //! A comparison as test cases: which metrics must not become worse.
 
+use super::comparison::{AlgorithmChange, Change, Comparison, Judgement, NotMeasured};
 use super::text::is_ranked;
-use super::{AlgorithmChange, Change, Comparison, Judgement, NotMeasured};
-use crate::junit::{TestCase, TestResult};
+use crate::show::junit::{TestCase, TestResult};
 use svl_score::judge::{Cases, ColumnChoice, Metric, MetricOrigin, MetricUnit};
 
 impl Comparison {

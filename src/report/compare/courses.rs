@@ -1,8 +1,9 @@
 //! Two reports of drives, course by course.
 
-use super::{AlgorithmChange, Change, Judgement, NotMeasured};
-use crate::drives::{self, DriveRow, drive_parts, has_driven};
-use crate::table::{Table, TableCell};
+use super::comparison::{AlgorithmChange, Change, Judgement, NotMeasured};
+use crate::show::table::model::{Table, TableCell};
+use crate::subjects::drives;
+use crate::subjects::drives::{DriveRow, drive_parts, has_driven};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;
@@ -229,7 +230,7 @@ impl CourseChange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drives::tests::drive;
+    use crate::subjects::drives::tests::drive;
 
     /// Drives on as many courses, each with these collisions; without any it is finished.
     fn drives(collisions: &[u64]) -> Vec<DriveRow> {

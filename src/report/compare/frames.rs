@@ -1,14 +1,13 @@
 //! The frames that changed most: by missed and false near obstacles, then by right minus wrong
 //! cells.
 
-use super::Join;
-use super::join::JoinedAlgorithm;
+use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
-use crate::html::FrameShot;
-use crate::rows::{CellRow, Row};
-use crate::samples::{is_scene, run_key};
-use crate::shots::LeftImages;
-use crate::units::StoredImage;
+use crate::pages::html::report_page::FrameShot;
+use crate::rows::records::{CellRow, Row};
+use crate::rows::samples::{is_scene, run_key};
+use crate::units::pictures::StoredImage;
+use crate::units::shots::LeftImages;
 use std::cmp::Ordering;
 use std::collections::HashMap;
 use svl_core::Result;

@@ -1,9 +1,9 @@
 //! Two reports, joined once: their algorithms, and of each the pairs or courses of both.
 
 use super::scored_run::ScoredRun;
-use crate::drives::DriveRow;
-use crate::rows::Row;
-use crate::samples::{RunKey, is_scene, run_key};
+use crate::rows::records::Row;
+use crate::rows::samples::{RunKey, is_scene, run_key};
+use crate::subjects::drives::DriveRow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use svl_core::{Error, Result};
 use svl_score::losses::Incomplete;

@@ -1,13 +1,15 @@
 //! The page of a comparison: one file that answers what changed, whether it is real, and on which
 //! frame.
 
+use super::comparison::{AlgorithmChange, Comparison};
+use super::courses::CourseChanges;
 use super::frames::{
     BothImages, ChangedFrame, FindLeft, changed_cells, changed_counts, changed_frames,
 };
-use super::{AlgorithmChange, Comparison, CourseChanges, Join};
-use crate::html::frames::{cell_words, obstacle_words, shot_view, truth_words};
-use crate::page::{PageImages, fill};
-use crate::rows::CellRow;
+use super::join::Join;
+use crate::pages::html::frames::{cell_words, obstacle_words, shot_view, truth_words};
+use crate::rows::records::CellRow;
+use crate::show::page::parts::{PageImages, fill};
 use minijinja::{Value, context};
 use svl_core::Result;
 use svl_score::judge::ColumnChoice;

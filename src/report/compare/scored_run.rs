@@ -1,13 +1,13 @@
 //! A report that is compared, read from its folder.
 
-use crate::accuracy::{AccuracyTally, PairErrors};
 use crate::build::COURSES;
-use crate::csv_rows::{RowReader, read_rows};
-use crate::drives::{CoursePlan, DriveRow};
-use crate::prior::PRIOR;
-use crate::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use crate::samples::{RunKey, run_key, time_ns};
-use crate::sources::Sources;
+use crate::rows::csv_rows::{RowReader, read_rows};
+use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
+use crate::rows::samples::{RunKey, run_key, time_ns};
+use crate::subjects::accuracy::{AccuracyTally, PairErrors};
+use crate::subjects::drives::{CoursePlan, DriveRow};
+use crate::subjects::prior::PRIOR;
+use crate::subjects::sources::Sources;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};

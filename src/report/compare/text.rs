@@ -1,11 +1,12 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::join::MAP;
-use super::{AlgorithmChange, Change, Comparison, Conclusion, Join, Judgement};
-use crate::results::caution;
-use crate::table::{
-    NONE, Table, TableCell, TableColumn, TerminalStyle, escape, escape_prose, wrapped,
-};
+use super::comparison::{AlgorithmChange, Change, Comparison, Conclusion, Judgement};
+use super::join::{Join, MAP};
+use crate::results::summary::caution;
+use crate::show::table::markdown::{escape, escape_prose};
+use crate::show::table::model::{Table, TableCell, TableColumn};
+use crate::show::table::terminal::{TerminalStyle, wrapped};
+use crate::show::words::NONE;
 use svl_core::{counted, joined};
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 

@@ -1,11 +1,13 @@
 //! The headline metrics over several reports, the newest last: `svl compare R1 R2 -o trend.json`.
 
 use super::scored_run::ScoredRun;
-use crate::drives;
-use crate::page::{PlotView, fill};
-use crate::plot::{AlgorithmColors, Axis, Chart, Series, SeriesStyle};
-use crate::rows::{MetricTotals, Row};
-use crate::samples::{resamples, run_key, sample_in};
+use crate::rows::records::{MetricTotals, Row};
+use crate::rows::samples::{resamples, run_key, sample_in};
+use crate::show::page::parts::fill;
+use crate::show::page::plot_view::PlotView;
+use crate::show::plot::chart::{Axis, Chart};
+use crate::show::plot::series::{AlgorithmColors, Series, SeriesStyle};
+use crate::subjects::drives;
 use minijinja::context;
 use serde::Serialize;
 use std::collections::BTreeSet;

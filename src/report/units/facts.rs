@@ -2,7 +2,7 @@
 
 use super::BLOCK;
 use super::plan::PlannedAlgorithm;
-use crate::results::TopicDelay;
+use crate::results::summary::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;

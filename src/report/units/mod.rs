@@ -16,6 +16,7 @@ mod io;
 mod pictures;
 mod plan;
 mod run_units;
+pub mod shots;
 mod store;
 mod tables;
 mod unit;

@@ -1,7 +1,7 @@
 //! Pictures of the pairs of a unit.
 
-use crate::html::{CheckpointFigure, FrameShot, SceneFigure};
-use crate::rows::Row;
+use crate::pages::html::report_page::{CheckpointFigure, FrameShot, SceneFigure};
+use crate::rows::records::Row;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use svl_core::{Error, Result};

@@ -6,10 +6,10 @@
 use super::facts::PairFacts;
 use super::io::{json, read, write_whole};
 use super::pictures::BlockPictures;
-use crate::csv_rows::{RowReader, csv_error, row_writer};
-use crate::drives::{CoursePlan, DriveRow, TrackRow};
-use crate::prior::TruthRow;
-use crate::rows::{CellRow, FailureRow, FrameRow, Record, Row};
+use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
+use crate::rows::records::{CellRow, FailureRow, FrameRow, Record, Row};
+use crate::subjects::drives::{CoursePlan, DriveRow, TrackRow};
+use crate::subjects::prior::TruthRow;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -236,7 +236,7 @@ impl UnitWriter {
     }
 
     /// Writes the unit, whole, in the place of one of its name. `path`: as
-    /// [`super::Units::unit_path`] gives it.
+    /// [`super::store::Units::unit_path`] gives it.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.

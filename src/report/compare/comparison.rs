@@ -1,0 +1,710 @@
+//! Comparison of two reports: of each metric its change, the interval of that, and the verdict.
+
+use super::courses::CourseChanges;
+use super::join::{Join, JoinedAlgorithm};
+use super::page::page;
+use super::scored_run::ScoredRun;
+use crate::rows::records::{MetricTotals, Row};
+use crate::rows::samples::{resamples, sample_in};
+use crate::subjects::accuracy::{PairErrors, RangeErrors};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use svl_core::{Result, counted};
+use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
+use svl_score::holm;
+use svl_score::judge::{
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
+};
+use svl_score::manifest::{Manifest, Purpose};
+use svl_score::sign_test;
+
+/// The differences of the second report from the first, as `svl compare --json` prints them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    pub conclusion: Conclusion,
+    /// The conclusion with its reason: the first line of every form.
+    pub verdict: String,
+    pub base: PathBuf,
+    pub other: PathBuf,
+    pub scenario: String,
+    /// The cells that metrics of an area are of.
+    pub area: AreaChoice,
+    /// Differences in how they were scored, in words: if there are any, nothing is called better or
+    /// worse.
+    pub differences: Vec<String>,
+    /// Origins of the truths of the two.
+    pub truths: [Vec<String>; 2],
+    /// Program, machine and threads of the two reports, on which times depend.
+    pub origins: [String; 2],
+    /// The incomplete reports, each with the reason.
+    pub incomplete: Vec<(PathBuf, String)>,
+    /// Algorithms that both reports have, in the order of the first.
+    pub algorithms: Vec<AlgorithmChange>,
+    /// Method that tells changes from chance. Each change is of one metric: of twenty metrics that
+    /// did not change, one is called better or worse by chance, but for those that decide.
+    pub method: TestMethod,
+    /// Number of the metrics that decide, of all algorithms: they are tested at once, with Holm's
+    /// correction.
+    pub tested: usize,
+    /// The share of the base's pairs below which nothing is said of all of them.
+    pub min_common: f64,
+    /// The algorithms of which fewer are compared, in words.
+    pub few_in_common: Vec<String>,
+    /// Algorithms of the first report that several of the second may be, in words.
+    pub ambiguous: Vec<String>,
+    /// Algorithms that only one report has, which are not compared.
+    pub only_in_base: Vec<String>,
+    pub only_in_other: Vec<String>,
+    /// Algorithms, pairs and metrics that are not compared, each with the reason.
+    pub not_compared: Vec<String>,
+    /// Doubts about the verdict: incomplete reports, other pairs before, other machines.
+    pub cautions: Vec<String>,
+}
+
+/// The verdict in a word, by the headline metrics that have a better direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Conclusion {
+    Better,
+    Worse,
+    /// Some metrics are better, others worse.
+    Mixed,
+    /// All results are equal.
+    NoChange,
+    NotToldApart,
+    /// Too few of the base's pairs are compared.
+    FewInCommon,
+    /// There is no interval.
+    TooFewPairs,
+    /// The same of drives.
+    TooFewCourses,
+    NotComparable,
+}
+
+/// One algorithm in both reports, over the pairs of both.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct AlgorithmChange {
+    pub algorithm: String,
+    /// Label in the second report, if that differs.
+    pub other_algorithm: String,
+    pub same_parameters: bool,
+    pub pairs: usize,
+    /// Pairs or courses of the first report.
+    pub base_pairs: usize,
+    /// Pairs of either report that the other does not have, or not with the same pixels.
+    pub unmatched: usize,
+    /// Pairs that the second failed on and of which the first has a result.
+    pub newly_failed: usize,
+    /// Pairs before which the two have different pairs, of an algorithm whose results depend on
+    /// them.
+    pub other_past: usize,
+    /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
+    pub blocks: usize,
+    /// Pairs with equal pixels but another truth or calibration, by which they were scored.
+    pub other_inputs: usize,
+    /// Pairs whose results are equal to the bit.
+    pub equal_results: usize,
+    pub metrics: Vec<Change>,
+    /// Metrics that one of the reports does not measure, or neither.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_measured: Vec<NotMeasured>,
+    /// The metrics of the other areas, by the names of the areas.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub areas: BTreeMap<&'static str, Vec<Change>>,
+    /// Fraction of frames passed, per checkpoint.
+    pub checkpoints: Vec<Change>,
+    /// True if checkpoints of both are not compared, as they have not the same pairs.
+    pub has_partial_checkpoints: bool,
+    /// The courses of both reports of drives, which the numbers of pairs then count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub courses: Option<CourseChanges>,
+}
+
+/// A number in both reports.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<CheckpointName>,
+    pub metric: &'static Metric,
+    pub base: f64,
+    pub other: f64,
+    /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
+    /// magnitude.
+    pub difference: f64,
+    /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
+    pub interval: Option<Interval>,
+    /// The probability of a difference as large by chance, where there is an interval or a test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub p: Option<f64>,
+    /// The cases that the two numbers rest on.
+    pub cases: Option<[Cases; 2]>,
+    pub judgement: Judgement,
+}
+
+/// A metric with too few cases in a report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotMeasured {
+    pub metric: &'static Metric,
+    /// The cases in the two reports; `None` without a value.
+    pub cases: [Option<Cases>; 2],
+}
+
+/// The checkpoint of a change.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointName {
+    pub checkpoint: u32,
+    pub name: String,
+}
+
+/// Significance of a difference, and its direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Judgement {
+    /// The results are equal.
+    Equal,
+    /// The interval contains 0.
+    Unclear,
+    /// There is no interval: too few independent pairs, or frames of a checkpoint, have a value.
+    TooFew,
+    Better,
+    Worse,
+    /// The interval excludes 0, but neither direction is better.
+    Differs,
+    /// Times, which vary with the machine, and metrics of reports that were scored differently.
+    Unjudged,
+}
+
+impl Comparison {
+    /// The changes between joined reports. `min_common`: the share of the base's pairs below which
+    /// nothing is said of all of them.
+    ///
+    /// # Errors
+    /// The errors of reading the tables of cells; [`svl_core::Error::Invalid`] for a manifest that
+    /// is not what svl writes.
+    pub fn new(join: &Join<'_>, min_common: f64) -> Result<Self> {
+        let [base, other] = join.runs;
+        let algorithms = join.algorithms.iter();
+        let algorithms = algorithms.map(|own| AlgorithmChange::new(join, own));
+        let mut algorithms = algorithms.collect::<Result<Vec<_>>>()?;
+        let tested = correct(&mut algorithms);
+        let few_in_common = algorithms.iter();
+        let few_in_common = few_in_common.filter_map(|own| own.few_in_common(min_common));
+        let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
+        let mut comparison = Self {
+            conclusion: Conclusion::NotComparable,
+            verdict: String::new(),
+            base: base.name.clone(),
+            other: other.name.clone(),
+            scenario: base.manifest.scenario.clone(),
+            area: base.area,
+            differences: differences(join, &algorithms)?,
+            truths: join.runs.map(|run| run.manifest.truth.clone()),
+            origins: join.runs.map(|run| origin(&run.manifest)),
+            incomplete: join.runs.iter().filter_map(incomplete).collect(),
+            method: if join.is_driven {
+                sign_test::method(join.tests())
+            } else {
+                bootstrap::METHOD
+            },
+            tested,
+            min_common,
+            few_in_common: few_in_common.collect(),
+            ambiguous: join.ambiguous.clone(),
+            only_in_base: join.only_in(0),
+            only_in_other: join.only_in(1),
+            not_compared: Vec::new(),
+            cautions: Vec::new(),
+            algorithms,
+        };
+        if !comparison.is_judged() {
+            let algorithms = comparison.algorithms.iter_mut();
+            let all = algorithms.flat_map(AlgorithmChange::changes_mut);
+            for change in all.filter(|change| change.judgement != Judgement::Equal) {
+                change.judgement = Judgement::Unjudged;
+            }
+        }
+        comparison.not_compared = comparison.why_not(join);
+        comparison.cautions = comparison.doubts(join);
+        comparison.conclusion = comparison.conclude();
+        comparison.verdict = comparison.sentence();
+        if !comparison.few_in_common.is_empty() && comparison.is_judged() {
+            comparison.conclusion = Conclusion::FewInCommon;
+            let few = comparison.few_in_common.join("; ");
+            let (word, verdict) = (comparison.conclusion.word(), &comparison.verdict);
+            comparison.verdict = format!("{word}: {few} (--min-common); of these {verdict}");
+        }
+        Ok(comparison)
+    }
+
+    /// True if any pair is compared, or one that the second report alone failed on.
+    pub fn has_pairs(&self) -> bool {
+        let mut algorithms = self.algorithms.iter();
+        algorithms.any(|algorithm| algorithm.pairs > 0 || algorithm.newly_failed > 0)
+    }
+
+    /// True if anything may be called better or worse: other tolerances or cells give other scores
+    /// of equal results.
+    pub fn is_judged(&self) -> bool {
+        self.differences.is_empty()
+    }
+
+    fn is_driven(&self) -> bool {
+        self.algorithms.iter().any(|own| own.courses.is_some())
+    }
+
+    /// The changes that decide, with their names.
+    fn ranked(&self) -> Vec<(String, &Change)> {
+        self.named(|own| own.deciding().collect())
+    }
+
+    /// A pair that the second report alone failed on is worse.
+    fn conclude(&self) -> Conclusion {
+        let ranked = self.ranked();
+        let is = |judgement| ranked.iter().any(|(_, own)| own.judgement == judgement);
+        let is_worse =
+            self.algorithms.iter().any(|own| own.newly_failed > 0) || is(Judgement::Worse);
+        let mut judgements = ranked.iter().map(|(_, own)| own.judgement);
+        let is_tested = |own| ![Judgement::Equal, Judgement::TooFew].contains(&own);
+        match (is_worse, is(Judgement::Better)) {
+            _ if !self.is_judged() => Conclusion::NotComparable,
+            (true, true) => Conclusion::Mixed,
+            (true, false) => Conclusion::Worse,
+            (false, true) => Conclusion::Better,
+            _ if ranked.is_empty() => Conclusion::NotComparable,
+            _ if self.are_equal() => Conclusion::NoChange,
+            _ if !is(Judgement::TooFew) || judgements.any(is_tested) => Conclusion::NotToldApart,
+            _ if self.is_driven() => Conclusion::TooFewCourses,
+            _ => Conclusion::TooFewPairs,
+        }
+    }
+}
+
+/// Judges the metrics that decide, all at once; returns their number.
+fn correct(algorithms: &mut [AlgorithmChange]) -> usize {
+    let mut tests = Vec::new();
+    for own in algorithms {
+        let deciding: Vec<_> = own.deciding().map(|change| change.metric).collect();
+        let is_test = |change: &&mut Change| {
+            let has_no_test = [Judgement::Equal, Judgement::TooFew].contains(&change.judgement);
+            deciding.contains(&change.metric) && !has_no_test
+        };
+        let changes = own.metrics.iter_mut().filter(is_test);
+        tests.extend(changes.filter_map(|change| Some((change.p?, change))));
+    }
+    let probabilities: Vec<_> = tests.iter().map(|(p, _)| *p).collect();
+    for ((_, change), is_real) in tests.iter_mut().zip(holm::are_real(&probabilities)) {
+        let is_more = change.difference > 0.0;
+        change.judgement = Judgement::new(change.metric.better, Some(is_real), is_more);
+    }
+    tests.len()
+}
+
+/// The program and the machine that made a report.
+fn origin(manifest: &Manifest) -> String {
+    let revision = manifest.git_revision.as_deref();
+    let revision = revision.unwrap_or("revision unknown");
+    let profile = match manifest.profile.as_deref() {
+        None | Some("release") => String::new(),
+        Some(name) => format!(", profile {name}"),
+    };
+    let (svl, machine) = (&manifest.svl, &manifest.machine);
+    let (processor, isa) = (&machine.processor, &machine.isa);
+    let threads = counted(machine.threads, "thread");
+    format!("svl {svl} ({revision}{profile}), {processor}, {isa}, {threads}")
+}
+
+/// The differences of the two scenarios, and of the inputs of common pairs.
+fn differences(join: &Join<'_>, algorithms: &[AlgorithmChange]) -> Result<Vec<String>> {
+    let purpose = if join.is_driven {
+        Purpose::CompareDrives
+    } else {
+        Purpose::Compare
+    };
+    let [base, other] = join.runs.map(|run| &run.manifest);
+    let mut differences = base.differences(other, purpose)?;
+    if let Some(inputs @ 1..) = algorithms.iter().map(|own| own.other_inputs).max() {
+        let pairs = counted(inputs, "pair");
+        differences.push(format!("truth or calibration of {pairs}"));
+    }
+    Ok(differences)
+}
+
+/// The changes of metrics from rows to other rows of the same pairs, one to one, those of a run
+/// beside each other.
+pub fn changes(
+    base: &[&Row],
+    other: &[&Row],
+    metrics: impl IntoIterator<Item = &'static Metric>,
+) -> Vec<Change> {
+    let area = base.first().map(|row| row.metrics.area());
+    let resamples = resamples(base);
+    let area = area.unwrap_or_default();
+    Changes::over([base, other], None, area, &resamples, metrics).measured
+}
+
+/// The changes of the metrics in an area, and the metrics that one of the two does not measure.
+#[derive(Default)]
+struct Changes {
+    measured: Vec<Change>,
+    not_measured: Vec<NotMeasured>,
+}
+
+impl Changes {
+    /// `errors`: those of distances in the pairs of both, if both have cells.
+    fn over(
+        rows: [&[&Row]; 2],
+        errors: Option<&[Vec<PairErrors>; 2]>,
+        area: AreaChoice,
+        resamples: &Resamples,
+        metrics: impl IntoIterator<Item = &'static Metric>,
+    ) -> Self {
+        let totals = rows.map(MetricTotals::new);
+        let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
+        let mut changes = Self::default();
+        for metric in metrics {
+            let number = match metric.origin {
+                MetricOrigin::Cells { number, .. } => Some(number),
+                _ => None,
+            };
+            let measured = [0, 1].map(|side| match number {
+                Some(number) => accuracy.as_ref()?[side].measured(number),
+                None => totals[side].measured(metric, area),
+            });
+            let values = measured.map(|own| metric.value_of(own?));
+            let cases = measured.map(|own| own.map(|own| own.cases));
+            let ([Some(base), Some(other)], [Some(a), Some(b)]) = (values, cases) else {
+                if cases != [None; 2] {
+                    changes.not_measured.push(NotMeasured { metric, cases });
+                }
+                continue;
+            };
+            let samples = match number {
+                Some(number) => {
+                    let sample = |own: &Vec<_>| Some(RangeErrors::sample(number, own, area));
+                    errors.map_or([None, None], |both| both.each_ref().map(sample))
+                }
+                None => rows.map(|rows| sample_in(metric, rows, area)),
+            };
+            if let [Some(before), Some(after)] = &samples {
+                let change =
+                    Change::from_samples(metric, [base, other], [before, after], resamples);
+                let cases = Some([a, b]);
+                changes.measured.push(Change { cases, ..change });
+            }
+        }
+        changes
+    }
+}
+
+impl AlgorithmChange {
+    fn new(join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
+        let records = [0, 1].map(|side| join.runs[side].record(own.labels[side]));
+        let hashes = records.map(|record| record.map(|own| &own.parameters_hash));
+        let change = Self {
+            algorithm: own.labels[0].to_owned(),
+            other_algorithm: own.labels[1].to_owned(),
+            same_parameters: hashes[0] == hashes[1],
+            pairs: own.compared(),
+            base_pairs: own.base_pairs,
+            unmatched: own.unmatched,
+            newly_failed: own.newly_failed,
+            other_past: own.other_past,
+            ..Self::default()
+        };
+        if join.is_driven {
+            Ok(change.with_courses(&own.courses, join.tests()))
+        } else {
+            change.with_pairs(join, own)
+        }
+    }
+
+    fn with_pairs(self, join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
+        let [base, other] = join.runs;
+        let [a, b] = [0, 1].map(|side| own.rows(side));
+        let resamples = resamples(&a);
+        let errors = if base.has_cells() && other.has_cells() {
+            let theirs = other.pair_errors(own.labels[1], &b)?;
+            Some([base.pair_errors(own.labels[0], &a)?, theirs])
+        } else {
+            None
+        };
+        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples, METRICS);
+        let Changes {
+            measured: mut metrics,
+            not_measured,
+        } = changes(base.area);
+        if !are_times_comparable(join.runs, &own.pairs) {
+            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
+        }
+        let areas = AreaChoice::ALL.into_iter();
+        let areas = areas.filter(|area| *area != base.area).map(|area| {
+            let mut own = changes(area).measured;
+            own.retain(|change| change.metric.by_area);
+            (area.name(), own)
+        });
+        let checkpoints = checkpoint_changes(join.runs, own);
+        let has_both = (0..2).all(|side| join.runs[side].has_checkpoints(own.labels[side]));
+        let count = |is: fn(&[&Row; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
+        let mut change = Self {
+            blocks: resamples.blocks(),
+            other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
+            equal_results: count(|[a, b]| a.result_hash == b.result_hash),
+            metrics,
+            not_measured,
+            areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
+            has_partial_checkpoints: checkpoints.is_empty() && has_both,
+            checkpoints,
+            ..self
+        };
+        if change.equal_results < change.pairs {
+            // Equal numbers of unequal results are a coincidence, as wide as the interval.
+            let all = change.changes_mut();
+            for change in all.filter(|change| change.judgement == Judgement::Equal) {
+                let unclear = change.interval.map(|_| Judgement::Unclear);
+                change.judgement = unclear.unwrap_or(Judgement::TooFew);
+            }
+        }
+        Ok(change)
+    }
+
+    /// All changes of the area.
+    pub fn changes(&self) -> impl Iterator<Item = &Change> {
+        self.metrics.iter().chain(&self.checkpoints)
+    }
+
+    /// The changes of the metrics that decide if it became better or worse: those of the headline
+    /// with a better direction, but checkpoints and times.
+    pub fn deciding(&self) -> impl Iterator<Item = &Change> {
+        let headline = self.metrics(&ColumnChoice::Headline);
+        let metrics = self.metrics.iter();
+        metrics.filter(move |own| headline.contains(&own.metric) && text::is_ranked(own.metric))
+    }
+
+    /// The pairs of the base that are compared, in words, if they are too few.
+    fn few_in_common(&self, min_common: f64) -> Option<String> {
+        let (common, all) = (self.pairs + self.newly_failed, self.base_pairs);
+        // Without the digits that are not of the number as it was written.
+        let percent = (1e6 * min_common).round() / 1e4;
+        ((common as f64) < min_common * all as f64).then(|| {
+            let things = counted(all, self.things());
+            let own = &self.algorithm;
+            format!("{common} of the base's {things} of {own}, fewer than {percent} %")
+        })
+    }
+
+    /// All changes, those of other areas included.
+    fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
+        let areas = self.areas.values_mut().flatten();
+        let own = self.metrics.iter_mut().chain(&mut self.checkpoints);
+        own.chain(areas)
+    }
+}
+
+/// The changes of the checkpoints over the runs that both reports have completely.
+fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<Change> {
+    let [base, other] =
+        [0, 1].map(|side| runs[side].checkpoints(own.labels[side], &own.whole_runs[side]));
+    let change = |(checkpoint, (name, a)): (u32, (&str, [u64; 2]))| {
+        let (_, b) = *other.get(&checkpoint)?;
+        let [a, b] = [a, b].map(|[frames, passed]| (passed, frames));
+        let share = |(passed, frames)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let values = [share(a)?, share(b)?];
+        let (name, interval) = (name.to_owned(), bootstrap::shares(a, b));
+        let passed = Metric::find("passed")?;
+        Some(Change {
+            checkpoint: Some(CheckpointName { checkpoint, name }),
+            cases: Some([a, b].map(|(_, frames)| Cases::items(frames))),
+            ..Change::new(passed, values, values[1] - values[0], interval)
+        })
+    };
+    base.into_iter().filter_map(change).collect()
+}
+
+/// True for times of two reports, each of one machine, and within a report only where one session
+/// has both.
+fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
+    let [ours, theirs] = runs.map(|run| {
+        let sessions = run.rows.iter().map(|row| &row.session);
+        sessions.collect::<BTreeSet<_>>()
+    });
+    let is_one_report = !ours.is_disjoint(&theirs);
+    let are_of_one_session = pairs.iter().all(|[a, b]| a.session == b.session);
+    let are_of_one_machine = runs.iter().all(|run| run.manifest.machines().len() == 1);
+    (are_of_one_session || !is_one_report) && are_of_one_machine
+}
+
+impl Change {
+    /// The name of the metric, or of the checkpoint.
+    pub fn name(&self) -> String {
+        match &self.checkpoint {
+            Some(own) => format!("checkpoint {} {}", own.checkpoint, own.name),
+            None => self.metric.words.to_owned(),
+        }
+    }
+
+    fn from_samples(
+        metric: &'static Metric,
+        values: [f64; 2],
+        [base, other]: [&Sample; 2],
+        resamples: &Resamples,
+    ) -> Self {
+        let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
+            // Times scale with the machine, so their change is a factor.
+            (MetricUnit::Ms, _) => |a, b| b / a,
+            (_, Better::Zero) => |a, b| b.abs() - a.abs(),
+            _ => |a, b| b - a,
+        };
+        let draws = Sample::draws_between(base, other, difference, resamples);
+        let change = difference(values[0], values[1]);
+        let p = draws.as_ref().map(|draws| resamples.p_value(change, draws));
+        Self {
+            p: p.filter(|_| metric.unit != MetricUnit::Ms),
+            ..Self::new(metric, values, change, draws.and_then(middle))
+        }
+    }
+
+    pub(crate) fn new(
+        metric: &'static Metric,
+        [base, other]: [f64; 2],
+        difference: f64,
+        interval: Option<Interval>,
+    ) -> Self {
+        let judgement = match interval.map(|(low, high)| low > 0.0 || high < 0.0) {
+            // Equal on these pairs: the interval is empty and proves nothing.
+            _ if base == other => Judgement::Equal,
+            // All pairs of a run are of one moment: their spread does not include how the machine
+            // varies between runs.
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unjudged,
+            is_real => Judgement::new(metric.better, is_real, difference > 0.0),
+        };
+        Self {
+            checkpoint: None,
+            metric,
+            base,
+            other,
+            difference,
+            interval,
+            p: None,
+            cases: None,
+            judgement,
+        }
+    }
+
+    /// The difference as a multiple of its interval's width; 0 without one.
+    fn sureness(&self) -> f64 {
+        self.interval.map_or(0.0, |(low, high)| {
+            self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
+        })
+    }
+
+    /// True if the second value is the worse one, whether that is real or not.
+    fn is_for_the_worse(&self) -> bool {
+        let is_more = self.difference > 0.0;
+        self.difference != 0.0
+            && Judgement::new(self.metric.better, Some(true), is_more) == Judgement::Worse
+    }
+}
+
+impl Judgement {
+    /// `is_real`: that the difference is no chance, if that can be told.
+    fn new(better: Better, is_real: Option<bool>, is_more: bool) -> Self {
+        match (is_real, better, is_more) {
+            (None, ..) => Self::TooFew,
+            (Some(false), ..) => Self::Unclear,
+            (_, Better::Neither, _) => Self::Differs,
+            (_, Better::More, true) | (_, Better::Less | Better::Zero, false) => Self::Better,
+            _ => Self::Worse,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::subjects::speed::tests::row;
+    use svl_score::judge::MetricValues;
+
+    const COMPARISONS: u64 = 60;
+
+    /// A run of 280 pairs, in 20 blocks, scored by two programs that are exchangeable: each pair's
+    /// two results go to one and to the other by a coin. The second has `loss` of its right cells
+    /// wrong besides.
+    fn coin(seed: u64, loss: f64) -> [Vec<Row>; 2] {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let mut sides = [Vec::new(), Vec::new()];
+        let mut drift = 0.0;
+        for sequence in 0..280 {
+            // Neighbouring pairs are about as hard.
+            drift = 0.9 * drift + random.f64() - 0.5;
+            let mut result = |loss: f64| {
+                let share = 0.8 + 0.1 * drift - loss;
+                let right = (0..60).filter(|_| random.f64() < share).count() as f64;
+                let missed = (0..4).filter(|_| random.f64() < 0.2 - 0.1 * drift).count() as f64;
+                let falsely = f64::from(u8::from(random.f64() < 0.05));
+                let floor = f64::from(u8::from(random.f64() < 0.05));
+                let metrics = MetricValues::from([
+                    ("right", right),
+                    ("wrong", ((60.0 - right) / 2.0).floor()),
+                    ("unknown", ((60.0 - right) / 2.0).ceil()),
+                    ("near", 4.0),
+                    ("missed", missed),
+                    ("found", 4.0 - missed),
+                    ("false", falsely),
+                    ("floor", floor),
+                ]);
+                Row {
+                    sequence,
+                    metrics,
+                    result_hash: random.u64(..).to_string(),
+                    ..row(1000, (64, 48), None)
+                }
+            };
+            let mut both = [result(0.0), result(0.0)];
+            if loss > 0.0 {
+                both[1] = result(loss);
+            } else if random.bool() {
+                both.swap(0, 1);
+            }
+            for (side, own) in sides.iter_mut().zip(both) {
+                side.push(own);
+            }
+        }
+        sides
+    }
+
+    /// The numbers of comparisons in which a metric that decides became worse, with Holm's
+    /// correction and without.
+    fn worse(loss: f64) -> [usize; 2] {
+        let judged = (0..COMPARISONS).map(|seed| {
+            let rows = coin(seed, loss);
+            let [base, other] = rows.each_ref().map(|rows| rows.iter().collect::<Vec<_>>());
+            let mut own = [AlgorithmChange {
+                metrics: changes(&base, &other, METRICS),
+                ..AlgorithmChange::default()
+            }];
+            let is_worse = |own: &AlgorithmChange| {
+                let mut all = own.deciding().map(|change| change.judgement);
+                all.any(|judgement| judgement == Judgement::Worse)
+            };
+            let alone = is_worse(&own[0]);
+            assert!(correct(&mut own) <= 6);
+            [is_worse(&own[0]), alone]
+        });
+        judged.fold([0; 2], |[a, b], [own, alone]| {
+            [a + usize::from(own), b + usize::from(alone)]
+        })
+    }
+
+    #[test]
+    fn exchangeable_programs_are_hardly_ever_worse() {
+        let [corrected, alone] = worse(0.0);
+        assert!(corrected <= 4 && alone > corrected, "{corrected} {alone}");
+    }
+
+    #[test]
+    fn a_loss_of_three_points_is_found() {
+        let [found, _] = worse(0.03);
+        assert!(found >= 57, "{found}");
+    }
+}

@@ -1,0 +1,226 @@
+//! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
+
+use super::report_page::{CheckpointFigure, FrameShot};
+use crate::rows::records::{CellRow, Row};
+use crate::show::page::parts::{MarkView, PageImages};
+use crate::show::words::ms;
+use minijinja::{Value, context};
+use svl_core::stereo::CellState;
+use svl_files::overlay::Mark;
+use svl_score::judge::{AreaChoice, CellFinding, METRICS, Metric, MetricTotal, Verdict};
+
+/// A figure for the template. `place`: that of an algorithm among all.
+pub(crate) fn figure_view<'a>(
+    figure: &'a CheckpointFigure,
+    images: &mut PageImages<'a>,
+    place: impl Fn(&str) -> usize,
+) -> Value {
+    // Successive frames of one drive.
+    let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
+    let last = figure.shots.last().filter(|_| is_film);
+    let last = last.map(|(_, last)| last.row.stamp_ns);
+    let moment = |row: &Row| match last?.saturating_sub(row.stamp_ns) {
+        0 => Some("collision".to_owned()),
+        before_ns => Some(format!("{:.1} s before", before_ns as f64 / 1e9)),
+    };
+    let mut shots: Vec<_> = figure.shots.iter().collect();
+    shots.sort_by_key(|(_, shot)| place(&shot.row.algorithm));
+    let shots = shots.into_iter().map(|(rank, shot)| {
+        let view = shot_view(shot, &[], images);
+        context! { rank, moment => moment(&shot.row), ..view }
+    });
+    let shots: Vec<_> = shots.collect();
+    let CheckpointFigure {
+        checkpoint,
+        title,
+        about,
+        ..
+    } = figure;
+    context! { checkpoint, title, about, is_film, shots }
+}
+
+/// A frame for the template; without its cells it is not shown. `changed`: the columns and rows of
+/// the cells that are outlined.
+pub(crate) fn shot_view<'a>(
+    shot: &'a FrameShot,
+    changed: &[(u32, u32)],
+    images: &mut PageImages<'a>,
+) -> Value {
+    let marks = |marks: &[Mark], words: fn(&CellRow) -> String, is_judged| {
+        let marks = marks.iter();
+        let marks = marks.map(|mark| mark_view(shot, mark, words, is_judged, changed));
+        marks.collect::<Vec<_>>()
+    };
+    let estimate = marks(&shot.estimate, cell_words, true);
+    let truth = shot.truth.as_ref();
+    let truth = truth.map(|truth| marks(truth, truth_words, false));
+    let pictures = [
+        ("estimate", Some(&shot.left), estimate),
+        (
+            "truth",
+            truth.as_ref().map(|_| &shot.left),
+            truth.unwrap_or_default(),
+        ),
+        ("disparity", shot.preview.as_ref(), Vec::new()),
+        ("true disparity", shot.true_preview.as_ref(), Vec::new()),
+        ("error", shot.errors.as_ref(), Vec::new()),
+    ];
+    let pictures = pictures.into_iter().filter(|_| !shot.cells.is_empty());
+    let pictures = pictures
+        .filter_map(|(label, file, marks)| Some(images.picture(label, file?, shot.size, marks)));
+    let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
+    context! {
+        algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin_words(),
+        cells => cells(&shot.row), failures => shot.failures, wrong => wrong_cells(shot),
+        missing => missing.map(|finding| &finding.words).collect::<Vec<_>>(),
+        numbers => numbers(&shot.row), pictures => pictures.collect::<Vec<_>>(),
+    }
+}
+
+fn mark_view(
+    shot: &FrameShot,
+    mark: &Mark,
+    words: fn(&CellRow) -> String,
+    is_judged: bool,
+    changed: &[(u32, u32)],
+) -> MarkView {
+    let at = (mark.column as u32, mark.row as u32);
+    let cell = shot.cells.iter().find(|cell| (cell.column, cell.row) == at);
+    let words = cell.map_or_else(|| "unknown".to_owned(), words);
+    let contradicts = |own: &CellFinding| own.is_wrong && own.at == [mark.column, mark.row];
+    let is_wrong = cell.is_some_and(|cell| cell.verdict == Verdict::Wrong)
+        || shot.findings.iter().any(contradicts);
+    let words = format!("({}, {}): {words}", at.0, at.1);
+    let mut view = MarkView::new(*mark, words, is_judged && is_wrong);
+    view.changed = changed.contains(&at);
+    view
+}
+
+/// Number of cells of each kind, by the rule of the headline, in all areas: a picture shows all.
+pub(crate) fn cells(row: &Row) -> String {
+    let group = Metric::find("right").map(|metric| metric.group);
+    let is_share = |metric: &&Metric| {
+        Some(metric.group) == group && matches!(metric.column(), Some((_, MetricTotal::Share)))
+    };
+    let count = |metric: &Metric| {
+        let cells = row.metrics.get_in(metric.name, AreaChoice::All)?;
+        Some(format!("{cells} {}", metric.head))
+    };
+    let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
+    match counts[..] {
+        [] => String::new(),
+        _ => format!("cells: {}", counts.join(", ")),
+    }
+}
+
+/// The first wrong cells in words; the crosses show all.
+fn wrong_cells(shot: &FrameShot) -> Vec<String> {
+    const MAX_LISTED: usize = 3;
+    let expected = shot.findings.iter().filter(|finding| finding.is_wrong);
+    let expected = expected.map(|finding| finding.words.clone());
+    let cells = shot.cells.iter().filter(|c| c.verdict == Verdict::Wrong);
+    let mut all: Vec<_> = expected.chain(cells.map(wrong)).collect();
+    let more = all.len().saturating_sub(MAX_LISTED);
+    all.truncate(MAX_LISTED);
+    all.extend((more > 0).then(|| format!("{more} more")));
+    all
+}
+
+fn wrong(cell: &CellRow) -> String {
+    format!(
+        "({}, {}) {}, true {}{}",
+        cell.column,
+        cell.row,
+        estimated(cell),
+        truth_words(cell),
+        obstacle_words(cell)
+    )
+}
+
+/// The obstacle of a cell in words, if it is missed or false.
+pub(crate) fn obstacle_words(cell: &CellRow) -> &'static str {
+    match (cell.missed, cell.r#false) {
+        (true, _) => ", obstacle missed",
+        (_, true) => ", false obstacle",
+        _ => "",
+    }
+}
+
+/// The truth of a cell in words.
+pub(crate) fn truth_words(cell: &CellRow) -> String {
+    depth(cell.true_distance_m, cell.true_median_px)
+}
+
+/// The result of a cell in words.
+pub(crate) fn cell_words(cell: &CellRow) -> String {
+    match cell.verdict {
+        Verdict::Unknown if cell.state == Some(CellState::Near) => estimated(cell),
+        Verdict::Unknown => format!("unknown{}", probability(cell, cell.probability)),
+        Verdict::Wrong => format!("{}, wrong", estimated(cell)),
+        _ => estimated(cell),
+    }
+}
+
+/// The report of a cell in words, with the probability that it is right, if there is one.
+fn estimated(cell: &CellRow) -> String {
+    let depth = depth(cell.distance_m, cell.median_px);
+    match cell.state {
+        Some(CellState::TooClose) => format!("too close, nearer than {depth}"),
+        Some(CellState::Near) => format!("near{}", probability(cell, cell.near_probability)),
+        Some(CellState::Far) => format!("far{}", probability(cell, cell.probability)),
+        _ => format!("{depth}{}", probability(cell, cell.probability)),
+    }
+}
+
+fn probability(cell: &CellRow, value: Option<f64>) -> String {
+    let words = |p: f64| match 100.0 * p {
+        // Never certain.
+        percent if percent > 99.0 => format!(" ({}: > 99 %)", cell.algorithm),
+        percent => format!(" ({}: {percent:.0} %)", cell.algorithm),
+    };
+    value.map_or_else(String::new, words)
+}
+
+/// The metrics of the frame's pixels, and the time, in words.
+pub(crate) fn numbers(row: &Row) -> String {
+    // Filters count over many frames.
+    let is_mean = |metric: &&Metric| {
+        metric.group != "filters" && matches!(metric.column(), Some((_, MetricTotal::Mean)))
+    };
+    let words = |metric: &Metric| {
+        let value = metric.show(row.metrics.get(metric.name)?);
+        Some(format!("{value} {}", metric.head))
+    };
+    let time = row
+        .total_us
+        .map(|us| format!("{} ms", ms(us as f64 / 1000.0)));
+    let numbers = METRICS.iter().filter(is_mean).filter_map(words).chain(time);
+    let unbroken = numbers.map(|words| words.replace(' ', "\u{a0}"));
+    unbroken.collect::<Vec<_>>().join(", ")
+}
+
+/// The distance if there is one, else the disparity; 0 px is at infinity.
+fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
+    match (distance_m, median_px) {
+        (Some(distance_m), _) => format!("{distance_m:.2} m"),
+        (None, Some(median_px)) if median_px <= 0.0 => "at infinity".to_owned(),
+        (None, Some(median_px)) => format!("{median_px:.1} px"),
+        (None, None) => "nothing".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::depth;
+
+    #[test]
+    fn no_disparity_is_infinitely_far() {
+        let words = [
+            (Some(4.96), Some(2.0)),
+            (None, Some(0.0)),
+            (None, Some(2.0)),
+        ];
+        let words = words.map(|(distance_m, px)| depth(distance_m, px));
+        assert_eq!(words, ["4.96 m", "at infinity", "2.0 px"]);
+    }
+}

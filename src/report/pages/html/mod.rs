@@ -1,0 +1,14 @@
+//! `index.html`: one file that fetches nothing and is readable without its script.
+
+pub(crate) mod frames;
+pub(crate) mod heat;
+pub(crate) mod plots;
+pub(crate) mod report_page;
+pub(crate) mod scenes;
+pub(crate) mod shades;
+pub(crate) mod stored;
+pub(crate) mod view;
+
+pub use report_page::{
+    CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
+};

@@ -1,0 +1,16 @@
+//! The results of a report: numbers, marks and sentences.
+
+pub(crate) mod algorithm_parameters;
+pub(crate) mod answer;
+pub(crate) mod areas;
+pub(crate) mod best;
+pub(crate) mod cases;
+pub(crate) mod cautions;
+pub(crate) mod choice;
+pub(crate) mod descriptions;
+pub(crate) mod gate;
+pub(crate) mod prior_margin;
+pub(crate) mod stressed;
+pub(crate) mod summary;
+pub(crate) mod sweep_choice;
+pub(crate) mod table_writer;

@@ -1,0 +1,6 @@
+//! The rows of the tables and their columns, in CSV, JSON and polars.
+
+pub(crate) mod columns;
+pub(crate) mod csv_rows;
+pub(crate) mod records;
+pub(crate) mod samples;

@@ -1,0 +1,109 @@
+//! The values of a metric in rows, from which totals and intervals are drawn.
+
+use super::records::Row;
+use std::collections::BTreeMap;
+use svl_score::bootstrap::{Resamples, Sample, block_length};
+use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
+
+/// Seed and recording of a row's run.
+pub(crate) type RunKey<'a> = (Option<u64>, Option<&'a str>);
+
+/// The run of a row.
+pub(crate) fn run_key(row: &Row) -> RunKey<'_> {
+    (row.seed, row.run.as_deref())
+}
+
+/// True for a frame of a data set.
+pub(crate) fn is_scene(row: &Row) -> bool {
+    !row.name.is_empty() && row.run.is_none()
+}
+
+/// The stamp of a row; a photograph has none, and follows no other.
+pub(crate) fn time_ns(row: &Row) -> Option<u64> {
+    (!is_scene(row)).then_some(row.stamp_ns)
+}
+
+/// The values of a metric in the area that is selected; absent if no pair has it.
+pub(crate) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
+    let area = rows.first().map(|row| row.metrics.area());
+    sample_in(metric, rows, area.unwrap_or_default())
+}
+
+/// The values of a metric in an area; absent if no pair has it.
+pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Option<Sample> {
+    let values = || rows.iter().map(|row| row.metrics.get_in(metric.name, area));
+    match metric.origin {
+        MetricOrigin::Frame { total, .. } => match total {
+            MetricTotal::Mean => Some(Sample::Ratio(
+                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
+            )),
+            MetricTotal::Sum => values()
+                .any(|v| v.is_some())
+                .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
+            MetricTotal::Share => {
+                let part = |row: &&Row| {
+                    let part = row.metrics.get_in(metric.name, area);
+                    let both = part.zip(row.metrics.whole_in(metric, area));
+                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
+                };
+                Some(Sample::Ratio(rows.iter().map(part).collect()))
+            }
+        },
+        MetricOrigin::Time => {
+            let ms = rows.iter();
+            let ms = ms.map(|row| row.total_us.map(|us| us as f64 / 1000.0));
+            Some(Sample::Median(
+                ms.map(|ms| ms.into_iter().collect()).collect(),
+            ))
+        }
+        MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+    }
+}
+
+/// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.
+pub(crate) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+    sample(metric, rows)?.total()
+}
+
+/// Resamples of rows, those of a run beside each other.
+pub(crate) fn resamples(base: &[&Row]) -> Resamples {
+    let stretches = base.chunk_by(|a, b| run_key(a) == run_key(b));
+    let stretches: Vec<_> = stretches.map(<[_]>::len).collect();
+    // Scenes of a data set are independent of each other; frames of a recording are not, also where
+    // their files have names.
+    let independent = base.iter().all(|row| is_scene(row));
+    Resamples::draw(&stretches, independent)
+}
+
+/// The number of the block of each row, those of a run beside each other.
+pub(crate) fn blocks(rows: &[&Row]) -> Vec<usize> {
+    let mut blocks: Vec<usize> = Vec::new();
+    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
+        let length = if run.iter().all(|row| is_scene(row)) {
+            1
+        } else {
+            block_length(run.len())
+        };
+        let first = blocks.last().map_or(0, |last| last + 1);
+        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
+    }
+    blocks
+}
+
+/// The sums of rows of equal keys, in the order of their first ones.
+pub(crate) fn grouped<'a, T, K: Ord, S>(
+    rows: &[&'a T],
+    key: impl Fn(&'a T) -> K,
+    sum: impl Fn(&[&'a T]) -> S,
+) -> Vec<S> {
+    let mut groups: Vec<Vec<&T>> = Vec::new();
+    let mut places = BTreeMap::new();
+    for row in rows {
+        let place = *places.entry(key(row)).or_insert(groups.len());
+        match groups.get_mut(place) {
+            Some(group) => group.push(row),
+            None => groups.push(vec![row]),
+        }
+    }
+    groups.iter().map(|own| sum(own)).collect()
+}

@@ -1,0 +1,11 @@
+//! A table of texts and bars: one form for terminal, Markdown, LaTeX and HTML.
+
+pub(crate) mod latex;
+pub(crate) mod markdown;
+pub(crate) mod model;
+pub(crate) mod terminal;
+
+pub use crate::show::words::NONE;
+pub use markdown::escape_prose;
+pub use model::{Table, TableCell, TableColumn, TextColumn};
+pub use terminal::TerminalStyle;

@@ -1,0 +1,110 @@
+//! The cells of an algorithm that agree with others', or with its own of the unperturbed pair.
+
+use crate::rows::records::{CellRow, Row};
+use svl_core::Result;
+use svl_core::depth::GridSettings;
+use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
+use svl_score::judge::{Checkpoint, Verdict, agreed_cells, judge_cells};
+use svl_score::manifest::Manifest;
+
+/// The rules of the scenario by which its frames were scored.
+pub(crate) struct ScoreRule {
+    shape: GridShape,
+    pub(crate) cells: CellRule,
+    pub(crate) checkpoints: Vec<Checkpoint>,
+}
+
+impl ScoreRule {
+    pub(crate) fn new(manifest: &Manifest) -> Result<Self> {
+        Ok(Self {
+            shape: manifest
+                .part::<GridSettings>("grid")?
+                .unwrap_or_default()
+                .shape(),
+            cells: manifest.part("cells")?.unwrap_or_default(),
+            checkpoints: manifest.part("checkpoint")?.unwrap_or_default(),
+        })
+    }
+
+    /// Sets, without truth, the share of cells that agree with the median of the other algorithms.
+    /// `infinity_px`: the disparity of infinity by the calibration, if there is one.
+    pub(crate) fn add_agreed(&self, rows: &mut [Row], cells: &[CellRow], infinity_px: Option<f32>) {
+        for row in rows.iter_mut() {
+            row.metrics.set("agreed", None);
+        }
+        // A median needs at least two others.
+        if rows.len() < 3 || rows.iter().any(|row| row.truth.is_some()) {
+            return;
+        }
+        let grid = |row: &Row| depth_grid(row, cells, self.shape, infinity_px);
+        let grids: Vec<_> = rows.iter().map(grid).collect();
+        let rule = self.cells.for_rig(infinity_px.is_some());
+        for (i, row) in rows.iter_mut().enumerate() {
+            let others = grids.iter().enumerate().filter(|(j, _)| *j != i);
+            let others: Vec<_> = others.filter_map(|(_, grid)| grid.as_ref()).collect();
+            if let Some(own) = &grids[i] {
+                let agreed = agreed_cells(own, &others, rule) as f64 / self.shape.cells() as f64;
+                row.metrics.set("agreed", Some(agreed));
+            }
+        }
+    }
+
+    /// Sets the numbers of cells that perturbed pairs keep of the unperturbed ones, whose cells are
+    /// `plain`, by the rule that compares with a truth.
+    pub(crate) fn add_kept(
+        &self,
+        rows: &mut [Row],
+        [plain, perturbed]: [&[CellRow]; 2],
+        infinity_px: Option<f32>,
+    ) {
+        let rule = self.cells.for_rig(infinity_px.is_some());
+        for row in rows {
+            let grid = |cells| depth_grid(row, cells, self.shape, infinity_px);
+            let Some((plain, perturbed)) = grid(plain).zip(grid(perturbed)) else {
+                continue;
+            };
+            let cells = judge_cells(&plain, &perturbed, rule);
+            let count = |verdict| cells.iter().filter(|cell| cell.verdict == verdict).count();
+            for (name, verdict) in [
+                ("same", Verdict::Right),
+                ("changed", Verdict::Wrong),
+                ("gone", Verdict::Unknown),
+            ] {
+                row.metrics.set(name, Some(count(verdict) as f64));
+            }
+        }
+    }
+}
+
+/// The grid of a row's algorithm and pair; none unless all its cells are there.
+fn depth_grid(
+    row: &Row,
+    rows: &[CellRow],
+    shape: GridShape,
+    infinity_px: Option<f32>,
+) -> Option<DepthGrid> {
+    let is_own = |cell: &&CellRow| cell.sequence == row.sequence && cell.algorithm == row.algorithm;
+    let mut cells = vec![None; shape.cells()];
+    for row in rows.iter().filter(is_own) {
+        let (column, line) = (row.column as usize, row.row as usize);
+        if column >= shape.columns || line >= shape.rows {
+            return None;
+        }
+        let depth = row.depth().map(|depth| CellDepth {
+            infinity_px,
+            distance_m: row.distance_m,
+            ..depth
+        });
+        cells[line * shape.columns + column] = Some(Cell {
+            valid_share: row.valid_share,
+            depth,
+            probability: row.probability,
+            too_close: row.state == Some(CellState::TooClose),
+            near: row.near_probability,
+            level: row.level as u8,
+            ..Cell::UNKNOWN
+        });
+    }
+    let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;
+    DepthGrid::new(shape, cells).ok()
+}

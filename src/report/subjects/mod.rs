@@ -1,0 +1,11 @@
+//! What a report tells of an algorithm besides its metrics: one table each.
+
+pub(crate) mod accuracy;
+pub(crate) mod agreed;
+pub(crate) mod checkpoints;
+pub(crate) mod drives;
+pub(crate) mod prior;
+pub(crate) mod reliability;
+pub(crate) mod sources;
+pub(crate) mod speed;
+pub(crate) mod stress;

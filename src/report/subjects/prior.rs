@@ -1,0 +1,289 @@
+//! The prior: who looks at nothing, and answers in each cell what the truth of the other runs says.
+//!
+//! Per cell it reports the median of the true disparities of the other runs, or, of a single run,
+//! of its other blocks. What a matcher has beyond that it has seen.
+
+use crate::rows::records::{Row, record};
+use crate::rows::samples::{blocks, run_key};
+use std::collections::{BTreeMap, BTreeSet};
+use svl_core::statistics::lower_median;
+use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
+use svl_score::judge::{
+    AreaChoice, CellArea, CellJudgement, CellTallies, CellTally, CellTruth, MetricValues,
+    NearTruth, Verdict,
+};
+
+pub use svl_score::scenario::PRIOR;
+
+record! {
+    /// The truth of a cell, scored by distances: what decides the score of any report of it.
+    TruthRow {
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Column of the cell, from 0 at the left.
+        column: u32,
+        /// Row of the cell, from 0 at the top.
+        row: u32,
+        /// Area of the cell.
+        area: Option<CellArea>,
+        /// Median true disparity.
+        true_median_px: Option<f64>,
+        /// A quarter is an obstacle; absent if that is unknown.
+        is_obstacle: Option<bool>,
+        /// Nearly all is clear.
+        is_clear: Option<bool>,
+        /// Nothing but floor is not clear; absent also if floor is unknown.
+        is_clear_floor: Option<bool>,
+        /// Focal length times baseline.
+        depth_px_m: f64,
+        /// Difference of the principal points.
+        doffs_px: f64,
+    }
+}
+
+impl TruthRow {
+    /// The truth of a frame's cells as rows, in raster order.
+    pub fn for_cells(
+        sequence: u64,
+        rig: &Rig,
+        knows_floor: bool,
+        truths: impl Iterator<Item = ((usize, usize), CellTruth)>,
+    ) -> Vec<Self> {
+        let row = |((column, row), truth): ((usize, usize), CellTruth)| Self {
+            sequence,
+            column: column as u32,
+            row: row as u32,
+            area: truth.area,
+            true_median_px: truth.median.map(|depth| depth.median_px.into()),
+            is_obstacle: truth.near.map(|near| near.is_obstacle),
+            is_clear: truth.near.map(|near| near.is_clear),
+            is_clear_floor: truth
+                .near
+                .filter(|_| knows_floor)
+                .map(|near| near.is_clear_floor),
+            depth_px_m: rig.focal_px() * rig.baseline_m(),
+            doffs_px: rig.doffs_px(),
+        };
+        truths.map(row).collect()
+    }
+
+    fn truth(&self, rig: Option<&Rig>) -> CellTruth {
+        let near = self.is_obstacle.zip(self.is_clear);
+        let px = self.true_median_px;
+        CellTruth {
+            area: self.area,
+            median: px.map(|px| CellDepth::at(px as f32, rig)),
+            near: near.map(|(is_obstacle, is_clear)| NearTruth {
+                is_obstacle,
+                is_clear,
+                is_clear_floor: self.is_clear_floor.unwrap_or(false),
+            }),
+        }
+    }
+
+    /// The score of a report of this disparity, or of none.
+    fn judge(&self, reported_px: Option<f64>, rule: CellRule) -> CellJudgement {
+        // Only the product of focal length and baseline counts.
+        let rig = Rig::new(self.depth_px_m, (0.0, 0.0), 1.0, self.doffs_px).ok();
+        let cell = Cell {
+            depth: reported_px.map(|px| CellDepth::at(px as f32, rig.as_ref())),
+            ..Cell::UNKNOWN
+        };
+        self.truth(rig.as_ref()).judge(&cell, rule)
+    }
+}
+
+/// The truth of the pairs of a report.
+#[derive(Default)]
+pub(crate) struct PriorTally {
+    pairs: Vec<TruePair>,
+}
+
+/// The truth of a pair, beside the row of an algorithm.
+struct TruePair {
+    row: Row,
+    cells: Vec<TruthRow>,
+}
+
+impl PriorTally {
+    /// Adds an unperturbed pair, with a row of any algorithm.
+    pub(crate) fn add(&mut self, row: &Row, cells: Vec<TruthRow>) {
+        if row.stress.is_none() && !cells.is_empty() {
+            self.pairs.push(TruePair {
+                row: row.clone(),
+                cells,
+            });
+        }
+    }
+
+    /// The rows of the prior, in the order of the pairs.
+    pub(crate) fn into_rows(self, rule: CellRule) -> Vec<Row> {
+        let groups = self.groups();
+        let medians = groups.iter().copied().collect::<BTreeSet<_>>();
+        let medians = medians.into_iter();
+        let medians = medians.map(|group| (group, self.medians_beside(group, &groups)));
+        let medians: BTreeMap<usize, _> = medians.collect();
+        let pairs = self.pairs.into_iter().zip(&groups);
+        let pairs = pairs.map(|(pair, group)| pair.into_row(&medians[group], rule));
+        pairs.collect()
+    }
+
+    /// Per pair its run, or, of a single run, its block.
+    fn groups(&self) -> Vec<usize> {
+        let rows: Vec<_> = self.pairs.iter().map(|pair| &pair.row).collect();
+        let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
+        if runs.len() == 1 {
+            return blocks(&rows);
+        }
+        let place = |row: &&Row| runs.iter().position(|run| *run == run_key(row));
+        rows.iter().filter_map(place).collect()
+    }
+
+    /// Per cell the median of the true disparities of the other groups' scored cells.
+    fn medians_beside(&self, group: usize, groups: &[usize]) -> BTreeMap<(u32, u32), f64> {
+        let mut values: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
+        let others = self.pairs.iter().zip(groups);
+        let others = others.filter(|(_, own)| **own != group);
+        for cell in others.flat_map(|(pair, _)| &pair.cells) {
+            if let Some(px) = cell.true_median_px {
+                values.entry((cell.column, cell.row)).or_default().push(px);
+            }
+        }
+        let median = |(place, values): (_, Vec<f64>)| Some((place, lower_median(values)?));
+        values.into_iter().filter_map(median).collect()
+    }
+}
+
+impl TruePair {
+    fn into_row(self, medians: &BTreeMap<(u32, u32), f64>, rule: CellRule) -> Row {
+        let judge = |cell: &TruthRow| {
+            let reported_px = medians.get(&(cell.column, cell.row)).copied();
+            cell.judge(reported_px, rule)
+        };
+        let cells: Vec<_> = self.cells.iter().map(judge).collect();
+        let knows_floor = self.cells.iter().any(|cell| cell.is_clear_floor.is_some());
+        Row {
+            algorithm: PRIOR.to_owned(),
+            metrics: metrics(&cells, knows_floor),
+            // Nothing is matched.
+            parameters_hash: String::new(),
+            result_hash: String::new(),
+            disparities: None,
+            smoothing_us: None,
+            texture_us: None,
+            matching_us: None,
+            checks_us: None,
+            total_us: None,
+            filters_us: None,
+            ..self.row
+        }
+    }
+}
+
+/// The metrics of scored cells that need no disparity map.
+fn metrics(cells: &[CellJudgement], knows_floor: bool) -> MetricValues {
+    let tallies = CellTallies::new(cells);
+    let mut metrics = MetricValues::default();
+    for area in AreaChoice::PARTS {
+        let own = tallies.get(area);
+        let counts = [
+            ("right", own.right),
+            ("wrong", own.wrong),
+            ("unknown", own.unknown),
+        ];
+        for (name, count) in counts.into_iter().filter(|_| own.scored() > 0) {
+            metrics.set_in(name, area, Some(count as f64));
+        }
+    }
+    metrics.add_up();
+    let all: &CellTally = tallies.get(AreaChoice::All);
+    let near = [
+        ("near", all.near),
+        ("near_unknown", all.near_unknown),
+        ("missed", all.missed),
+        ("found", all.found),
+        ("false", all.falsely),
+    ];
+    let floor = [("floor", all.floor)].into_iter().filter(|_| knows_floor);
+    for (name, count) in near.into_iter().chain(floor).filter(|_| all.quarters > 0) {
+        metrics.set(name, Some(count as f64));
+    }
+    let is_scored = cells.iter().any(|cell| cell.verdict != Verdict::NoTruth);
+    metrics.set("scored_pairs", Some(f64::from(u8::from(is_scored))));
+    metrics.set("scored_cells", Some(all.scored() as f64));
+    metrics
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::speed::tests::row;
+    use super::*;
+
+    fn cell(column: u32, true_m: f64) -> TruthRow {
+        TruthRow {
+            sequence: 0,
+            column,
+            row: 0,
+            area: Some(CellArea::Obstacle),
+            true_median_px: Some(10.0 / true_m),
+            is_obstacle: Some(true_m < 0.5),
+            is_clear: Some(true_m > 0.75),
+            is_clear_floor: Some(true_m > 0.75),
+            depth_px_m: 10.0,
+            doffs_px: 0.0,
+        }
+    }
+
+    /// The right cells of the prior in each pair; pairs of a run are consecutive, of one cell each.
+    fn right(runs: &[(u64, &[f64])]) -> Vec<Option<f64>> {
+        let mut tally = PriorTally::default();
+        for (seed, distances) in runs {
+            for (i, true_m) in distances.iter().enumerate() {
+                let row = Row {
+                    seed: Some(*seed),
+                    sequence: i as u64,
+                    ..row(1000, (64, 48), None)
+                };
+                tally.add(&row, vec![cell(0, *true_m)]);
+            }
+        }
+        let rows = tally.into_rows(CellRule::default());
+        assert!(
+            rows.iter()
+                .all(|row| row.algorithm == PRIOR && row.total_us.is_none())
+        );
+        rows.iter().map(|row| row.metrics.get("right")).collect()
+    }
+
+    #[test]
+    fn a_run_is_told_by_the_others() {
+        let runs: [(u64, &[f64]); 2] = [(1, &[1.0, 1.0, 1.0]), (2, &[2.0, 2.0, 1.0])];
+        let found = right(&runs);
+        assert_eq!(found[..3], [Some(0.0); 3], "the median of the other is 2 m");
+        assert_eq!(found[3..], [Some(0.0), Some(0.0), Some(1.0)]);
+    }
+
+    #[test]
+    fn a_single_run_is_told_by_its_other_blocks() {
+        // Blocks of six pairs of 27; the robot is parked.
+        assert_eq!(right(&[(1, &[0.4; 27])]), [Some(1.0); 27]);
+        // One pair has no others: its cells are unknown.
+        assert_eq!(right(&[(1, &[0.4])]), [Some(0.0)]);
+    }
+
+    #[test]
+    fn obstacles_are_found_or_missed() {
+        let scored = |true_m, reported_m: Option<f64>| {
+            let judged = cell(0, true_m).judge(reported_m.map(|m| 10.0 / m), CellRule::default());
+            let near = judged.near;
+            (judged.verdict, near.found, near.missed, near.falsely)
+        };
+        assert_eq!(
+            scored(0.4, Some(0.45)),
+            (Verdict::Right, true, false, false)
+        );
+        assert_eq!(scored(0.4, Some(2.0)), (Verdict::Wrong, false, true, false));
+        assert_eq!(scored(0.4, None), (Verdict::Unknown, false, false, false));
+        assert_eq!(scored(2.0, Some(0.4)), (Verdict::Wrong, false, false, true));
+    }
+}

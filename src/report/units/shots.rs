@@ -1,0 +1,273 @@
+//! The pictures of a report, chosen from those of its units.
+
+use super::BLOCK;
+use super::pictures::{BlockPictures, CheckpointShot, StoredImage};
+use super::plan::ReportPlan;
+use super::run_units::RunUnits;
+use super::store::Units;
+use super::unit::StoredUnit;
+use crate::pages::html::report_page::{CheckpointFigure, FrameShot, Rank, SceneFigure};
+use crate::results::summary::ReportTables;
+use crate::rows::records::Row;
+use std::collections::BTreeMap;
+use std::path::Path;
+use svl_core::Result;
+use svl_score::judge::{Checkpoint, CheckpointTally};
+
+/// Limit of the frames shown of recordings, over all runs.
+pub const MAX_SAMPLES: u64 = 12;
+/// Limit of the scenes shown.
+pub const MAX_SCENES: u64 = 20;
+
+/// The least power of two that leaves at most `limit` of so many frames.
+pub fn stride(frames: u64, limit: u64) -> u64 {
+    let mut stride = 1;
+    while frames.div_ceil(stride) > limit {
+        stride *= 2;
+    }
+    stride
+}
+
+/// The figures of checkpoints, or of frames spread over recordings, and the scenes of data sets.
+///
+/// # Errors
+/// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file of the pictures.
+pub fn for_runs(
+    plan: &ReportPlan,
+    runs: &[RunUnits],
+) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+    let mut chosen = ChosenPictures::new(plan)?;
+    for (i, run) in runs.iter().enumerate() {
+        for unit in run.all() {
+            if let Some(pictures) = unit.pictures()? {
+                chosen.add((i, run), unit, pictures);
+            }
+        }
+    }
+    chosen.finish(plan, runs)
+}
+
+/// The two seconds before the fastest collision of each algorithm, in the order of the labels.
+///
+/// # Errors
+/// The errors of [`for_runs`].
+pub fn for_drives(
+    labels: &[&str],
+    runs: &[RunUnits],
+    tables: &ReportTables,
+) -> Result<Vec<CheckpointFigure>> {
+    let mut figures = Vec::new();
+    for label in labels {
+        let hits = tables.tracks.iter().filter(|row| {
+            let is_hit = row.event.as_deref() == Some("collision");
+            row.algorithm == *label && row.stress.is_none() && is_hit
+        });
+        // The first of equal speeds.
+        let fastest = hits.reduce(|best, row| {
+            if row.speed_m_per_s > best.speed_m_per_s {
+                row
+            } else {
+                best
+            }
+        });
+        let Some(seed) = fastest.map(|row| row.seed) else {
+            continue;
+        };
+        let mut course_runs = runs.iter();
+        let run = course_runs.find(|run| run.run.seed == Some(seed) && run.run.stress.is_none());
+        if let Some(drive) = run.and_then(|run| run.unit(label, 0))
+            && let Some(pictures) = drive.pictures()?
+        {
+            figures.extend(pictures.samples.into_iter().map(|(_, figure)| figure));
+        }
+    }
+    Ok(figures)
+}
+
+/// The left images that the units of a report hold: not of all pairs.
+#[derive(Default)]
+pub(crate) struct LeftImages {
+    /// Per seed, recording and number of a pair a unit with pictures that show it.
+    units: BTreeMap<(Option<u64>, Option<String>, u64), StoredUnit>,
+}
+
+impl LeftImages {
+    /// The images of a report's folder; none without units of this version of svl.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file.
+    pub fn find(folder: &Path) -> Result<Self> {
+        let (units, mut found) = (Units::for_report(folder), Self::default());
+        let Ok(plan) = units.plan() else {
+            return Ok(found);
+        };
+        let sessions = units.sessions()?;
+        for run in &plan.runs {
+            let kept = RunUnits::read(&units, &plan, run, &sessions, |_| ())?;
+            for unit in kept.all() {
+                for sequence in unit.pictures()?.iter().flat_map(BlockPictures::sequences) {
+                    let key = (run.seed, run.run.clone(), sequence);
+                    found.units.insert(key, unit.clone());
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// True if it is there, as [`LeftImages::read`] reads it.
+    pub fn hold(&self, row: &Row) -> bool {
+        let key = (row.seed, row.run.clone(), row.sequence);
+        self.units.contains_key(&key)
+    }
+
+    /// The image of the row's pair.
+    ///
+    /// # Errors
+    /// The errors of [`LeftImages::find`].
+    pub fn read(&self, row: &Row) -> Result<Option<StoredImage>> {
+        let key = (row.seed, row.run.clone(), row.sequence);
+        let unit = self.units.get(&key);
+        let pictures = unit.map(StoredUnit::pictures).transpose()?.flatten();
+        pictures.map_or(Ok(None), |pictures| pictures.left(row))
+    }
+}
+
+/// A pair, by the places of its run and of itself in it.
+type ShotPlace = (usize, u64);
+
+/// The pictures of the runs so far.
+#[derive(Default)]
+struct ChosenPictures {
+    checkpoints: Vec<Checkpoint>,
+    /// Shots that are chosen from, by checkpoint and algorithm, with run and place.
+    shots: BTreeMap<(u32, String), Vec<(ShotPlace, CheckpointShot)>>,
+    samples: BTreeMap<ShotPlace, CheckpointFigure>,
+    scenes: BTreeMap<ShotPlace, SceneFigure>,
+}
+
+impl ChosenPictures {
+    fn new(plan: &ReportPlan) -> Result<Self> {
+        Ok(Self {
+            checkpoints: plan.manifest.part("checkpoint")?.unwrap_or_default(),
+            ..Self::default()
+        })
+    }
+
+    /// Adds the pictures of a unit of a run, with the place of the run.
+    fn add(&mut self, (run, own): (usize, &RunUnits), unit: &StoredUnit, pictures: BlockPictures) {
+        let first = unit.block * BLOCK;
+        let pairs = own.facts.pairs.iter().skip(first as usize);
+        let pairs = pairs.take(BLOCK as usize);
+        let place = |sequence: u64| {
+            let place = pairs.clone().position(|pair| pair.sequence == sequence)?;
+            Some(first + place as u64)
+        };
+        for shot in pictures.checkpoints {
+            if let Some(place) = place(shot.sequence) {
+                let key = (shot.checkpoint, shot.algorithm.clone());
+                let shots = self.shots.entry(key).or_default();
+                shots.push(((run, place), shot));
+            }
+        }
+        for (place, figure) in pictures.samples {
+            match self.samples.get_mut(&(run, place)) {
+                Some(own) => own.shots.extend(figure.shots),
+                None => drop(self.samples.insert((run, place), figure)),
+            }
+        }
+        for (place, scene) in pictures.scenes {
+            match self.scenes.get_mut(&(run, place)) {
+                Some(own) => own.shots.extend(scene.shots),
+                None => drop(self.scenes.insert((run, place), scene)),
+            }
+        }
+    }
+
+    fn finish(
+        mut self,
+        plan: &ReportPlan,
+        runs: &[RunUnits],
+    ) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+        let (labels, pictured) = (plan.labels(), plan.pictured());
+        let order = |label: &str| labels.iter().position(|own| *own == label);
+        let checkpoints = std::mem::take(&mut self.checkpoints);
+        let figure = |checkpoint: Checkpoint| {
+            let mut shots = Vec::new();
+            for label in &pictured {
+                let key = (checkpoint.number, (*label).to_owned());
+                shots.extend(leading(self.shots.remove(&key).unwrap_or_default())?);
+            }
+            Ok(CheckpointFigure {
+                checkpoint: Some(checkpoint.number),
+                title: format!("{} {}", checkpoint.number, checkpoint.name),
+                at_s: None,
+                about: checkpoint.description,
+                shots,
+            })
+        };
+        let figures = checkpoints.into_iter().map(figure);
+        let mut figures = figures.collect::<Result<Vec<_>>>()?;
+        let is_pictured = |row: &Row| pictured.contains(&row.algorithm.as_str());
+        let mut samples = spread(self.samples, runs, MAX_SAMPLES);
+        for sample in &mut samples {
+            sample.shots.retain(|(_, shot)| is_pictured(&shot.row));
+            sample
+                .shots
+                .sort_by_key(|(_, shot)| order(&shot.row.algorithm));
+        }
+        samples.retain(|sample| !sample.shots.is_empty());
+        figures.extend(samples);
+        let mut scenes = spread(self.scenes, runs, MAX_SCENES);
+        for scene in &mut scenes {
+            scene.shots.retain(|shot| is_pictured(&shot.row));
+            scene.shots.sort_by_key(|shot| order(&shot.row.algorithm));
+        }
+        scenes.retain(|scene| !scene.shots.is_empty());
+        Ok((figures, scenes))
+    }
+}
+
+/// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
+fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
+    // A run that was interrupted has as many pairs as are known.
+    let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
+    let on_stride = |(run, place): &ShotPlace| place.is_multiple_of(stride(pairs(*run), limit));
+    let kept = all.into_iter().filter(|(key, _)| on_stride(key));
+    let kept: Vec<_> = kept.map(|(_, picture)| picture).collect();
+    let step = stride(kept.len() as u64, limit) as usize;
+    kept.into_iter().step_by(step).collect()
+}
+
+/// The worst and the best frame of a checkpoint: of equal ones the first.
+fn leading(mut shots: Vec<(ShotPlace, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
+    shots.sort_by_key(|(place, _)| *place);
+    let mut tally = CheckpointTally::default();
+    for (i, (_, shot)) in shots.iter().enumerate() {
+        tally.add(shot.frame, || i);
+    }
+    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)].into_iter();
+    let leading = leading.filter_map(|(rank, lead)| Some((rank, lead?.0)));
+    leading
+        .map(|(rank, i)| Ok((rank, shots[i].1.shot()?)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_halved_until_few_are_left() {
+        for (frames, expected) in [(0, 1), (12, 1), (13, 2), (24, 2), (25, 4), (10_000, 1024)] {
+            assert_eq!(stride(frames, MAX_SAMPLES), expected, "{frames}");
+        }
+    }
+
+    #[test]
+    fn a_stride_of_more_frames_is_a_multiple() {
+        for frames in 1..2000 {
+            let (few, more) = (stride(frames, 12), stride(frames + 1, 12));
+            assert!(more.is_multiple_of(few) && frames.div_ceil(few) <= 12);
+        }
+    }
+}
