@@ -1,198 +1,37 @@
 //! A source of frames.
 
-mod alignment_monitor;
-mod arena;
-mod board;
-mod calibration;
-mod cameras;
-mod chain;
-pub mod dataset;
-mod distinct;
-mod facts;
-mod floored;
-mod folder;
-mod image_pair;
-mod limited;
-mod live_topics;
-mod measured;
-mod open;
-mod opened;
-mod plausible;
-mod recording;
-mod rectified;
-mod reference;
-mod registered;
-mod repeat_watch;
-mod request;
-mod resized;
-#[cfg(feature = "ros2")]
-mod ros2;
-mod run_source;
-mod stressed;
-mod usability;
-mod video;
+pub(crate) mod frames;
+pub(crate) mod inputs;
+pub(crate) mod layers;
+pub(crate) mod live;
+pub(crate) mod open;
+pub(crate) mod opened;
 
-pub use alignment_monitor::{misalignment_cure, only_pair};
-pub use arena::ArenaSource;
-pub use board::BoardSource;
-pub use calibration::{Calib, CalibrationFiles};
-pub use cameras::CameraSource;
-pub use chain::Chain;
-pub use distinct::OnePicture;
-pub use facts::{NearestDistance, SourceFacts, TruthFacts};
-pub use folder::{FolderRequest, FolderSource, MapFiles};
-pub use limited::FirstPairs;
+pub use frames::Source;
+pub use inputs::arena::ArenaSource;
+pub use inputs::board::BoardSource;
+pub use inputs::cameras::CameraSource;
+pub use inputs::dataset;
+pub use inputs::folder::map_files::MapFiles;
+pub use inputs::folder::source::{FolderRequest, FolderSource};
+pub use inputs::recording::RecordingSource;
+pub use inputs::video::source::VideoSource;
+pub use layers::alignment_monitor::{misalignment_cure, only_pair};
+pub use layers::chain::Chain;
+pub use layers::distinct::OnePicture;
+pub use layers::limited::FirstPairs;
+pub(crate) use layers::measured::{SourceMaps, refuse_topics};
+pub use layers::registered::{PairRegister, Registration};
+pub use layers::stressed::Perturbation;
 #[cfg(not(feature = "ros2"))]
-pub(crate) use live_topics::without_ros2;
-pub use live_topics::{Listen, LiveTopics};
-pub(crate) use measured::{SourceMaps, refuse_topics};
-pub use open::{SOURCES, SourceKind, SourceOrigin, expected};
-pub use open::{open, open_arena, open_pair, open_recording};
-pub use opened::{Heard, Opened};
-pub use recording::RecordingSource;
-pub use registered::{PairRegister, Registration};
-pub use request::Request;
-pub use run_source::{RunSource, run_request};
-pub use stressed::Perturbation;
-pub use usability::Usability;
-pub use video::VideoSource;
-
-use std::ops::RangeInclusive;
-use svl_core::Result;
-use svl_core::rectify::RectificationMeter;
-use svl_core::stereo::Frame;
-use svl_recording::warn_once;
-use svl_score::judge::Judged;
-use svl_score::losses::Losses;
-
-/// Forwards what a wrapper does not change to the source in its field `source`.
-macro_rules! wraps {
-    () => {
-        fn wrapped(&self) -> Option<&dyn Source> {
-            Some(&*self.source)
-        }
-
-        fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-            Some(&mut *self.source)
-        }
-    };
-}
-use wraps;
-
-/// A sequence of frames, pulled one by one.
-pub trait Source: Send {
-    /// The source that this one is wrapped around; what a wrapper does not change is forwarded to
-    /// it.
-    fn wrapped(&self) -> Option<&dyn Source> {
-        None
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        None
-    }
-
-    /// Name of the source for the user, in one word or two.
-    fn name(&self) -> String {
-        self.wrapped().map(Source::name).unwrap_or_default()
-    }
-
-    /// The next frame, or none at the end.
-    ///
-    /// # Errors
-    /// The reason why the next frame cannot be read. The source may be asked again unless the error
-    /// is [`svl_core::Error::Damaged`].
-    fn next(&mut self) -> Result<Option<Frame>>;
-
-    /// Number of frames in all, if that is known.
-    fn pairs(&self) -> Option<u64> {
-        self.wrapped()?.pairs()
-    }
-
-    /// Numbers of the first and the last frame without a range, if they are known: of the names, or
-    /// of frames without a name the sequences. The last one may be less than this.
-    fn numbers(&self) -> Option<RangeInclusive<u64>> {
-        let wrapped = self.wrapped().map(Source::numbers);
-        wrapped.unwrap_or_else(|| Some(0..=self.pairs()?.checked_sub(1)?))
-    }
-
-    /// Makes the source give the frame at `index`, counted from 0, next. False where it can only
-    /// read on: it gives then what it would have given.
-    ///
-    /// # Errors
-    /// The errors of [`Source::next`].
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        self.wrapped_mut()
-            .map_or(Ok(false), |source| source.seek(index))
-    }
-
-    /// Stamp of the source's first pair, which may be before the range that is read, once it was
-    /// read; none without a range.
-    fn start_ns(&self) -> Option<u64> {
-        self.wrapped()?.start_ns()
-    }
-
-    /// The reason why frames have no pose though the source has poses.
-    fn why_no_pose(&self) -> Option<String> {
-        self.wrapped()?.why_no_pose()
-    }
-
-    /// The misalignment before and after rectification; none of pairs that are not rectified here.
-    fn rectification(&self) -> Option<&RectificationMeter> {
-        self.wrapped()?.rectification()
-    }
-
-    /// Ends the source and returns its losses. `taken`: frames that were used.
-    fn finish(&mut self, taken: u64) -> Losses {
-        let wrapped = self.wrapped_mut();
-        wrapped.map_or_else(Losses::default, |source| source.finish(taken))
-    }
-
-    /// True if the next frame depends on the results of the last one.
-    fn listens(&self) -> bool {
-        self.wrapped().is_some_and(Source::listens)
-    }
-
-    /// Receives the results of the last frame; called only for a source that listens.
-    fn hear(&mut self, judged: &Judged) {
-        if let Some(source) = self.wrapped_mut() {
-            source.hear(judged);
-        }
-    }
-}
-
-impl Source for &mut (dyn Source + '_) {
-    fn wrapped(&self) -> Option<&dyn Source> {
-        Some(&**self)
-    }
-
-    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
-        Some(&mut **self)
-    }
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        (**self).next()
-    }
-}
-
-/// A source of what a function returns.
-#[cfg(test)]
-struct FromFn<F: FnMut() -> Result<Option<Frame>>>(F);
-
-#[cfg(test)]
-impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
-    fn name(&self) -> String {
-        "pairs".into()
-    }
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        (self.0)()
-    }
-}
-
-/// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
-fn warn_of_rig(name: &str, frame: &Frame) {
-    let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
-    for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
-        warn_once(format!("{name}: {doubt}"));
-    }
-}
+pub(crate) use live::live_topics::without_ros2;
+pub use live::live_topics::{Listen, LiveTopics};
+pub use open::facts::{NearestDistance, SourceFacts, TruthFacts};
+pub use open::run_source::{RunSource, run_request};
+pub use open::sources::{
+    SOURCES, SourceKind, SourceOrigin, expected, open, open_arena, open_pair, open_recording,
+};
+pub use open::usability::Usability;
+pub use opened::calibration::{Calib, CalibrationFiles};
+pub use opened::open_source::{Heard, Opened};
+pub use opened::request::Request;
