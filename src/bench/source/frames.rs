@@ -119,7 +119,7 @@ impl Source for &mut (dyn Source + '_) {
 
 /// A source of what a function returns.
 #[cfg(test)]
-struct FromFn<F: FnMut() -> Result<Option<Frame>>>(F);
+pub(super) struct FromFn<F: FnMut() -> Result<Option<Frame>>>(pub(super) F);
 
 #[cfg(test)]
 impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
@@ -133,7 +133,7 @@ impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
 }
 
 /// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
-fn warn_of_rig(name: &str, frame: &Frame) {
+pub(super) fn warn_of_rig(name: &str, frame: &Frame) {
     let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
     for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
         warn_once(format!("{name}: {doubt}"));

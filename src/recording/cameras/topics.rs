@@ -2,7 +2,7 @@
 
 use super::camera;
 use crate::decode::image;
-use crate::decode::video::topic;
+use crate::decode::video::message;
 use crate::mcap::messages::Channel;
 use crate::stream::stamp_rule::StampUnit;
 use std::collections::BTreeSet;
@@ -62,7 +62,7 @@ impl Default for Selection {
 
 /// True if the messages of a channel are images.
 pub(crate) fn is_image(channel: &Channel) -> bool {
-    image::SCHEMAS.contains(&channel.schema.as_str()) || video::is_video(channel)
+    image::SCHEMAS.contains(&channel.schema.as_str()) || message::is_video(channel)
 }
 
 /// The topics of the left and the right images.
@@ -168,7 +168,7 @@ fn best_variants(mut pairs: Vec<[&str; 2]>) -> Vec<[&str; 2]> {
 /// True if a topic of compressed images or videos is the copy of another that image_transport
 /// makes: `image/compressed` of `image`.
 pub(crate) fn is_copy(channel: &Channel, channels: &[&Channel]) -> bool {
-    let is_compressed = channel.schema.ends_with("CompressedImage") || video::is_video(channel);
+    let is_compressed = channel.schema.ends_with("CompressedImage") || message::is_video(channel);
     let original = channel.topic.rsplit_once('/');
     let is_it = |(original, _): (&str, &str)| channels.iter().any(|other| other.topic == original);
     is_compressed && original.is_some_and(is_it)

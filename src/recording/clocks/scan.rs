@@ -8,7 +8,7 @@ use crate::cameras::transforms::Transforms;
 use crate::mcap::messages::{Channel, EventReader, FileEvent};
 use crate::poses::reader::ODOMETRY;
 use crate::sensor::kind::head;
-use crate::sensor::topic;
+use crate::sensor::topic::measures_distances;
 use crate::stream::stamp_rule::StampRule;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
@@ -43,7 +43,7 @@ impl ClockRole {
             Some(Self::Calibration)
         } else if is_image(channel) {
             Some(Self::Image)
-        } else if sensor::measures_distances(channel) {
+        } else if measures_distances(channel) {
             Some(Self::Measurement)
         } else if channel.schema == ODOMETRY || Transforms::are_moving(channel) {
             Some(Self::Pose)

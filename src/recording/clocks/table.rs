@@ -5,6 +5,7 @@
 
 use super::faults::{ClockCheck, ClockFault, copies, wrong_option};
 use super::measure::TopicClock;
+use super::pixels;
 use super::scan::ClockScan;
 use crate::bags::opened::Recording;
 use crate::cameras::topics;

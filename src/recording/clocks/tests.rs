@@ -1,5 +1,7 @@
-use super::table::*;
-use crate::mcap::messages::{EventReader, FileEvent};
+use super::scan::ClockScan;
+use super::table::ClockTable;
+use crate::cameras::topics::Selection;
+use crate::mcap::messages::{Channel, EventReader, FileEvent};
 use crate::stream::stamp_rule::StampUnit;
 use fastrand::Rng;
 
@@ -711,7 +713,7 @@ fn left_images_that_come_late_accuse_nobody() {
 struct PlaceMessages(Vec<(Channel, u64, usize)>, usize);
 
 impl EventReader for PlaceMessages {
-    fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
+    fn next(&mut self) -> svl_core::Result<Option<FileEvent<'_>>> {
         self.1 += 1;
         let next = self.0.get(self.1 - 1);
         Ok(next.map(|(channel, log_ns, bytes)| {

@@ -6,7 +6,7 @@ use super::stamp_order::HOLD_NS;
 use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::topics::Selection;
 use crate::decode::image;
-use crate::decode::video::topic;
+use crate::decode::video::message;
 use crate::mcap::messages::Channel;
 use crate::sensor::kind::head;
 use svl_core::Result;
@@ -127,7 +127,7 @@ impl FirstImages {
     fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
         for side in (0..2).filter(|side| topics[*side] == channel.topic) {
             // Videos are decoded to 8 bits.
-            if video::is_picture(channel, data) {
+            if message::is_picture(channel, data) {
                 self.are_videos[side] = true;
                 self.are_of_8_bits = true;
             }

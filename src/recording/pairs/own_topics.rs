@@ -51,7 +51,7 @@ impl OwnTopics {
     ) -> Result<Option<Joined>, String> {
         let at = |stamp: Option<u64>| stamp.unwrap_or(log_time);
         let image = || {
-            let (stamp, image) = decode_image(channel, data)?;
+            let (stamp, image) = decode(channel, data)?;
             Ok::<_, String>((at(stamp), image?.image))
         };
         let codes = || match image()? {

@@ -3,10 +3,10 @@
 
 use super::pair_stamps::PairStamps;
 use super::stamp_pairing::UnpairedImages;
+use crate::cameras::topics;
 use crate::cameras::topics::{Selection, choose};
-use crate::clocks::scan::without_stamp;
+use crate::decode::image;
 use crate::decode::video::message::is_picture;
-use crate::poses::pose_summary::pose_summary;
 
 use super::calibration_wait::CalibrationWait;
 use super::first_messages::FirstMessages;
@@ -36,66 +36,66 @@ use svl_files::{BitDepth, SideBySide};
 const JUMP_NS: u64 = 500_000_000;
 
 /// An image that waits for its partner.
-enum PairImage {
+pub(crate) enum PairImage {
     Image(MessageImage),
     /// The picture of a video's message with that number.
     Picture(u64),
 }
 
 /// An image, or the reason why it cannot be read.
-type ReadImage = std::result::Result<PairImage, String>;
+pub(crate) type ReadImage = std::result::Result<PairImage, String>;
 
 /// The images of a pair, left and right, with their stamps.
-type PairImages = [(u64, ReadImage); 2];
+pub(crate) type PairImages = [(u64, ReadImage); 2];
 
 /// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
 pub(crate) struct PairReader {
-    images: [String; 2],
+    pub(crate) images: [String; 2],
     /// What svl's own recordings have of the pairs besides; `None` in others.
-    own: Option<OwnTopics>,
-    calibrations: [Option<String>; 2],
+    pub(crate) own: Option<OwnTopics>,
+    pub(crate) calibrations: [Option<String>; 2],
     /// All topics of calibrations.
-    info_topics: BTreeSet<String>,
+    pub(crate) info_topics: BTreeSet<String>,
     /// The calibrations of each camera so far, and those before the first pair.
-    tracks: [CameraTrack; 2],
+    pub(crate) tracks: [CameraTrack; 2],
     /// The calibrations of the last pair; before any, the first ones.
-    cameras: [Option<Arc<Calibration>>; 2],
+    pub(crate) cameras: [Option<Arc<Calibration>>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
-    baseline_m: Option<f64>,
-    baseline: BaselineSearch,
+    pub(crate) baseline_m: Option<f64>,
+    pub(crate) baseline: BaselineSearch,
     /// The poses of the recording, if it has any.
-    poses: Option<PoseReader>,
+    pub(crate) poses: Option<PoseReader>,
     /// The frame of each camera's first image; empty if it names none.
-    frames: [Option<String>; 2],
-    partners: ImagePairing<ReadImage>,
+    pub(crate) frames: [Option<String>; 2],
+    pub(crate) partners: ImagePairing<ReadImage>,
     /// Waits for the calibrations of live pairs; those of a file are there.
-    wait: Option<CalibrationWait>,
+    pub(crate) wait: Option<CalibrationWait>,
     /// The videos of topics that hold such.
-    videos: [Option<VideoTopic>; 2],
-    depth: BitDepth,
+    pub(crate) videos: [Option<VideoTopic>; 2],
+    pub(crate) depth: BitDepth,
     /// The places of both images in those of one topic.
-    side_by_side: Option<SideBySide>,
-    max_skew_ns: u64,
+    pub(crate) side_by_side: Option<SideBySide>,
+    pub(crate) max_skew_ns: u64,
     /// Images of each camera, and those among them of which not even the stamp can be read.
-    counts: [u64; 2],
-    without_stamp: [u64; 2],
+    pub(crate) counts: [u64; 2],
+    pub(crate) without_stamp: [u64; 2],
     /// Pairs so far, and the readable ones among them.
-    sequence: u64,
-    pairs: u64,
+    pub(crate) sequence: u64,
+    pub(crate) pairs: u64,
     /// Width and height of the last pair's images.
-    size: (usize, usize),
+    pub(crate) size: (usize, usize),
     /// The recording's name in warnings.
-    name: String,
+    pub(crate) name: String,
     /// True once the user was warned: of a changed calibration, of pairs before the first one, of
     /// images without a stamp, of images that share one.
-    warned_of_change: bool,
-    warned_of_late_calibration: bool,
-    warned_of_stamps: bool,
-    warned_of_order: bool,
+    pub(crate) warned_of_change: bool,
+    pub(crate) warned_of_late_calibration: bool,
+    pub(crate) warned_of_stamps: bool,
+    pub(crate) warned_of_order: bool,
     /// The last stamp of each camera.
-    last_ns: [Option<u64>; 2],
+    pub(crate) last_ns: [Option<u64>; 2],
     /// Jumps of a live clock; `None` for files, which may have any order.
-    jumps: Option<u64>,
+    pub(crate) jumps: Option<u64>,
     /// Watches for steps of the cameras' clocks, until one.
     pub(crate) watch: Option<StepWatch>,
 }
@@ -155,7 +155,7 @@ impl PairReader {
     ///
     /// # Errors
     /// The reason why no two topics can be the cameras, or why more than two can.
-    fn new(
+    pub(crate) fn new(
         name: String,
         channels: &[&Channel],
         selection: &Selection,
@@ -376,7 +376,7 @@ impl PairReader {
     }
 
     /// The coordinate frame of the left images, if they name one.
-    fn frame_id(&self) -> Option<&str> {
+    pub(crate) fn frame_id(&self) -> Option<&str> {
         let left = self.frames[0].as_deref();
         left.filter(|frame| !frame.is_empty())
     }

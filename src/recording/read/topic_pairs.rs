@@ -7,7 +7,7 @@ use crate::cameras::transforms::Transforms;
 use crate::clocks::scan::ClockScan;
 use crate::clocks::table::ClockTable;
 use crate::decode::image;
-use crate::decode::video::topic;
+use crate::decode::video::message;
 use crate::mcap::messages::Channel;
 use crate::pairs::calibration_wait::CalibrationWait;
 use crate::pairs::first_messages::FirstMessages;
@@ -76,8 +76,9 @@ impl TopicPairs {
         let channels: Vec<_> = topics.iter().map(LiveTopic::channel).collect();
         let all: Vec<_> = channels.iter().collect();
         let mut pairs = PairReader::new(source.to_owned(), &all, selection, false)?;
-        let is_video =
-            |channel: &&Channel| pairs.images.contains(&channel.topic) && video::is_video(channel);
+        let is_video = |channel: &&Channel| {
+            pairs.images.contains(&channel.topic) && message::is_video(channel)
+        };
         if let Some(Channel { topic, schema, .. }) = channels.iter().find(is_video) {
             return Err(format!(
                 "{topic}: {schema}, a video, which svl reads from a bag: record it first"

@@ -1,6 +1,5 @@
 //! The kinds of messages that measure distances, with their readers.
 
-use super::topic::Plane;
 use super::{depth_image, points};
 use crate::decode::{image, json};
 use crate::mcap::messages::Channel;
@@ -10,6 +9,7 @@ use crate::{decode_protobuf, topic};
 use foxglove::messages;
 use nalgebra::Point3;
 use svl_core::joined;
+use svl_core::stereo::Plane;
 
 /// Measurement in a message.
 pub(crate) enum Measured {

@@ -1,21 +1,21 @@
 //! Distances that another sensor or program of the recording measured, as truth or as the map of an
 //! algorithm: depth images, disparity images, point clouds, laser scans.
 
+use super::kind;
 use super::kind::Measured;
 use super::measurements::{Measurements, TopicLatency};
 use super::view::{PairCamera, SensorSetup, View};
 use crate::bags::opened::Recording;
-use crate::cameras::{topics, transforms};
-use crate::mcap::messages::{Channel, EventReader, FileEvent, warn_once};
+use crate::cameras::topics;
+use crate::mcap::messages::{Channel, FileEvent, warn_once};
 use crate::pairs::pair_stamps::PairStamps;
-use crate::pairs::truth;
 use crate::poses::motion::PoseStep;
 use crate::poses::reader::{PoseMotion, PoseReader};
 use crate::topic;
 use nalgebra::UnitQuaternion;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Rig, Surface};
+use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Surface};
 use svl_core::{Error, Result, did_you_mean, joined};
 
 /// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm

@@ -1,8 +1,7 @@
 //! Projection of another sensor's measurements into the left camera.
 
-use super::kind;
-use super::kind::{Measured, MeasuredKind};
-use super::topic::{MapDensity, Plane, Rig, SensorRole};
+use super::kind::{self, Measured, MeasuredKind};
+use super::topic::SensorRole;
 use crate::bags::opened::Recording;
 use crate::cameras::camera::Calibration;
 use crate::cameras::camera_track::CameraTrack;
@@ -16,7 +15,7 @@ use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::depth::{MIN_VALID, project, render};
-use svl_core::stereo::{FloorPlane, Frame, Geometry, Intrinsics};
+use svl_core::stereo::{FloorPlane, Frame, Geometry, Intrinsics, MapDensity, Plane, Rig};
 
 /// A depth image's camera is the left one if it has no distortion and their focal lengths and
 /// principal points differ by less.

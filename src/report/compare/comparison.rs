@@ -2,8 +2,8 @@
 
 use super::courses::CourseChanges;
 use super::join::{Join, JoinedAlgorithm};
-use super::page::page;
 use super::scored_run::ScoredRun;
+use super::text;
 use crate::rows::records::{MetricTotals, Row};
 use crate::rows::samples::{resamples, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
@@ -249,12 +249,12 @@ impl Comparison {
         self.differences.is_empty()
     }
 
-    fn is_driven(&self) -> bool {
+    pub(super) fn is_driven(&self) -> bool {
         self.algorithms.iter().any(|own| own.courses.is_some())
     }
 
     /// The changes that decide, with their names.
-    fn ranked(&self) -> Vec<(String, &Change)> {
+    pub(super) fn ranked(&self) -> Vec<(String, &Change)> {
         self.named(|own| own.deciding().collect())
     }
 
@@ -398,7 +398,7 @@ impl Changes {
 }
 
 impl AlgorithmChange {
-    fn new(join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
+    pub(super) fn new(join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
         let records = [0, 1].map(|side| join.runs[side].record(own.labels[side]));
         let hashes = records.map(|record| record.map(|own| &own.parameters_hash));
         let change = Self {
@@ -482,7 +482,7 @@ impl AlgorithmChange {
     }
 
     /// The pairs of the base that are compared, in words, if they are too few.
-    fn few_in_common(&self, min_common: f64) -> Option<String> {
+    pub(super) fn few_in_common(&self, min_common: f64) -> Option<String> {
         let (common, all) = (self.pairs + self.newly_failed, self.base_pairs);
         // Without the digits that are not of the number as it was written.
         let percent = (1e6 * min_common).round() / 1e4;
@@ -592,14 +592,14 @@ impl Change {
     }
 
     /// The difference as a multiple of its interval's width; 0 without one.
-    fn sureness(&self) -> f64 {
+    pub(super) fn sureness(&self) -> f64 {
         self.interval.map_or(0.0, |(low, high)| {
             self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
         })
     }
 
     /// True if the second value is the worse one, whether that is real or not.
-    fn is_for_the_worse(&self) -> bool {
+    pub(super) fn is_for_the_worse(&self) -> bool {
         let is_more = self.difference > 0.0;
         self.difference != 0.0
             && Judgement::new(self.metric.better, Some(true), is_more) == Judgement::Worse
@@ -608,7 +608,7 @@ impl Change {
 
 impl Judgement {
     /// `is_real`: that the difference is no chance, if that can be told.
-    fn new(better: Better, is_real: Option<bool>, is_more: bool) -> Self {
+    pub(super) fn new(better: Better, is_real: Option<bool>, is_more: bool) -> Self {
         match (is_real, better, is_more) {
             (None, ..) => Self::TooFew,
             (Some(false), ..) => Self::Unclear,

@@ -76,29 +76,29 @@ macro_rules! record {
         #[derive(Clone, Debug, PartialEq)]
         pub struct $name { $($(#[doc = $doc])* pub $field: $kind,)* }
 
-        impl $crate::rows::Record for $name {
-            fn columns() -> Vec<$crate::columns::ColumnDescription> {
+        impl $crate::rows::records::Record for $name {
+            fn columns() -> Vec<$crate::rows::columns::ColumnDescription> {
                 let mut columns = Vec::new();
-                $(<$kind as $crate::rows::RowField>::columns(
-                    $crate::rows::column_name(stringify!($field)),
+                $(<$kind as $crate::rows::records::RowField>::columns(
+                    $crate::rows::records::column_name(stringify!($field)),
                     concat!($($doc),*),
                     &mut columns,
                 );)*
                 columns
             }
 
-            fn values(&self) -> Vec<$crate::rows::ColumnValue<'_>> {
+            fn values(&self) -> Vec<$crate::rows::records::ColumnValue<'_>> {
                 let mut values = Vec::new();
-                $($crate::rows::RowField::values(&self.$field, &mut values);)*
+                $($crate::rows::records::RowField::values(&self.$field, &mut values);)*
                 values
             }
 
             fn parse(
-                cells: $crate::rows::CsvCells<'_>,
+                cells: $crate::rows::records::CsvCells<'_>,
             ) -> std::result::Result<Self, String> {
                 Ok(Self {$(
-                    $field: $crate::rows::RowField::parse(
-                        $crate::rows::column_name(stringify!($field)),
+                    $field: $crate::rows::records::RowField::parse(
+                        $crate::rows::records::column_name(stringify!($field)),
                         cells,
                     )?,
                 )*})
@@ -108,8 +108,8 @@ macro_rules! record {
                 let mut columns = Vec::new();
                 $(
                     let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
-                    columns.extend($crate::rows::RowField::stored(
-                        $crate::rows::column_name(stringify!($field)),
+                    columns.extend($crate::rows::records::RowField::stored(
+                        $crate::rows::records::column_name(stringify!($field)),
                         &fields,
                     ));
                 )*
@@ -122,11 +122,11 @@ macro_rules! record {
                 &self,
                 serializer: S,
             ) -> std::result::Result<S::Ok, S::Error> {
-                use $crate::rows::Record as _;
-                let mut keys = $crate::rows::MetricKeys::default();
-                $($crate::rows::RowField::add_keys(&self.$field, &mut keys);)*
+                use $crate::rows::records::Record as _;
+                let mut keys = $crate::rows::records::MetricKeys::default();
+                $($crate::rows::records::RowField::add_keys(&self.$field, &mut keys);)*
                 let (columns, values) = (Self::columns(), self.values());
-                $crate::rows::serialize_record(&columns, values, keys, serializer)
+                $crate::rows::records::serialize_record(&columns, values, keys, serializer)
             }
         }
     };

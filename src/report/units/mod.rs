@@ -11,15 +11,15 @@
 //! The digest of a run covers its options, the one of a unit also the algorithm and the content of
 //! its pairs. Every file is written whole, with a checksum, and renamed into place.
 
-mod facts;
-mod io;
-mod pictures;
-mod plan;
-mod run_units;
+pub(crate) mod facts;
+pub(crate) mod io;
+pub(crate) mod pictures;
+pub(crate) mod plan;
+pub(crate) mod run_units;
 pub mod shots;
-mod store;
-mod tables;
-mod unit;
+pub(crate) mod store;
+pub(crate) mod tables;
+pub(crate) mod unit;
 
 pub use facts::{PairFacts, RunFacts};
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};

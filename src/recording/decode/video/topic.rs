@@ -1,5 +1,6 @@
 //! Images that are pictures of a video: each message holds one.
 
+use super::decoder;
 use super::decoder::VideoDecoder;
 use super::message::packet;
 use super::order::PictureOrder;

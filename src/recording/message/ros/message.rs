@@ -10,11 +10,11 @@ pub(crate) struct MessageReader<'a> {
     is_cdr: bool,
 }
 
-pub(super) type Parsed<T> = Result<T, String>;
+pub(crate) type Parsed<T> = Result<T, String>;
 
 impl<'a> MessageReader<'a> {
     /// `data`: the body, without CDR's encapsulation header.
-    pub(super) fn new(data: &'a [u8], is_cdr: bool) -> Self {
+    pub(crate) fn new(data: &'a [u8], is_cdr: bool) -> Self {
         Self {
             data,
             at: 0,
@@ -23,7 +23,7 @@ impl<'a> MessageReader<'a> {
     }
 
     /// True for ROS 2, whose types differ a little from those of ROS 1.
-    pub(super) fn is_cdr(&self) -> bool {
+    pub(crate) fn is_cdr(&self) -> bool {
         self.is_cdr
     }
 
@@ -100,19 +100,19 @@ impl<'a> MessageReader<'a> {
 }
 
 /// Writes the fields of one message in CDR in their order.
-pub(super) struct CdrWriter {
+pub(crate) struct CdrWriter {
     data: Vec<u8>,
 }
 
 impl CdrWriter {
     /// `capacity`: the length that is expected.
-    pub(super) fn with_capacity(capacity: usize) -> Self {
+    pub(crate) fn with_capacity(capacity: usize) -> Self {
         let mut data = Vec::with_capacity(capacity);
         data.extend(CDR_LE);
         Self { data }
     }
 
-    pub(super) fn finish(self) -> Vec<u8> {
+    pub(crate) fn finish(self) -> Vec<u8> {
         self.data
     }
 
@@ -124,34 +124,34 @@ impl CdrWriter {
         self.data.extend(number);
     }
 
-    pub(super) fn u8(&mut self, number: u8) {
+    pub(crate) fn u8(&mut self, number: u8) {
         self.data.push(number);
     }
 
-    pub(super) fn u32(&mut self, number: u32) {
+    pub(crate) fn u32(&mut self, number: u32) {
         self.number(number.to_le_bytes());
     }
 
-    pub(super) fn f32(&mut self, number: f32) {
+    pub(crate) fn f32(&mut self, number: f32) {
         self.number(number.to_le_bytes());
     }
 
-    pub(super) fn f64(&mut self, number: f64) {
+    pub(crate) fn f64(&mut self, number: f64) {
         self.number(number.to_le_bytes());
     }
 
     /// Length of a sequence, whose elements follow. Sequences of svl are far below 4 GB: sides of
     /// an image are at most `MAX_SIDE`.
-    pub(super) fn length(&mut self, length: usize) {
+    pub(crate) fn length(&mut self, length: usize) {
         self.u32(length as u32);
     }
 
-    pub(super) fn bytes(&mut self, bytes: &[u8]) {
+    pub(crate) fn bytes(&mut self, bytes: &[u8]) {
         self.length(bytes.len());
         self.data.extend_from_slice(bytes);
     }
 
-    pub(super) fn str(&mut self, text: &str) {
+    pub(crate) fn str(&mut self, text: &str) {
         // A closing zero is counted.
         self.length(text.len() + 1);
         self.data.extend_from_slice(text.as_bytes());

@@ -6,11 +6,9 @@ pub(crate) mod read;
 pub(crate) mod result_message;
 pub(crate) mod write;
 
-pub use crate::results::ros_messages::{diagnostics, result_messages};
-pub(crate) use crate::results::scan::FLOOR_FRAME;
+pub use crate::results::ros_messages::result_messages;
 pub use crate::results::scan::static_transforms;
 pub(crate) use read::*;
-pub use result_message::{ResultMessage, ResultOptions};
 pub(crate) use write::*;
 
 /// The encoding of ROS 1's messages.

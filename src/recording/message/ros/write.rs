@@ -51,7 +51,7 @@ fn encode_image(
 }
 
 /// The fields of a sensor_msgs/msg/Image after its header.
-pub(super) fn image_fields(
+pub(crate) fn image_fields(
     cdr: &mut CdrWriter,
     (width, height): (usize, usize),
     encoding: &str,
@@ -152,7 +152,7 @@ pub(crate) fn encode_string(text: &str) -> Encoded {
 }
 
 /// `bytes`: approximate length of the largest field.
-pub(super) fn encode(
+pub(crate) fn encode(
     schema: &'static str,
     definition: &'static str,
     bytes: usize,
@@ -170,7 +170,7 @@ pub(super) fn encode(
     }
 }
 
-pub(super) fn header_fields(cdr: &mut CdrWriter, stamp: RosStamp, frame_id: &str) {
+pub(crate) fn header_fields(cdr: &mut CdrWriter, stamp: RosStamp, frame_id: &str) {
     let (seconds, nanoseconds) = stamp.parts();
     // Stamps end before 2038, so the signed field stays positive.
     cdr.u32(seconds);

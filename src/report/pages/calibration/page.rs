@@ -1,5 +1,6 @@
 //! HTML report of a calibration: one file without scripts or external resources.
 
+use super::view;
 use crate::show::page::parts::fill;
 use std::path::Path;
 use svl_calibrate::Solution;

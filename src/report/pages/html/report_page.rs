@@ -1,6 +1,7 @@
 //! `index.html`: one file that fetches nothing and is readable without its script. The answer comes
 //! first, then frames as in the thesis's figure 7.3; all else is folded.
 
+use super::{heat, plots, shades, stored, view};
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
 use crate::rows::records::{CellRow, Row};
@@ -163,13 +164,13 @@ impl ReportPage {
     }
 
     /// True for an algorithm of a sweep.
-    fn is_swept(&self, label: &str) -> bool {
+    pub(super) fn is_swept(&self, label: &str) -> bool {
         let mut points = self.sweeps.iter().flat_map(|sweep| &sweep.points);
         points.any(|(_, own)| own == label)
     }
 
     /// The colours of the algorithms.
-    fn colors(&self) -> AlgorithmColors<'_> {
+    pub(super) fn colors(&self) -> AlgorithmColors<'_> {
         let shades = shades::parameter_shades(self);
         let colors = shades.iter().flat_map(|shade| shade.colors.iter().copied());
         AlgorithmColors::new(self.manifest.labels()).with_shades(colors)

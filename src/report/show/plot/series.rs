@@ -67,7 +67,7 @@ impl Series {
     }
 
     /// True if the series is in the key.
-    fn is_keyed(&self) -> bool {
+    pub(super) fn is_keyed(&self) -> bool {
         let form = self.form;
         !self.name.is_empty()
             && matches!(
@@ -103,7 +103,7 @@ pub enum SeriesStyle {
 
 impl SeriesStyle {
     /// Radius of its points, where they are drawn.
-    fn radius(self) -> Option<u32> {
+    pub(super) fn radius(self) -> Option<u32> {
         match self {
             Self::Points | Self::Both | Self::Unkeyed | Self::Named => Some(8),
             Self::Disc(radius) => Some(radius),
@@ -114,18 +114,18 @@ impl SeriesStyle {
 
 /// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a
 /// third and two thirds of a pixel each: on a phone and on paper the texts are still texts.
-const WIDTH: u32 = 960;
+pub(crate) const WIDTH: u32 = 960;
 
 /// Text size in the same units.
-const TEXT: u32 = 30;
+pub(crate) const TEXT: u32 = 30;
 
 /// Height of a title.
-const TITLE: i32 = 52;
+pub(crate) const TITLE: i32 = 52;
 
 /// Grid and axes; the page's style replaces it.
-const AXIS: [u8; 3] = [0x80; 3];
+pub(crate) const AXIS: [u8; 3] = [0x80; 3];
 
 /// Approximate width of a text in sans-serif fonts; the browser picks the font.
-fn text_width(text: &str, size: u32) -> i32 {
+pub(crate) fn text_width(text: &str, size: u32) -> i32 {
     (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
 }

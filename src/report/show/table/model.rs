@@ -149,14 +149,14 @@ impl Table {
     }
 
     /// The places of the columns without bars.
-    fn text_columns(&self) -> Vec<usize> {
+    pub(super) fn text_columns(&self) -> Vec<usize> {
         let is_bar = |row: &Vec<TableCell>, i: usize| matches!(row[i], TableCell::Bar { .. });
         let has_text = |i: &usize| !self.rows.iter().any(|row| is_bar(row, *i));
         (0..self.columns.len()).filter(has_text).collect()
     }
 
     /// Removes the columns that are not `shown`.
-    fn keep(&mut self, shown: &[bool]) {
+    pub(super) fn keep(&mut self, shown: &[bool]) {
         let mut places = shown.iter();
         self.columns.retain(|_| places.next() == Some(&true));
         for row in &mut self.rows {
@@ -191,7 +191,7 @@ impl TableCell {
     }
 
     /// The cell without pictures.
-    fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Alert(text) => printable_line(text),
             Self::Time { ms: time_ms, mark } => ms(*time_ms) + mark,

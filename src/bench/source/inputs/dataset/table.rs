@@ -4,6 +4,7 @@
 //! files. A new data set is a new entry there.
 
 use super::entry::Dataset;
+use super::{eth3d, kitti, middlebury};
 
 use super::entry::{FileNames, PairFiles, Seen, TruthFile};
 
@@ -43,6 +44,6 @@ const OTHERS: FileNames = FileNames {
 };
 
 /// All names svl knows, in the order in which they are looked for.
-fn files() -> impl Iterator<Item = &'static FileNames> {
+pub(super) fn files() -> impl Iterator<Item = &'static FileNames> {
     DATASETS.iter().map(|d| &d.files).chain([&OTHERS])
 }

@@ -1,5 +1,6 @@
 //! Videos as a source: one of both images side by side, or one of each camera.
 
+use super::offset;
 use super::stamped::{FrameClock, StampedVideo};
 use super::stream::VideoStream;
 use crate::source::frames::Source;
