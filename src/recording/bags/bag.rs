@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use svl_calibrate::yaml::{self, YamlNode};
-use svl_core::bounded::stand_in;
 use svl_core::{Error, Result, counted, inputs, listed};
 use svl_files::read_text;
 
@@ -77,24 +76,6 @@ pub fn only_file(path: &Path) -> Result<PathBuf> {
 pub(crate) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
     let count = counted(files.len() as u64, "file");
     Error::format(path, format!("is a bag of {count}: {}", name_one(files)))
-}
-
-/// Description of a file that begins with `start` and is not MCAP, with the remedy.
-pub(crate) fn not_mcap(path: &Path, start: &[u8]) -> String {
-    if let Some(why) = stand_in(start) {
-        return why.to_owned();
-    }
-    // `#ROSBAG V2.0` is read.
-    if start.starts_with(b"#ROSBAG ") {
-        let bag = path.display();
-        return format!(
-            "is a ROS 1 bag of another format than 2.0; `rosbag fix {bag} NEW.bag` of ROS 1 \
-             renews it"
-        );
-    }
-    "is not an MCAP file, nor a bag of ROS 2 in SQLite or of ROS 1; svl reads these (.mcap, .db3, \
-     .bag)"
-        .to_owned()
 }
 
 /// The names of a bag's files, from its metadata.

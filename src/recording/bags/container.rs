@@ -4,18 +4,14 @@ use super::ros1_bag::Ros1Messages;
 use super::sqlite::SqliteFile;
 use super::{ros1_bag, sqlite};
 use crate::mcap::file::McapFile;
-use crate::mcap::messages::{EventReader, FileEvent, Messages};
+use crate::mcap::messages::Messages;
+use crate::stream::channel::{EventReader, FileEvent};
+use crate::stream::unpack::ZSTD;
+use crate::stream::unpack::unpack;
+use crate::stream::unpack::unpack_message;
 use std::borrow::Cow;
-use std::io::{Read, Write};
 use std::path::Path;
 use svl_core::{Error, Result};
-use tempfile::NamedTempFile;
-
-/// First bytes of a zstd frame.
-pub(crate) const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
-/// Limit on the size of an unpacked file, and of a message, bytes.
-const MAX_FILE: u64 = 64 << 30;
-const MAX_MESSAGE: u64 = 1 << 30;
 
 /// One file of a recording.
 pub(crate) enum Container {
@@ -126,81 +122,5 @@ fn closed_format(path: &Path) -> Option<&'static str> {
              RIGHT.mp4`",
         ),
         _ => None,
-    }
-}
-
-/// Unpacks a whole file. The beginning of a truncated one is kept; its reader reports the rest as
-/// missing.
-fn unpack(file: &McapFile) -> Result<NamedTempFile> {
-    let path = file.path();
-    let wrong = |reason: String| Error::format(path, reason);
-    let io = |e| Error::io(path, e);
-    let decoder = zstd::stream::read::Decoder::new(file.reader()?).map_err(io)?;
-    let mut decoder = decoder.take(MAX_FILE + 1);
-    let mut unpacked = NamedTempFile::new().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-    let (mut piece, mut length) = (vec![0; 1 << 20], 0);
-    loop {
-        match decoder.read(&mut piece) {
-            Ok(0) => break,
-            Ok(read) => {
-                let written = unpacked.write_all(&piece[..read]);
-                written.map_err(|e| Error::io(unpacked.path(), e))?;
-                length += read as u64;
-            }
-            Err(e) if length == 0 => {
-                return Err(wrong(format!(
-                    "is compressed with zstd and cannot be unpacked: {e}"
-                )));
-            }
-            Err(e) => {
-                tracing::warn!("{}: unpacked up to byte {length}: {e}", path.display());
-                break;
-            }
-        }
-    }
-    if length > MAX_FILE {
-        let cure = "unpack it with zstd -d first";
-        return Err(wrong(format!(
-            "unpacks to more than {MAX_FILE} bytes; {cure}"
-        )));
-    }
-    Ok(unpacked)
-}
-
-/// The data of a message that rosbag2 compressed on its own; other data unchanged.
-///
-/// # Errors
-/// The reason why they cannot be unpacked.
-pub(crate) fn unpack_message(data: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
-    // No message encoding begins like this: CDR's first byte is 0.
-    if !data.starts_with(&ZSTD) {
-        return Ok(None);
-    }
-    let mut unpacked = Vec::new();
-    let read = zstd::stream::read::Decoder::with_buffer(data)
-        .and_then(|decoder| decoder.take(MAX_MESSAGE + 1).read_to_end(&mut unpacked));
-    match read {
-        Ok(length) if length as u64 > MAX_MESSAGE => {
-            Err(format!("it unpacks to more than {MAX_MESSAGE} bytes"))
-        }
-        Ok(_) => Ok(Some(unpacked)),
-        Err(e) => Err(format!(
-            "it is compressed with zstd and cannot be unpacked: {e}"
-        )),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn messages_are_unpacked_by_how_they_begin() {
-        let data = [0, 1, 0, 0].repeat(100);
-        assert_eq!(unpack_message(&data), Ok(None));
-        let packed = zstd::bulk::compress(&data, 3).unwrap();
-        assert_eq!(unpack_message(&packed), Ok(Some(data)));
-        let cut = unpack_message(&packed[..packed.len() - 3]);
-        assert!(cut.unwrap_err().contains("cannot be unpacked"));
     }
 }

@@ -4,9 +4,10 @@
 //! file is read.
 
 use crate::mcap::file::McapFile;
-use crate::mcap::messages::{Declared, EventReader, FileEvent, Messages};
+use crate::mcap::messages::{Declared, Messages};
 use crate::mcap::records::Records;
-use crate::topic;
+use crate::message::wire::topic;
+use crate::stream::channel::{EventReader, FileEvent};
 use mcap::records::{ChunkIndex, Header, Metadata, Record, op};
 use std::path::Path;
 use svl_core::{Error, Result};

@@ -6,9 +6,8 @@
 //! are the header of a chunk. The format has no checksums but those inside bz2 and LZ4.
 
 use crate::mcap::file::{FileReader, McapFile};
-use crate::mcap::messages::{Channel, EventReader, FileEvent};
 use crate::mcap::records::DamagedPart;
-use crate::message::ros::ROS1;
+use crate::stream::channel::{Channel, EventReader, FileEvent, ROS1};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Read};

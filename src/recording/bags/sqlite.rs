@@ -1,6 +1,6 @@
 //! ROS 2 bags in SQLite (`.db3`): rosbag2's tables `topics` and `messages`.
 
-use crate::mcap::messages::{Channel, EventReader, FileEvent};
+use crate::stream::channel::{Channel, EventReader, FileEvent};
 use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, params};
 use std::borrow::Cow;
 use std::collections::HashMap;

@@ -1,7 +1,7 @@
 //! The baseline of cameras whose calibrations have none, from the static transforms.
 
 use super::transforms::Transforms;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::Channel;
 
 /// Limits on cameras that are parallel and side by side: rotation in radians, and the other two
 /// axes as a fraction of the baseline. Wider than the rounding of the programs that write them.

@@ -1,10 +1,10 @@
 //! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
 
+use crate::decode::head::head;
 use crate::decode::{json, realsense};
-use crate::decode_protobuf;
-use crate::mcap::messages::Channel;
 use crate::message::ros;
-use crate::sensor::kind::head;
+use crate::message::wire::decode_protobuf;
+use crate::stream::channel::Channel;
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use svl_core::stereo::{
     CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,

@@ -2,7 +2,7 @@
 
 use super::camera;
 use super::camera::Calibration;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use super::camera;
 use crate::decode::image;
 use crate::decode::video::message;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampUnit;
 use std::collections::BTreeSet;
 use svl_core::{joined, listed};

@@ -2,9 +2,9 @@
 
 use super::topics;
 use crate::decode::{image, realsense};
-use crate::decode_protobuf;
-use crate::mcap::messages::{Channel, warn_once};
 use crate::message::ros;
+use crate::message::wire::decode_protobuf;
+use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,7 +1,7 @@
 //! Rates and offsets of the topics' clocks.
 
-use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TimedMessage, TopicScan};
-use crate::pairs::steps::OffsetBins;
+use super::scan::{ClockRole, ClockScan, MIN_MESSAGES, TopicScan};
+use crate::pairs::steps::{OffsetBins, TimedMessage};
 use crate::stream::stamp_rule::{StampReading, StampRule, StampUnit};
 use std::collections::BTreeMap;
 use svl_core::nanoseconds;

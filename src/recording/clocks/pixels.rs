@@ -2,8 +2,8 @@
 
 use crate::bags::opened::Recording;
 use crate::cameras::topics::Selection;
-use crate::mcap::messages::FileEvent;
 use crate::pairs::pair_reader::PairReader;
+use crate::stream::channel::FileEvent;
 use crate::stream::stamp_rule::StampRule;
 use std::collections::BTreeMap;
 use svl_core::rectify::AlignmentMeter;

@@ -1,7 +1,7 @@
 use super::scan::ClockScan;
 use super::table::ClockTable;
 use crate::cameras::topics::Selection;
-use crate::mcap::messages::{Channel, EventReader, FileEvent};
+use crate::stream::channel::{Channel, EventReader, FileEvent};
 use crate::stream::stamp_rule::StampUnit;
 use fastrand::Rng;
 

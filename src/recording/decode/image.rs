@@ -3,10 +3,11 @@
 use super::encoding::PixelEncoding;
 use super::pixels::MessageImage;
 use super::{encoding, json, pixels};
-use crate::decode_protobuf;
-use crate::mcap::messages::Channel;
 use crate::message::ros;
 use crate::message::ros::read::RawPixels;
+use crate::message::wire::decode_protobuf;
+use crate::stream::channel::Channel;
+use crate::stream::channel::ROS1;
 use foxglove::messages::{CompressedImage, RawImage, Timestamp};
 use svl_files::{self as files, DecodedImage};
 
@@ -94,7 +95,7 @@ pub(crate) fn ros_stamp(
 ) -> Result<Option<u64>, String> {
     let signed = sec.cast_signed();
     // ROS 1's seconds are unsigned.
-    if signed < 0 && channel.encoding != ros::ROS1 {
+    if signed < 0 && channel.encoding != ROS1 {
         return Err(format!("its stamp of {signed} s is before 1970"));
     }
     Ok(stamp(channel, Some((sec, nanosec))))

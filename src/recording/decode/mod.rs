@@ -2,6 +2,8 @@
 
 pub(crate) mod bayer;
 pub(crate) mod encoding;
+pub(crate) mod floats;
+pub(crate) mod head;
 pub(crate) mod image;
 pub(crate) mod json;
 pub(crate) mod pixels;

@@ -10,8 +10,8 @@
 //! The extrinsics map points of the frame `ref_0` into the stream's. Messages name the frame of a
 //! stream after it: `Infrared1`, `Depth`.
 
-use crate::mcap::messages::Channel;
 use crate::message::ros;
+use crate::stream::channel::Channel;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
 

@@ -12,9 +12,9 @@
 
 use super::chunk::split;
 use super::file::McapFile;
+use super::head::not_mcap;
 use super::layout::{HEAD, has_fields, known_size, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
-use crate::bags::bag::not_mcap;
 use crc32fast::Hasher;
 use mcap::records::{Record, op};
 use std::io::Result as IoResult;

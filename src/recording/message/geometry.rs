@@ -1,8 +1,8 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
-use crate::mcap::messages::Channel;
+use super::wire::{Encoded, RosStamp, decode_protobuf, frame_id};
+use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampRule;
-use crate::{Encoded, RosStamp, decode_protobuf, frame_id};
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
 use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
 use svl_core::stereo::{LengthUnit, Pose, Rig, Side};

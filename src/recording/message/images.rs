@@ -1,7 +1,7 @@
 //! Writes images as messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or
 //! foxglove.CompressedImage (png).
 
-use crate::{Encoded, RosStamp};
+use super::wire::{Encoded, RosStamp};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};

@@ -4,3 +4,4 @@ pub(crate) mod geometry;
 pub(crate) mod images;
 pub(crate) mod ros;
 pub(crate) mod sync;
+pub(crate) mod wire;

@@ -1,6 +1,6 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
-use crate::Encoded;
+use super::wire::Encoded;
 use serde::{Deserialize, Serialize};
 use svl_core::stereo::{Exposure, Frame, Geometry, TruthKind};
 

@@ -5,7 +5,7 @@ use crate::cameras::camera::{Calibration, CalibrationChange};
 use crate::cameras::topics::Selection;
 use crate::cameras::transforms::plain;
 use crate::cameras::{camera, topics};
-use crate::mcap::messages::{Channel, warn_once};
+use crate::stream::channel::{Channel, warn_once};
 use std::sync::Arc;
 use svl_core::listed;
 use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};

@@ -5,10 +5,10 @@ use super::pair_reader::PairReader;
 use super::stamp_order::HOLD_NS;
 use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::topics::Selection;
+use crate::decode::head::head;
 use crate::decode::image;
 use crate::decode::video::message;
-use crate::mcap::messages::Channel;
-use crate::sensor::kind::head;
+use crate::stream::channel::Channel;
 use svl_core::Result;
 use svl_files::{BitDepth, DECIDING_PAIRS};
 

@@ -2,21 +2,19 @@
 //! its images, pose, truth, colours and exposure.
 
 use super::truth;
+use crate::decode::floats::floats;
+use crate::decode::head::head;
 use crate::decode::image::decode;
-use crate::mcap::messages::Channel;
 use crate::message::geometry;
 use crate::message::sync::{PairGeometry, StereoSync};
-use crate::sensor::depth_image::floats;
-use crate::sensor::kind::head;
-use crate::topic;
+use crate::message::wire::topic;
+use crate::pairs::stamp_pairing::MAX_WAITING;
+use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use svl_core::stereo::{
     Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, Surface, Truth, Visibility,
 };
 use svl_files::DecodedImage;
-
-/// Limit on stamps that wait for the rest of their pair. svl's writer needs one of each camera.
-pub(crate) const MAX_WAITING: usize = 16;
 
 /// The stamps of two images, left and right, that are a pair by a message; `None` for others.
 pub(crate) type Joined = Option<[u64; 2]>;

@@ -7,6 +7,9 @@ use crate::cameras::topics;
 use crate::cameras::topics::{Selection, choose};
 use crate::decode::image;
 use crate::decode::video::message::is_picture;
+use crate::pairs::images::PairImage;
+use crate::pairs::images::PairImages;
+use crate::pairs::images::ReadImage;
 
 use super::calibration_wait::CalibrationWait;
 use super::first_messages::FirstMessages;
@@ -21,10 +24,10 @@ use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::transforms::Transforms;
 use crate::decode::pixels::MessageImage;
 use crate::decode::video::topic::VideoTopic;
-use crate::mcap::messages::{Channel, FileEvent, warn_once};
 use crate::message::geometry;
+use crate::message::wire::topic;
 use crate::poses::reader::PoseReader;
-use crate::topic;
+use crate::stream::channel::{Channel, FileEvent, warn_once};
 use nalgebra::UnitQuaternion;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -34,19 +37,6 @@ use svl_files::{BitDepth, SideBySide};
 
 /// Live images are never that much out of order: their clock jumped.
 const JUMP_NS: u64 = 500_000_000;
-
-/// An image that waits for its partner.
-pub(crate) enum PairImage {
-    Image(MessageImage),
-    /// The picture of a video's message with that number.
-    Picture(u64),
-}
-
-/// An image, or the reason why it cannot be read.
-pub(crate) type ReadImage = std::result::Result<PairImage, String>;
-
-/// The images of a pair, left and right, with their stamps.
-pub(crate) type PairImages = [(u64, ReadImage); 2];
 
 /// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
 pub(crate) struct PairReader {

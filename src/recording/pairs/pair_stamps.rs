@@ -1,9 +1,9 @@
 //! The stamps of a recording's pairs, without their images.
 
 use super::stamp_order::ImagePairing;
-use crate::mcap::messages::Channel;
 use crate::message::sync::StereoSync;
-use crate::topic;
+use crate::message::wire::topic;
+use crate::stream::channel::Channel;
 use svl_core::stereo::Side;
 
 /// Rule by which messages form pairs.

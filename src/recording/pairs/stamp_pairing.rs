@@ -1,7 +1,6 @@
 //! Pairs the images of two topics, in any order of arrival: by nearest stamps, or as svl's own
 //! records join them.
 
-use super::own_topics::MAX_WAITING;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 use svl_core::stereo::Side::{self, Left, Right};
@@ -311,6 +310,9 @@ impl<T> StampPairing<T> {
         }
     }
 }
+
+/// Limit on stamps that wait for the rest of their pair. svl's writer needs one of each camera.
+pub(crate) const MAX_WAITING: usize = 16;
 
 #[cfg(test)]
 mod tests {

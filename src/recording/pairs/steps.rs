@@ -1,6 +1,7 @@
 //! The offset of two cameras' clocks over the log time: a clock that steps, drifts away or is set.
 
-use crate::clocks::scan::TimedMessage;
+use crate::stream::channel::Channel;
+use crate::stream::stamp_rule::StampRule;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::Side;
 
@@ -224,4 +225,43 @@ impl StepWatch {
         let step = ClockStep::new(self.usual_ns, before, to, begin_ns);
         Some((step.side, step.camera_words(&self.cure)))
     }
+}
+
+/// Log time and stamp of a message; the stamp as it is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TimedMessage {
+    pub(crate) log_ns: u64,
+    pub(crate) stamp_ns: u64,
+}
+
+impl TimedMessage {
+    /// The time from the stamp to the log time. Stamps above 2⁶³ ns are damage; wrapping still
+    /// keeps their difference right.
+    pub(crate) fn delay_ns(&self) -> i64 {
+        self.log_ns.wrapping_sub(self.stamp_ns).cast_signed()
+    }
+
+    /// The same by another rule.
+    pub(crate) fn restamped(self, rule: StampRule) -> Self {
+        let parts = (
+            (self.stamp_ns / 1_000_000_000) as u32,
+            (self.stamp_ns % 1_000_000_000) as u32,
+        );
+        Self {
+            stamp_ns: rule.stamp(parts).unwrap_or(self.log_ns),
+            ..self
+        }
+    }
+}
+
+/// The bytes of a message behind its stamp, which comes first in all of them.
+pub(crate) fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
+    let stamp = match (channel.encoding.as_str(), data) {
+        // A number and the stamp; or the encapsulation and the stamp.
+        ("ros1" | "cdr", _) => 12,
+        // The first field, a message of its own.
+        ("protobuf", [0x0a, len, ..]) => 2 + usize::from(*len),
+        _ => 0,
+    };
+    data.get(stamp..).unwrap_or(data)
 }

@@ -4,7 +4,7 @@ use super::motion;
 use super::motion::PoseStep;
 use super::reader::{PoseReader, PosesOfFrame};
 use crate::bags::opened::Recording;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use svl_core::Result;
 

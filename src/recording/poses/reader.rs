@@ -4,8 +4,8 @@
 use super::motion::{PoseStep, jump, steps};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::{Placed, StampedTransform, Transforms, plain};
-use crate::mcap::messages::{Channel, EventReader, FileEvent, warn_once};
 use crate::message::ros;
+use crate::stream::channel::{Channel, EventReader, FileEvent, warn_once};
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;

@@ -1,28 +1,29 @@
 //! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
 use super::reader::is_own;
-use crate::bags::container::{Container, unpack_message};
+use crate::bags::container::Container;
 use crate::bags::header::{Header, StampOrigin};
 use crate::bags::opened::Recording;
 use crate::bags::ros1_bag::Ros1Messages;
 use crate::cameras::topics::{Selection, choose, is_image};
-use crate::clocks::scan::without_stamp;
 use crate::clocks::table::ClockTable;
+use crate::decode::head::head;
 use crate::decode::video::message::is_picture;
 use crate::decode::video::topic::{VideoScan, VideoSummary};
 use crate::mcap::file::McapFile;
-use crate::mcap::messages::{Channel, EventReader, FileEvent, Messages};
+use crate::mcap::messages::Messages;
 use crate::mcap::records::{DamagedPart, attachment};
 use crate::message::sync::StereoSync;
-use crate::pairs::pair_reader::StampedImage;
-use crate::pairs::pair_reader::pair_stamps;
+use crate::message::wire::{GRABBER, MANIFEST, PROFILE, topic};
+use crate::pairs::pair_reader::{StampedImage, pair_stamps};
 use crate::pairs::skew::SkewSummary;
 use crate::pairs::stamp_pairing::UnpairedImages;
+use crate::pairs::steps::without_stamp;
 use crate::poses::pose_summary::{PoseSummary, pose_summary};
 use crate::results::result::AlgorithmResult;
-use crate::sensor::kind::head;
+use crate::stream::channel::{Channel, EventReader, FileEvent};
 use crate::stream::restamped::StampRules;
-use crate::{GRABBER, MANIFEST, PROFILE, topic};
+use crate::stream::unpack::unpack_message;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;

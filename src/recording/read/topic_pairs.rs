@@ -1,20 +1,20 @@
 //! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
 
-use crate::LEFT_FRAME;
 use crate::cameras::camera;
 use crate::cameras::topics::Selection;
 use crate::cameras::transforms::Transforms;
 use crate::clocks::scan::ClockScan;
 use crate::clocks::table::ClockTable;
+use crate::decode::head::head;
 use crate::decode::image;
 use crate::decode::video::message;
-use crate::mcap::messages::Channel;
+use crate::message::wire::LEFT_FRAME;
 use crate::pairs::calibration_wait::CalibrationWait;
 use crate::pairs::first_messages::FirstMessages;
 use crate::pairs::pair_reader::PairReader;
 use crate::pairs::stamp_order::ImagePairing;
 use crate::pairs::stream_facts::StreamFacts;
-use crate::sensor::kind::head;
+use crate::stream::channel::Channel;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 
@@ -221,8 +221,8 @@ impl TopicPairs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::RosStamp;
     use crate::message::ros;
+    use crate::message::wire::RosStamp;
     use svl_core::stereo::Gray;
 
     #[test]

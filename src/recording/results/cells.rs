@@ -1,7 +1,7 @@
 //! The depth grid of an algorithm for one pair, as data.
 
-use crate::Encoded;
 use crate::bags::opened::Recording;
+use crate::message::wire::Encoded;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use svl_core::Result;

@@ -2,11 +2,11 @@
 
 use super::cells;
 use super::cells::AlgorithmCells;
-use crate::Encoded;
 use crate::bags::opened::Recording;
-use crate::mcap::messages::{EventReader, FileEvent};
+use crate::decode::floats::floats;
+use crate::message::wire::Encoded;
 use crate::pairs::truth;
-use crate::sensor::depth_image::floats;
+use crate::stream::channel::{EventReader, FileEvent};
 use serde::de::DeserializeOwned;
 use svl_core::stereo::{Estimate, Frame, Plane, hash_words};
 use svl_core::{Error, Result};

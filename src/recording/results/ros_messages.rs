@@ -6,7 +6,7 @@ use super::scan::scan;
 use crate::message::ros::message::CdrWriter;
 use crate::message::ros::result_message::{ResultMessage, ResultOptions};
 use crate::message::ros::write::{encode, encode_32fc1, header_fields, image_fields};
-use crate::{Encoded, RosStamp};
+use crate::message::wire::{Encoded, RosStamp};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Plane, Rig};
 use svl_files::pixel_points;

@@ -5,7 +5,8 @@ use super::result::PairResult;
 use crate::message::ros::message::CdrWriter;
 use crate::message::ros::result_message::{ResultMessage, ResultOptions};
 use crate::message::ros::write::{encode, encode_transforms, header_fields};
-use crate::{Encoded, RosStamp};
+use crate::message::wire::FLOOR_FRAME;
+use crate::message::wire::{Encoded, RosStamp};
 use std::ops::Range;
 use svl_core::Result;
 use svl_core::stereo::{CellState, Pose, Rig};
@@ -31,9 +32,6 @@ fn scan_frame(frame_id: &str) -> String {
         format!("{frame_id}_scan")
     }
 }
-
-/// The frame on the floor below a robot (REP 120).
-pub(crate) const FLOOR_FRAME: &str = "base_footprint";
 
 /// The transforms from the optical frame on `/tf_static`, in one message, as its last one is that
 /// of late subscribers: to the scan's frame, unless the camera's driver publishes it, and to the

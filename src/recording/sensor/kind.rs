@@ -1,11 +1,13 @@
 //! The kinds of messages that measure distances, with their readers.
 
 use super::{depth_image, points};
-use crate::decode::{image, json};
-use crate::mcap::messages::Channel;
+use crate::decode::floats;
+use crate::decode::head::head;
 use crate::message::ros;
+use crate::message::wire::{decode_protobuf, topic};
 use crate::pairs::truth;
-use crate::{decode_protobuf, topic};
+use crate::stream::channel::Channel;
+use crate::stream::channel::ROS1;
 use foxglove::messages;
 use nalgebra::Point3;
 use svl_core::joined;
@@ -89,7 +91,7 @@ const KINDS: &[MeasuredKind] = &[
 const OWN_RESULT: MeasuredKind = MeasuredKind {
     schema: "sensor_msgs/msg/Image",
     encoding: "cdr",
-    decode: Decode::Disparity(depth_image::floats),
+    decode: Decode::Disparity(floats::floats),
 };
 
 /// The surfaces in the truth of a bag that svl wrote: their codes, as disparities.
@@ -150,7 +152,7 @@ pub(crate) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
         let schema = &channel.schema;
         format!("has messages of {schema}; distances are read from {known}")
     })?;
-    let is_ros1 = channel.encoding == ros::ROS1 && kind.encoding == "cdr";
+    let is_ros1 = channel.encoding == ROS1 && kind.encoding == "cdr";
     if kind.encoding == channel.encoding || is_ros1 {
         Ok(kind)
     } else {
@@ -226,40 +228,5 @@ impl MeasuredKind {
             }
         };
         Ok((stamp, measured))
-    }
-}
-
-/// The stamp of a message, if any, and the name of its frame.
-pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
-    macro_rules! foxglove {
-        ($kind:ident) => {{
-            let message: messages::$kind = decode_protobuf(data)?;
-            let stamp = image::stamp(channel, message.timestamp.map(|t| (t.sec(), t.nsec())));
-            Ok((stamp, message.frame_id))
-        }};
-    }
-    match (channel.schema.as_str(), channel.encoding.as_str()) {
-        (_, "cdr" | "ros1") => {
-            let head = ros::read(channel, data, ros::header)?;
-            Ok((
-                image::ros_stamp(channel, head.stamp)?,
-                head.frame_id.to_owned(),
-            ))
-        }
-        (_, "json") => {
-            let json::JsonHead {
-                timestamp,
-                frame_id,
-            } = json::read(data)?;
-            let stamp = image::stamp(channel, Some((timestamp.sec, timestamp.nsec)));
-            Ok((stamp, frame_id))
-        }
-        ("foxglove.RawImage", _) => foxglove!(RawImage),
-        ("foxglove.CameraCalibration", _) => foxglove!(CameraCalibration),
-        ("foxglove.CompressedImage", _) => foxglove!(CompressedImage),
-        ("foxglove.CompressedVideo", _) => foxglove!(CompressedVideo),
-        ("foxglove.PointCloud", _) => foxglove!(PointCloud),
-        ("foxglove.LaserScan", _) => foxglove!(LaserScan),
-        (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
     }
 }

@@ -7,8 +7,9 @@ use super::kind;
 use super::topic::{SensorRole, SensorSelection};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::plain;
-use crate::mcap::messages::{Channel, EventReader, FileEvent};
+use crate::decode::head;
 use crate::pairs::pair_stamps::PairStamps;
+use crate::stream::channel::{Channel, EventReader, FileEvent};
 use kind::{Measured, MeasuredKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -111,20 +112,20 @@ impl StampScan {
                     continue;
                 };
                 look(channel, log_time, &data);
-                pair_stamps.take_in(channel, log_time, &data, kind::head, &mut found.pairs.0);
+                pair_stamps.take_in(channel, log_time, &data, head::head, &mut found.pairs.0);
                 let delays = match channel.topic.as_str() {
                     name if name == topic => Some(&mut found.latency.topic_ns),
                     name if name == left => Some(&mut found.latency.images_ns),
                     _ => None,
                 };
                 if let Some(delays) = delays
-                    && let Ok((Some(stamp), _)) = kind::head(channel, &data)
+                    && let Ok((Some(stamp), _)) = head::head(channel, &data)
                 {
                     // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
                     delays.push(log_time.wrapping_sub(stamp).cast_signed());
                 }
                 if channel.topic == topic {
-                    let head = kind::head(channel, &data);
+                    let head = head::head(channel, &data);
                     let is_used = !channel.stamps.is_log();
                     let has_none = is_used && matches!(&head, Ok((None, _))) && log_time > 0;
                     found.without_stamp += u64::from(has_none);
@@ -386,7 +387,7 @@ impl Measurements {
                 {
                     let this = self.next;
                     self.next += 1;
-                    let head = kind::head(channel, &data).ok();
+                    let head = head::head(channel, &data).ok();
                     let stamp = head.as_ref().map(|(stamp, _)| stamp.unwrap_or(log_time));
                     let is_later = stamp.is_some_and(|stamp| stamp > stamp_ns);
                     if this != number && (!is_later || bytes(&self.held) > HELD_BYTES) {

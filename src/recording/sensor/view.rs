@@ -1,16 +1,17 @@
 //! Projection of another sensor's measurements into the left camera.
 
-use super::kind::{self, Measured, MeasuredKind};
+use super::kind::{Measured, MeasuredKind};
 use super::topic::SensorRole;
 use crate::bags::opened::Recording;
 use crate::cameras::camera::Calibration;
 use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::topics;
 use crate::cameras::transforms::{Conflict, Transforms, plain};
+use crate::decode::head;
 use crate::decode::realsense;
-use crate::mcap::messages::{Channel, FileEvent, warn_once};
+use crate::message::wire::FLOOR_FRAME;
 use crate::pairs::truth;
-use crate::results::scan::FLOOR_FRAME;
+use crate::stream::channel::{Channel, FileEvent, warn_once};
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
@@ -355,13 +356,13 @@ impl Found {
     ) -> std::result::Result<(), String> {
         let is_on = |name: &Option<String>| name.as_ref() == Some(&channel.topic);
         if channel.topic == wanted.left && self.left_frame.is_none() {
-            self.left_frame = kind::head(channel, data).ok().map(|head| head.1);
+            self.left_frame = head::head(channel, data).ok().map(|head| head.1);
         }
         if wanted.kind.is_own() {
             self.frame = self.left_frame.clone().map(Ok);
         } else if channel.topic == wanted.topic && !matches!(self.frame, Some(Ok(_))) {
             let read = wanted.kind.read(channel, log_time, data);
-            let frame = read.and_then(|_| Ok(kind::head(channel, data)?.1));
+            let frame = read.and_then(|_| Ok(head::head(channel, data)?.1));
             // The first that can be read; the reason is that of the first of all.
             if frame.is_ok() || self.frame.is_none() {
                 self.frame = Some(frame);

@@ -1,7 +1,7 @@
 //! Messages of a recording with the rules by which their stamps are read.
 
+use super::channel::{Channel, EventReader, FileEvent};
 use super::stamp_rule::StampRule;
-use crate::mcap::messages::{Channel, EventReader, FileEvent};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;

@@ -1,8 +1,8 @@
 //! The message types of a recording: svl's own or ROS 2's.
 
 use crate::message::images::ImageFormat;
+use crate::message::wire::{Encoded, PROFILE, RosStamp, frame_id, topic};
 use crate::message::{geometry, images, ros};
-use crate::{Encoded, PROFILE, RosStamp, frame_id, topic};
 use images::Pixel;
 use std::borrow::Cow;
 use svl_core::Result;

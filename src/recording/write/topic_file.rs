@@ -1,8 +1,8 @@
 //! Messages of live topics into a bag, as they came.
 
 use super::dialect::Dialect;
-use crate::LIBRARY;
 use crate::mcap::append_file::AppendFile;
+use crate::message::wire::LIBRARY;
 use crate::read::topic_pairs::LiveTopic;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;

@@ -7,9 +7,10 @@ use crate::mcap::synced_file::SyncedFile;
 use crate::message::ros;
 use crate::message::ros::result_message::ResultOptions;
 use crate::message::sync::StereoSync;
+use crate::message::wire::{Encoded, LIBRARY, MANIFEST, RosStamp, frame_id, topic};
 use crate::pairs::truth;
 use crate::results::result::PairResult;
-use crate::{Encoded, LIBRARY, MANIFEST, RosStamp, frame_id, topic};
+use crate::results::{ros_messages, scan};
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap};
@@ -186,7 +187,7 @@ impl Writer {
             return Ok(());
         }
         let left = frame_id(Side::Left);
-        let transforms = ros::static_transforms(left, self.camera_height_m, stamp.ns())?;
+        let transforms = scan::static_transforms(left, self.camera_height_m, stamp.ns())?;
         let transforms = transforms.map(|said| (TF_STATIC, said.message));
         transforms.map_or(Ok(()), |said| self.put(said, stamp, sequence))
     }
@@ -206,7 +207,7 @@ impl Writer {
         if dialect == Dialect::Ros2 && frame.rig().is_some() {
             self.write_static_transforms(stamp, sequence)?;
             let left = frame_id(Side::Left);
-            for said in ros::result_messages(frame, result, &ResultOptions::new(left))? {
+            for said in ros_messages::result_messages(frame, result, &ResultOptions::new(left))? {
                 self.put((topic(said.topic), said.message), stamp, sequence)?;
             }
         } else {

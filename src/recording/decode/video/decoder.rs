@@ -11,7 +11,7 @@ use super::message;
 use super::message::Codec;
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
-use crate::mcap::messages::FileEvent;
+use crate::stream::channel::FileEvent;
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};

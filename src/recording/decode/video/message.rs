@@ -1,9 +1,9 @@
 //! Messages that hold a coded picture of a video each.
 
 use crate::decode::{image, json};
-use crate::decode_protobuf;
-use crate::mcap::messages::Channel;
 use crate::message::ros;
+use crate::message::wire::decode_protobuf;
+use crate::stream::channel::Channel;
 use foxglove::messages::CompressedVideo;
 use std::borrow::Cow;
 

@@ -6,7 +6,7 @@ use super::message::packet;
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
 use crate::decode::pixels::MessageImage;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::Channel;
 
 /// A topic whose messages are pictures of a video.
 pub(crate) struct VideoTopic {

@@ -1,7 +1,7 @@
 //! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed and only
 //! read.
 
-use super::CDR_LE;
+use super::write::CDR_LE;
 
 /// Reads the fields of one message in their order. Everything it returns is within the bytes.
 pub(crate) struct MessageReader<'a> {

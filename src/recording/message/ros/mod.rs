@@ -6,13 +6,5 @@ pub(crate) mod read;
 pub(crate) mod result_message;
 pub(crate) mod write;
 
-pub use crate::results::ros_messages::result_messages;
-pub use crate::results::scan::static_transforms;
 pub(crate) use read::*;
 pub(crate) use write::*;
-
-/// The encoding of ROS 1's messages.
-pub(crate) const ROS1: &str = "ros1";
-
-/// OMG encapsulation header of little-endian CDR, with which a message of ROS 2 begins.
-pub const CDR_LE: [u8; 4] = [0, 1, 0, 0];

@@ -1,9 +1,8 @@
 //! Decodes messages of ROS 2, in CDR, and of ROS 1.
 
-use super::ROS1;
 use super::message::{MessageReader, Parsed};
-use crate::bags::container;
-use crate::mcap::messages::Channel;
+use crate::stream::channel::{Channel, ROS1};
+use crate::stream::unpack;
 
 /// Limit on distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
@@ -82,8 +81,8 @@ pub(crate) fn read_cdr<'a, T>(
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
-        _ if data.starts_with(&container::ZSTD) => {
-            return Err(container::unpack_message(data).err().unwrap_or_default());
+        _ if data.starts_with(&unpack::ZSTD) => {
+            return Err(unpack::unpack_message(data).err().unwrap_or_default());
         }
         [] => return Err("it is empty".to_owned()),
         _ => return Err("it is not little-endian CDR".to_owned()),

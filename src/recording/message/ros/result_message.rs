@@ -1,6 +1,6 @@
 //! A message of a result, and the choices of its user.
 
-use crate::Encoded;
+use crate::message::wire::Encoded;
 
 /// A message of a result.
 pub struct ResultMessage {

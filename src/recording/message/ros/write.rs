@@ -2,7 +2,7 @@
 
 use super::message::CdrWriter;
 use crate::message::images;
-use crate::{Encoded, RosStamp, frame_id};
+use crate::message::wire::{Encoded, RosStamp, frame_id};
 use std::borrow::Cow;
 use svl_core::stereo::{Plane, Pose, Rig, Side};
 
@@ -177,3 +177,6 @@ pub(crate) fn header_fields(cdr: &mut CdrWriter, stamp: RosStamp, frame_id: &str
     cdr.u32(nanoseconds);
     cdr.str(frame_id);
 }
+
+/// OMG encapsulation header of little-endian CDR, with which a message of ROS 2 begins.
+pub const CDR_LE: [u8; 4] = [0, 1, 0, 0];
