@@ -1,6 +1,7 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
-use crate::pages::html::report_page::{CheckpointFigure, ReportPage, SceneFigure};
+use crate::pages::html::figures::{CheckpointFigure, SceneFigure};
+use crate::pages::html::report_page::ReportPage;
 use crate::pages::maps::maps;
 use crate::pages::sweeps::sweeps;
 use crate::results::algorithm_parameters::write_algorithms;
@@ -9,6 +10,7 @@ use crate::results::gate::{GateResult, limit_results};
 use crate::results::summary::{ReportTables, ResultParts, Results, Shown, TopicDelay, pairs_hash};
 use crate::rows::records::Row;
 use crate::rows::samples::grouped;
+use crate::subjects::drives::COURSES;
 use crate::subjects::drives::CoursePlan;
 use crate::subjects::sources::{SUMMARY, Sources};
 use crate::units::plan::ReportPlan;
@@ -506,9 +508,6 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 
 /// The file that identifies the run of a report.
 pub const MANIFEST: &str = "manifest.json";
-
-/// Outlines and routes of the courses.
-pub(super) const COURSES: &str = "courses.json";
 
 /// True if a file of that name is the recording of a drive, or a run for Rerun.
 fn is_recording(name: &str) -> bool {

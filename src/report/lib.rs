@@ -16,31 +16,31 @@ mod show;
 mod subjects;
 pub mod units;
 
-pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
-pub use pages::{calibration, html};
-pub use results::algorithm_parameters::write_algorithms;
-pub use results::best::{Best, Certainty, Other, PriorTest, SweepChoice};
-pub use results::descriptions::{METRIC_NAMES, TABLES, TableDescription};
-pub use results::gate::{GateResult, GateState, limit_results};
-pub use results::summary::{
+pub use crate::build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
+pub use crate::pages::{calibration, html};
+pub use crate::results::algorithm_parameters::write_algorithms;
+pub use crate::results::best::{Best, Certainty, Other, PriorTest, SweepChoice};
+pub use crate::results::descriptions::{METRIC_NAMES, TABLES, TableDescription};
+pub use crate::results::gate::{GateResult, GateState, limit_results};
+pub use crate::results::summary::{
     AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,
     Shown, TopicDelay,
 };
-pub use results::table_writer::TableWriter;
-pub use rows::columns::ColumnDescription;
-pub use rows::csv_rows::{RowReader, read_rows};
-pub use rows::records::{
+pub use crate::results::table_writer::TableWriter;
+pub use crate::rows::columns::ColumnDescription;
+pub use crate::rows::csv_rows::{RowReader, read_rows};
+pub use crate::rows::records::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
 };
-pub use show::junit::{TestCase, TestResult, junit};
-pub use show::words::shell_word;
-pub use show::{page, plot, table};
-pub use subjects::accuracy::AccuracyRow;
-pub use subjects::drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
-pub use subjects::prior::{PRIOR, TruthRow};
-pub use subjects::reliability::{
+pub use crate::show::junit::{TestCase, TestResult, junit};
+pub use crate::show::words::shell_word;
+pub use crate::show::{page, plot, table};
+pub use crate::subjects::accuracy::AccuracyRow;
+pub use crate::subjects::drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
+pub use crate::subjects::prior::{PRIOR, TruthRow};
+pub use crate::subjects::reliability::{
     ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart,
 };
-pub use subjects::sources::Sources;
-pub use subjects::stress::StressSummary;
-pub use units::shots;
+pub use crate::subjects::sources::Sources;
+pub use crate::subjects::stress::StressSummary;
+pub use crate::units::shots;

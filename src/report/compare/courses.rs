@@ -1,6 +1,7 @@
 //! Two reports of drives, course by course.
 
-use super::comparison::{AlgorithmChange, Change, Judgement, NotMeasured};
+use super::comparison::AlgorithmChange;
+use crate::results::change::{Change, Judgement, NotMeasured};
 use crate::show::table::model::{Table, TableCell};
 use crate::subjects::drives;
 use crate::subjects::drives::{DriveRow, drive_parts, has_driven};

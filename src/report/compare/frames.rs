@@ -3,7 +3,7 @@
 
 use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
-use crate::pages::html::report_page::FrameShot;
+use crate::pages::html::figures::FrameShot;
 use crate::rows::records::{CellRow, Row};
 use crate::rows::samples::{is_scene, run_key};
 use crate::units::pictures::StoredImage;

@@ -10,10 +10,8 @@ pub(crate) mod scored_run;
 pub(crate) mod text;
 pub(crate) mod trend;
 
-pub use comparison::{
-    AlgorithmChange, Change, CheckpointName, Comparison, Conclusion, Judgement, NotMeasured,
-    changes,
-};
+pub use crate::results::change::{Change, CheckpointName, Judgement, NotMeasured, changes};
+pub use comparison::{AlgorithmChange, Comparison, Conclusion};
 pub use frames::FindLeft;
 pub use join::Join;
 pub use page::page;

@@ -1,11 +1,10 @@
 //! A report that is compared, read from its folder.
 
-use crate::build::COURSES;
 use crate::rows::csv_rows::{RowReader, read_rows};
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::rows::samples::{RunKey, run_key, time_ns};
 use crate::subjects::accuracy::{AccuracyTally, PairErrors};
-use crate::subjects::drives::{CoursePlan, DriveRow};
+use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::prior::PRIOR;
 use crate::subjects::sources::Sources;
 use std::collections::{BTreeMap, HashMap};

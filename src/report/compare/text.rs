@@ -1,7 +1,8 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
-use super::comparison::{AlgorithmChange, Change, Comparison, Conclusion, Judgement};
+use super::comparison::{AlgorithmChange, Comparison, Conclusion};
 use super::join::{Join, MAP};
+use crate::results::change::{Change, Judgement};
 use crate::results::summary::caution;
 use crate::show::table::markdown::{escape, escape_prose};
 use crate::show::table::model::{Table, TableCell, TableColumn};

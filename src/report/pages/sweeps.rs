@@ -1,6 +1,6 @@
 //! Sweeps among the algorithms of a report.
 
-use super::html::report_page::ParameterSweep;
+use super::html::figures::ParameterSweep;
 use svl_score::manifest::AlgorithmRecord;
 
 /// Sweeps among the algorithms of a run, however they were named: those of one kind that

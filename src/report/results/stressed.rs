@@ -1,8 +1,8 @@
 //! Losses of an algorithm under stress, from unperturbed pairs or drives to perturbed ones, that
 //! are no chance.
 
+use super::change::{Change, Judgement, changes};
 use super::summary::{CheckpointSummary, ReportTables, Results};
-use crate::compare::comparison::{Change, Judgement, changes};
 use crate::rows::records::{MetricTotals, Row};
 use crate::rows::samples::{blocks, resamples, run_key, sample};
 use crate::show::table::model::Table;

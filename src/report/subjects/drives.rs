@@ -427,3 +427,6 @@ pub(crate) mod tests {
         assert!(cautions(Some(200.0), 200).is_empty());
     }
 }
+
+/// Outlines and routes of the courses.
+pub(crate) const COURSES: &str = "courses.json";

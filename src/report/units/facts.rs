@@ -1,7 +1,6 @@
 //! Facts of a run besides the results of algorithms: files, pairs, losses, warnings.
 
-use super::BLOCK;
-use super::plan::PlannedAlgorithm;
+use super::plan::{BLOCK, PlannedAlgorithm};
 use crate::results::summary::TopicDelay;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -28,6 +28,3 @@ pub use run_units::RunUnits;
 pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
 pub use tables::{collect_tables, made_of, read_tables, write_tables};
 pub use unit::{DriveFacts, StoredUnit, UnitHeader, UnitRows, UnitWriter, unit_format};
-
-/// Number of selected pairs of a run in a block.
-pub const BLOCK: u64 = 64;

@@ -1,6 +1,6 @@
 //! Pictures of the pairs of a unit.
 
-use crate::pages::html::report_page::{CheckpointFigure, FrameShot, SceneFigure};
+use crate::pages::html::figures::{CheckpointFigure, FrameShot, SceneFigure};
 use crate::rows::records::Row;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};

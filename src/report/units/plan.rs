@@ -150,3 +150,6 @@ impl ReportRun {
         }
     }
 }
+
+/// Number of selected pairs of a run in a block.
+pub const BLOCK: u64 = 64;

@@ -1,8 +1,7 @@
 //! A run of a report with the units of its algorithms.
 
-use super::BLOCK;
 use super::facts::RunFacts;
-use super::plan::{ReportPlan, ReportRun};
+use super::plan::{BLOCK, ReportPlan, ReportRun};
 use super::store::{StoredSession, Units};
 use super::unit::StoredUnit;
 use std::collections::{BTreeMap, BTreeSet};

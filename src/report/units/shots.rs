@@ -1,12 +1,11 @@
 //! The pictures of a report, chosen from those of its units.
 
-use super::BLOCK;
 use super::pictures::{BlockPictures, CheckpointShot, StoredImage};
-use super::plan::ReportPlan;
+use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::store::Units;
 use super::unit::StoredUnit;
-use crate::pages::html::report_page::{CheckpointFigure, FrameShot, Rank, SceneFigure};
+use crate::pages::html::figures::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use crate::results::summary::ReportTables;
 use crate::rows::records::Row;
 use std::collections::BTreeMap;

@@ -1,11 +1,10 @@
 //! The folder of the units: its files, each whole and with a checksum.
 
-use super::BLOCK;
 use super::facts::{PairFacts, RunFacts};
 use super::io::{
     copy, entries, files, is_part, make_real_folder, read_checked, read_or_warn, write_checked,
 };
-use super::plan::{ReportPlan, ReportRun};
+use super::plan::{BLOCK, ReportPlan, ReportRun};
 use super::unit::{StoredUnit, unit_format};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

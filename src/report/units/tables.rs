@@ -1,8 +1,7 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
-use super::BLOCK;
 use super::facts::PairFacts;
-use super::plan::ReportPlan;
+use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::unit::{UnitReader, UnitRows};
 use crate::results::summary::ReportTables;

@@ -1,6 +1,6 @@
 //! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
 
-use super::report_page::{CheckpointFigure, FrameShot};
+use super::figures::{CheckpointFigure, FrameShot};
 use crate::rows::records::{CellRow, Row};
 use crate::show::page::parts::{MarkView, PageImages};
 use crate::show::words::ms;

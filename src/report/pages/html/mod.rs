@@ -1,5 +1,6 @@
 //! `index.html`: one file that fetches nothing and is readable without its script.
 
+pub(crate) mod figures;
 pub(crate) mod frames;
 pub(crate) mod heat;
 pub(crate) mod plots;
@@ -9,6 +10,5 @@ pub(crate) mod shades;
 pub(crate) mod stored;
 pub(crate) mod view;
 
-pub use report_page::{
-    CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
-};
+pub use figures::{CheckpointFigure, FrameShot, ParameterSweep, Rank, SceneFigure, SceneResult};
+pub use report_page::ReportPage;

@@ -1,6 +1,7 @@
 //! The plots of the page.
 
-use super::report_page::{ParameterSweep, ReportPage};
+use super::figures::ParameterSweep;
+use super::report_page::ReportPage;
 use crate::results::summary::{AlgorithmSummary, Results};
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::bars::Bars;

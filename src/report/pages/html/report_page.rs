@@ -2,6 +2,9 @@
 //! first, then frames as in the thesis's figure 7.3; all else is folded.
 
 use super::{heat, plots, shades, stored, view};
+use crate::pages::html::figures::CheckpointFigure;
+use crate::pages::html::figures::ParameterSweep;
+use crate::pages::html::figures::SceneFigure;
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
 use crate::rows::records::{CellRow, Row};
@@ -37,96 +40,6 @@ pub struct ReportPage {
     pub cases: Option<Table>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
-}
-
-/// Algorithms that differ in one parameter alone.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ParameterSweep {
-    /// Kind of algorithm.
-    pub algorithm: String,
-    pub parameter: String,
-    /// Values of the parameter, ascending, and the algorithms' labels.
-    pub points: Vec<(String, String)>,
-}
-
-/// A row of shots under one heading.
-#[derive(Clone, Serialize, Deserialize)]
-pub struct CheckpointFigure {
-    /// Number of the checkpoint; absent without one.
-    pub checkpoint: Option<u32>,
-    pub title: String,
-    /// Time of the frame in its recording, s; absent of checkpoints and of drives.
-    pub at_s: Option<f64>,
-    /// Description, may be empty.
-    pub about: String,
-    pub shots: Vec<(Rank, FrameShot)>,
-}
-
-/// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
-#[derive(Clone, Serialize, Deserialize)]
-pub struct FrameShot {
-    #[serde(with = "stored::row")]
-    pub row: Row,
-    /// The frame's cells, of which the caption lists the wrong ones.
-    #[serde(with = "stored::rows")]
-    pub cells: Vec<CellRow>,
-    /// True if the checkpoint passes in this frame; absent without a checkpoint.
-    pub passed: Option<bool>,
-    /// Reasons why the checkpoint fails, besides the findings.
-    pub failures: Vec<String>,
-    /// Cells that fail the checkpoint.
-    pub findings: Vec<CellFinding>,
-    /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
-    #[serde(with = "stored::image")]
-    pub left: Vec<u8>,
-    /// Width and height that the marks are made for, pixels.
-    pub size: (usize, usize),
-    pub estimate: Vec<Mark>,
-    pub truth: Option<Vec<Mark>>,
-    /// The disparities as colours, an image file likewise, if the map is at hand.
-    #[serde(with = "stored::optional_image")]
-    pub preview: Option<Vec<u8>>,
-    /// The true disparities in the same colours, and the errors, if the frame has a truth.
-    #[serde(with = "stored::optional_image")]
-    pub true_preview: Option<Vec<u8>>,
-    #[serde(with = "stored::optional_image")]
-    pub errors: Option<Vec<u8>>,
-}
-
-/// A scene with the result of each algorithm. Pictures are PNG or JPEG files.
-#[derive(Clone, Serialize, Deserialize)]
-pub struct SceneFigure {
-    pub title: String,
-    /// Width and height of the scene, to whose proportions the pictures are.
-    pub size: (usize, usize),
-    #[serde(with = "stored::image")]
-    pub left: Vec<u8>,
-    /// The disparity at the end of the colours' scale, which truth and algorithms share, pixels.
-    pub max_px: f64,
-    #[serde(with = "stored::optional_image")]
-    pub truth: Option<Vec<u8>>,
-    pub shots: Vec<SceneResult>,
-}
-
-/// A scene through one algorithm.
-#[derive(Clone, Serialize, Deserialize)]
-pub struct SceneResult {
-    #[serde(with = "stored::row")]
-    pub row: Row,
-    #[serde(with = "stored::image")]
-    pub disparities: Vec<u8>,
-    #[serde(with = "stored::optional_image")]
-    pub errors: Option<Vec<u8>>,
-}
-
-/// Place of a frame among those of its figure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rank {
-    Worst,
-    Best,
-    /// One of the frames spread over a recording.
-    Sample,
 }
 
 impl ReportPage {

@@ -1,7 +1,7 @@
 //! Scenes of data sets: left image, truth, and every algorithm's disparities and errors.
 
+use super::figures::SceneFigure;
 use super::frames::{cells, numbers};
-use super::report_page::SceneFigure;
 use crate::show::page::parts::{css_color, data_url};
 use minijinja::{Value, context};
 use svl_files::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};

@@ -48,7 +48,7 @@ pub(crate) fn parameter_shades(page: &ReportPage) -> Vec<ParameterShade<'_>> {
     let mut seen = BTreeSet::new();
     let first = page.sweeps.iter();
     let first = first.filter(|sweep| seen.insert(&sweep.algorithm));
-    let shade = |sweep: &'_ super::report_page::ParameterSweep| {
+    let shade = |sweep: &'_ super::figures::ParameterSweep| {
         let records = swept_records(page, &sweep.algorithm);
         let values = parameter_values(&records, &sweep.parameter);
         let last = values.len().saturating_sub(1).max(1) as f64;

@@ -5,7 +5,7 @@ pub(crate) mod markdown;
 pub(crate) mod model;
 pub(crate) mod terminal;
 
-pub use crate::show::words::NONE;
+pub use super::words::NONE;
 pub use markdown::escape_prose;
 pub use model::{Table, TableCell, TableColumn, TextColumn};
 pub use terminal::TerminalStyle;

@@ -1,0 +1,222 @@
+//! The change of a metric from one report to another: its interval, and the verdict.
+
+use crate::rows::records::{MetricTotals, Row};
+use crate::rows::samples::{resamples, sample_in};
+use crate::subjects::accuracy::{PairErrors, RangeErrors};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use svl_core::{Result, counted};
+use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
+use svl_score::holm;
+use svl_score::judge::{
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
+};
+use svl_score::manifest::{Manifest, Purpose};
+use svl_score::sign_test;
+
+/// A number in both reports.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<CheckpointName>,
+    pub metric: &'static Metric,
+    pub base: f64,
+    pub other: f64,
+    /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
+    /// magnitude.
+    pub difference: f64,
+    /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
+    pub interval: Option<Interval>,
+    /// The probability of a difference as large by chance, where there is an interval or a test.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub p: Option<f64>,
+    /// The cases that the two numbers rest on.
+    pub cases: Option<[Cases; 2]>,
+    pub judgement: Judgement,
+}
+
+/// A metric with too few cases in a report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NotMeasured {
+    pub metric: &'static Metric,
+    /// The cases in the two reports; `None` without a value.
+    pub cases: [Option<Cases>; 2],
+}
+
+/// The checkpoint of a change.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointName {
+    pub checkpoint: u32,
+    pub name: String,
+}
+
+/// Significance of a difference, and its direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Judgement {
+    /// The results are equal.
+    Equal,
+    /// The interval contains 0.
+    Unclear,
+    /// There is no interval: too few independent pairs, or frames of a checkpoint, have a value.
+    TooFew,
+    Better,
+    Worse,
+    /// The interval excludes 0, but neither direction is better.
+    Differs,
+    /// Times, which vary with the machine, and metrics of reports that were scored differently.
+    Unjudged,
+}
+
+/// The changes of metrics from rows to other rows of the same pairs, one to one, those of a run
+/// beside each other.
+pub fn changes(
+    base: &[&Row],
+    other: &[&Row],
+    metrics: impl IntoIterator<Item = &'static Metric>,
+) -> Vec<Change> {
+    let area = base.first().map(|row| row.metrics.area());
+    let resamples = resamples(base);
+    let area = area.unwrap_or_default();
+    Changes::over([base, other], None, area, &resamples, metrics).measured
+}
+
+/// The changes of the metrics in an area, and the metrics that one of the two does not measure.
+#[derive(Default)]
+pub(crate) struct Changes {
+    pub(crate) measured: Vec<Change>,
+    pub(crate) not_measured: Vec<NotMeasured>,
+}
+
+impl Changes {
+    /// `errors`: those of distances in the pairs of both, if both have cells.
+    pub(crate) fn over(
+        rows: [&[&Row]; 2],
+        errors: Option<&[Vec<PairErrors>; 2]>,
+        area: AreaChoice,
+        resamples: &Resamples,
+        metrics: impl IntoIterator<Item = &'static Metric>,
+    ) -> Self {
+        let totals = rows.map(MetricTotals::new);
+        let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
+        let mut changes = Self::default();
+        for metric in metrics {
+            let number = match metric.origin {
+                MetricOrigin::Cells { number, .. } => Some(number),
+                _ => None,
+            };
+            let measured = [0, 1].map(|side| match number {
+                Some(number) => accuracy.as_ref()?[side].measured(number),
+                None => totals[side].measured(metric, area),
+            });
+            let values = measured.map(|own| metric.value_of(own?));
+            let cases = measured.map(|own| own.map(|own| own.cases));
+            let ([Some(base), Some(other)], [Some(a), Some(b)]) = (values, cases) else {
+                if cases != [None; 2] {
+                    changes.not_measured.push(NotMeasured { metric, cases });
+                }
+                continue;
+            };
+            let samples = match number {
+                Some(number) => {
+                    let sample = |own: &Vec<_>| Some(RangeErrors::sample(number, own, area));
+                    errors.map_or([None, None], |both| both.each_ref().map(sample))
+                }
+                None => rows.map(|rows| sample_in(metric, rows, area)),
+            };
+            if let [Some(before), Some(after)] = &samples {
+                let change =
+                    Change::from_samples(metric, [base, other], [before, after], resamples);
+                let cases = Some([a, b]);
+                changes.measured.push(Change { cases, ..change });
+            }
+        }
+        changes
+    }
+}
+
+impl Change {
+    /// The name of the metric, or of the checkpoint.
+    pub fn name(&self) -> String {
+        match &self.checkpoint {
+            Some(own) => format!("checkpoint {} {}", own.checkpoint, own.name),
+            None => self.metric.words.to_owned(),
+        }
+    }
+
+    pub(crate) fn from_samples(
+        metric: &'static Metric,
+        values: [f64; 2],
+        [base, other]: [&Sample; 2],
+        resamples: &Resamples,
+    ) -> Self {
+        let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
+            // Times scale with the machine, so their change is a factor.
+            (MetricUnit::Ms, _) => |a, b| b / a,
+            (_, Better::Zero) => |a, b| b.abs() - a.abs(),
+            _ => |a, b| b - a,
+        };
+        let draws = Sample::draws_between(base, other, difference, resamples);
+        let change = difference(values[0], values[1]);
+        let p = draws.as_ref().map(|draws| resamples.p_value(change, draws));
+        Self {
+            p: p.filter(|_| metric.unit != MetricUnit::Ms),
+            ..Self::new(metric, values, change, draws.and_then(middle))
+        }
+    }
+
+    pub(crate) fn new(
+        metric: &'static Metric,
+        [base, other]: [f64; 2],
+        difference: f64,
+        interval: Option<Interval>,
+    ) -> Self {
+        let judgement = match interval.map(|(low, high)| low > 0.0 || high < 0.0) {
+            // Equal on these pairs: the interval is empty and proves nothing.
+            _ if base == other => Judgement::Equal,
+            // All pairs of a run are of one moment: their spread does not include how the machine
+            // varies between runs.
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unjudged,
+            is_real => Judgement::new(metric.better, is_real, difference > 0.0),
+        };
+        Self {
+            checkpoint: None,
+            metric,
+            base,
+            other,
+            difference,
+            interval,
+            p: None,
+            cases: None,
+            judgement,
+        }
+    }
+
+    /// The difference as a multiple of its interval's width; 0 without one.
+    pub(crate) fn sureness(&self) -> f64 {
+        self.interval.map_or(0.0, |(low, high)| {
+            self.difference.abs() / (high - low).max(f64::MIN_POSITIVE)
+        })
+    }
+
+    /// True if the second value is the worse one, whether that is real or not.
+    pub(crate) fn is_for_the_worse(&self) -> bool {
+        let is_more = self.difference > 0.0;
+        self.difference != 0.0
+            && Judgement::new(self.metric.better, Some(true), is_more) == Judgement::Worse
+    }
+}
+
+impl Judgement {
+    /// `is_real`: that the difference is no chance, if that can be told.
+    pub(crate) fn new(better: Better, is_real: Option<bool>, is_more: bool) -> Self {
+        match (is_real, better, is_more) {
+            (None, ..) => Self::TooFew,
+            (Some(false), ..) => Self::Unclear,
+            (_, Better::Neither, _) => Self::Differs,
+            (_, Better::More, true) | (_, Better::Less | Better::Zero, false) => Self::Better,
+            _ => Self::Worse,
+        }
+    }
+}
