@@ -10,9 +10,9 @@ use modules::{Crate, Edge, Id};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A package: its root file below `src/`, and its rooms in layers. A room uses those of the layers
-/// above its own. Cargo enforces the dependencies between packages. A package without layers is one
-/// room.
+/// A package: its root file below `src/`, and its rooms in layers, lowest first. A room uses those
+/// of lower layers. Cargo enforces the dependencies between packages. A package without layers is
+/// one room.
 struct Package {
     root: &'static str,
     layers: &'static [&'static [&'static str]],
@@ -110,23 +110,64 @@ const PACKAGES: [Package; 15] = [
     },
     Package {
         root: "recording/lib.rs",
-        layers: &[],
+        layers: &[
+            &["stream"],
+            &["message"],
+            &["mcap"],
+            &["bags"],
+            &["decode"],
+            &["cameras"],
+            &["poses"],
+            &["pairs"],
+            &["sensor"],
+            &["clocks"],
+            &["results"],
+            &["read"],
+            &["write"],
+        ],
     },
     Package {
         root: "grab/lib.rs",
-        layers: &[],
+        layers: &[
+            &["camera", "clock", "device_clock", "queue", "trigger"],
+            &["exposure", "mailbox", "pairing", "serial", "split"],
+            &["acquire", "driver", "tally", "watchdog"],
+            &["genicam", "request", "simulated", "triggering", "v4l2"],
+            &["coordinator"],
+            &["grabber"],
+        ],
     },
     Package {
         root: "report/lib.rs",
-        layers: &[],
+        layers: &[
+            &["show"],
+            &["rows"],
+            &["subjects"],
+            &["results"],
+            &["pages"],
+            &["units"],
+            &["compare"],
+            &["build"],
+        ],
     },
     Package {
         root: "train/lib.rs",
-        layers: &[],
+        layers: &[
+            &["fit"],
+            &["learned_cells", "report"],
+            &["filter", "gaps", "kinds"],
+            &["cells", "windows"],
+            &["scenario_filters", "v5"],
+        ],
     },
     Package {
         root: "viewer/lib.rs",
-        layers: &[],
+        layers: &[
+            &["detail", "file", "info", "scale"],
+            &["blueprint", "overlay", "picture", "world"],
+            &["push", "target"],
+            &["board", "layout", "step"],
+        ],
     },
     Package {
         root: "thesis/lib.rs",
@@ -138,8 +179,18 @@ const PACKAGES: [Package; 15] = [
     },
 ];
 
-/// Edges within a layer or against the order, with their reasons.
-const EXCEPTIONS: &[(&str, &str, &str)] = &[];
+/// A room of the bench that is a hall of its own.
+const SOURCE: [&[&str]; 6] = [
+    &["frames"],
+    &["inputs"],
+    &["layers"],
+    &["opened"],
+    &["live"],
+    &["open"],
+];
+
+/// Folders below `src/` whose `lib.rs` and `mod.rs` define nothing: they name rooms.
+const FACES: [&str; 3] = ["recording", "report", "bench/source"];
 
 impl Package {
     fn read(&self) -> Crate {
@@ -156,50 +207,103 @@ fn name(id: &Id) -> String {
     }
 }
 
-#[test]
-fn rooms_use_only_the_layers_above() {
-    let mut taken = BTreeSet::new();
-    let mut wrong = Vec::new();
-    for package in PACKAGES.iter().filter(|package| !package.layers.is_empty()) {
-        let layer = |room: &str| {
-            package
-                .layers
+/// The uses of a room by one that may not use it, below `hall`.
+fn upward(source: &Crate, hall: &[&str], layers: &[&[&str]]) -> Vec<String> {
+    let room = |id: &Id| {
+        let rest = id.strip_prefix(
+            &hall
                 .iter()
-                .position(|rooms| rooms.contains(&room))
-        };
-        let source = package.read();
-        let rooms = source.0.keys().filter_map(|id| id.first());
-        for room in rooms.collect::<BTreeSet<_>>() {
-            let root = package.root;
-            assert!(
-                layer(room).is_some(),
-                "room '{room}' of {root} has no layer"
-            );
-        }
-        for edge in source.edges() {
-            let (Some(from), Some(to)) = (edge.from.first(), edge.to.first()) else {
-                continue;
-            };
-            let exception = EXCEPTIONS.iter().find(|(a, b, _)| a == from && b == to);
-            if let Some(exception) = exception {
-                taken.insert(exception);
-            } else if from != to && layer(to) >= layer(from) {
-                wrong.push(format!(
-                    "{}: {} must not use {}::{}",
-                    package.root,
-                    name(&edge.from),
-                    name(&edge.to),
-                    edge.name
-                ));
-            }
+                .map(|name| (*name).to_owned())
+                .collect::<Vec<_>>()[..],
+        )?;
+        rest.first().cloned()
+    };
+    let layer = |room: &str| layers.iter().position(|rooms| rooms.contains(&room));
+    let mut wrong = Vec::new();
+    for room in source.0.keys().filter_map(room).collect::<BTreeSet<_>>() {
+        if layer(&room).is_none() {
+            wrong.push(format!("room '{room}' has no layer"));
         }
     }
+    for edge in source.edges() {
+        let (Some(from), Some(to)) = (room(&edge.from), room(&edge.to)) else {
+            continue;
+        };
+        if from != to && layer(&to) >= layer(&from) {
+            wrong.push(format!(
+                "{} must not use {}::{}",
+                name(&edge.from),
+                name(&edge.to),
+                edge.name
+            ));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn rooms_use_only_lower_layers() {
+    let mut wrong = Vec::new();
+    for package in PACKAGES.iter().filter(|package| !package.layers.is_empty()) {
+        let found = upward(&package.read(), &[], package.layers);
+        wrong.extend(
+            found
+                .iter()
+                .map(|found| format!("{}: {found}", package.root)),
+        );
+    }
+    let bench = PACKAGES
+        .iter()
+        .find(|package| package.root == "bench/lib.rs");
+    wrong.extend(upward(&bench.unwrap().read(), &["source"], &SOURCE));
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
-    assert_eq!(
-        taken.len(),
-        EXCEPTIONS.len(),
-        "of the exceptions only these are needed: {taken:?}"
+}
+
+/// An arrow to a higher room through `pub use` of a name, of a module and of a whole file.
+#[test]
+fn uses_are_followed_through_re_exports() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "lib.rs",
+        "mod high;\nmod low;\npub use high::Name;\npub use high as face;\npub use high::*;\n",
     );
+    write(
+        "high.rs",
+        "pub struct Name;\npub struct Other;\npub struct Third;\n",
+    );
+    for used in [
+        "crate::Name",
+        "crate::face::Other",
+        "crate::Third",
+        "crate::high::Name",
+    ] {
+        write("low.rs", &format!("use {used};\n"));
+        let found = upward(
+            &Crate::read(&folder.path().join("lib.rs")),
+            &[],
+            &[&["low"], &["high"]],
+        );
+        assert_eq!(found.len(), 1, "{used}: {found:?}");
+    }
+    write("low.rs", "pub struct Name;\n");
+    write("high.rs", "use crate::low::Name;\n");
+    let source = Crate::read(&folder.path().join("lib.rs"));
+    assert!(upward(&source, &[], &[&["low"], &["high"]]).is_empty());
+}
+
+#[test]
+fn roots_of_rooms_define_nothing() {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let files = FACES
+        .iter()
+        .flat_map(|face| style::rust(&sources.join(face)));
+    for file in files.filter(|file| file.ends_with("mod.rs") || file.ends_with("lib.rs")) {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let code = modules::code(&text);
+        let defined = modules::definitions(&code);
+        assert!(defined.is_empty(), "{}: {defined:?}", file.display());
+    }
 }
 
 /// The packages' manifests below the repository, with their dependencies.

@@ -1,7 +1,6 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
-use crate::pages::html::figures::{CheckpointFigure, SceneFigure};
-use crate::pages::html::report_page::ReportPage;
+use crate::pages::html::figures::{CheckpointFigure, ReportPage, SceneFigure};
 use crate::pages::maps::maps;
 use crate::pages::sweeps::sweeps;
 use crate::results::algorithm_parameters::write_algorithms;
@@ -10,8 +9,7 @@ use crate::results::gate::{GateResult, limit_results};
 use crate::results::summary::{ReportTables, ResultParts, Results, Shown, TopicDelay, pairs_hash};
 use crate::rows::records::Row;
 use crate::rows::samples::grouped;
-use crate::subjects::drives::COURSES;
-use crate::subjects::drives::CoursePlan;
+use crate::subjects::drives::{COURSES, CoursePlan};
 use crate::subjects::sources::{SUMMARY, Sources};
 use crate::units::plan::ReportPlan;
 use crate::units::run_units::RunUnits;

@@ -10,8 +10,8 @@ pub(crate) type Id = Vec<String>;
 
 /// One file.
 pub(crate) struct Module {
-    /// Text without comments, literals and test code.
-    pub(crate) code: String,
+    /// Names of its items.
+    defined: BTreeSet<String>,
     uses: Vec<Use>,
 }
 
@@ -33,6 +33,12 @@ pub(crate) struct Edge {
     pub(crate) name: String,
     /// True if a parent re-exports a definition of its child.
     pub(crate) facade: bool,
+}
+
+impl Module {
+    fn defines(&self, name: &str) -> bool {
+        self.defined.contains(name)
+    }
 }
 
 pub(crate) struct Crate(pub(crate) BTreeMap<Id, Module>);
@@ -97,7 +103,13 @@ impl Crate {
                 continue;
             }
             here.pop();
-            return Some(self.definition(&here, segment, depth));
+            let (file, name) = self.definition(&here, segment, depth);
+            // A module under another name: the rest of the path is below it.
+            if name.is_empty() && !after.is_empty() && depth <= 8 {
+                (here, rest) = (file, after);
+                continue;
+            }
+            return Some((file, name));
         }
         Some((here, String::new()))
     }
@@ -105,7 +117,7 @@ impl Crate {
     /// Origin of `name`, found in `module`.
     fn definition(&self, module: &Id, name: &str, depth: usize) -> (Id, String) {
         let here = (module.clone(), name.to_owned());
-        if depth > 8 || defines(&self.0[module].code, name) {
+        if depth > 8 || self.0[module].defines(name) {
             return here;
         }
         for used in &self.0[module].uses {
@@ -114,7 +126,7 @@ impl Crate {
                 Some("*") => self
                     .resolve(module, &used.path, depth + 1)
                     .map(|(target, _)| self.definition(&target, name, depth + 1))
-                    .filter(|(target, name)| defines(&self.0[target].code, name)),
+                    .filter(|(target, name)| self.0[target].defines(name)),
                 _ => None,
             };
             if let Some(found) = found {
@@ -133,7 +145,8 @@ fn read(file: &Path, id: Id, modules: &mut BTreeMap<Id, Module>) {
         read(&child, [&id[..], &[name]].concat(), modules);
     }
     let uses = uses(&tokens(&code));
-    modules.insert(id, Module { code, uses });
+    let defined = definitions(&code).into_iter().map(str::to_owned).collect();
+    modules.insert(id, Module { defined, uses });
 }
 
 /// Names and files of the modules that `code`, the stripped `text` of `file`, declares.
@@ -165,21 +178,25 @@ pub(crate) fn children(file: &Path, code: &str, text: &str) -> Vec<(String, Path
     declared.collect()
 }
 
-/// True if `code` has an item of that name at the top level.
-fn defines(code: &str, name: &str) -> bool {
+/// The names of the items at the top level of `code`.
+pub(crate) fn definitions(code: &str) -> BTreeSet<&str> {
     const KINDS: [&str; 8] = [
         "fn", "struct", "enum", "trait", "type", "const", "static", "union",
     ];
     let words = tokens(code);
     let mut depth = 0;
-    words.windows(2).any(|pair| {
+    let mut names = BTreeSet::new();
+    for pair in words.windows(2) {
         match pair[0] {
             "{" => depth += 1,
             "}" => depth -= 1,
+            kind if depth == 0 && KINDS.contains(&kind) => {
+                names.insert(pair[1]);
+            }
             _ => {}
         }
-        depth == 0 && KINDS.contains(&pair[0]) && pair[1] == name
-    })
+    }
+    names
 }
 
 /// `text` with comments and literals replaced by spaces.

@@ -21,7 +21,7 @@ fn root() -> &'static Path {
 }
 
 /// All Rust files below `folder`.
-fn rust(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn rust(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).into_iter().flatten() {
         let path = entry.unwrap().path();
@@ -129,7 +129,7 @@ fn small_files_are_few() {
     let entries = [
         "/examples/",
         "core/matcher/",
-        "source/dataset/",
+        "inputs/dataset/",
         "judge/protocol/",
         "sim/stress/",
     ];
@@ -280,11 +280,11 @@ fn live_sources_are_named_in_their_table_alone() {
     // `--publish` of replay is the address of a sink.
     let own = [
         "src/live/",
-        "src/bench/source/open.rs",
-        "src/bench/source/ros2.rs",
+        "src/bench/source/open/sources.rs",
+        "src/bench/source/live/ros2.rs",
         "src/cli/commands/replay/mod.rs",
     ];
-    let table = fs::read_to_string(root().join("src/bench/source/open.rs")).unwrap();
+    let table = fs::read_to_string(root().join("src/bench/source/open/sources.rs")).unwrap();
     let entries = table
         .lines()
         .filter_map(|line| line.trim().strip_prefix("prefix: \""));

@@ -6,12 +6,15 @@ use super::{ros1_bag, sqlite};
 use crate::mcap::file::McapFile;
 use crate::mcap::messages::Messages;
 use crate::stream::channel::{EventReader, FileEvent};
-use crate::stream::unpack::ZSTD;
-use crate::stream::unpack::unpack;
-use crate::stream::unpack::unpack_message;
+use crate::stream::unpack::{ZSTD, unpack_message};
 use std::borrow::Cow;
+use std::io::{Read as _, Write as _};
 use std::path::Path;
 use svl_core::{Error, Result};
+use tempfile::NamedTempFile;
+
+/// Limit on the size of an unpacked file, bytes.
+const MAX_FILE: u64 = 64 << 30;
 
 /// One file of a recording.
 pub(crate) enum Container {
@@ -123,4 +126,42 @@ fn closed_format(path: &Path) -> Option<&'static str> {
         ),
         _ => None,
     }
+}
+
+/// Unpacks a whole file. The beginning of a truncated one is kept; its reader reports the rest as
+/// missing.
+fn unpack(file: &McapFile) -> Result<NamedTempFile> {
+    let path = file.path();
+    let wrong = |reason: String| Error::format(path, reason);
+    let io = |e| Error::io(path, e);
+    let decoder = zstd::stream::read::Decoder::new(file.reader()?).map_err(io)?;
+    let mut decoder = decoder.take(MAX_FILE + 1);
+    let mut unpacked = NamedTempFile::new().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let (mut piece, mut length) = (vec![0; 1 << 20], 0);
+    loop {
+        match decoder.read(&mut piece) {
+            Ok(0) => break,
+            Ok(read) => {
+                let written = unpacked.write_all(&piece[..read]);
+                written.map_err(|e| Error::io(unpacked.path(), e))?;
+                length += read as u64;
+            }
+            Err(e) if length == 0 => {
+                return Err(wrong(format!(
+                    "is compressed with zstd and cannot be unpacked: {e}"
+                )));
+            }
+            Err(e) => {
+                tracing::warn!("{}: unpacked up to byte {length}: {e}", path.display());
+                break;
+            }
+        }
+    }
+    if length > MAX_FILE {
+        let cure = "unpack it with zstd -d first";
+        return Err(wrong(format!(
+            "unpacks to more than {MAX_FILE} bytes; {cure}"
+        )));
+    }
+    Ok(unpacked)
 }

@@ -6,8 +6,7 @@ use crate::cameras::camera;
 use crate::cameras::topics::is_image;
 use crate::cameras::transforms::Transforms;
 use crate::decode::head::head;
-use crate::pairs::steps::TimedMessage;
-use crate::pairs::steps::without_stamp;
+use crate::pairs::steps::{TimedMessage, without_stamp};
 use crate::poses::reader::ODOMETRY;
 use crate::sensor::topic::measures_distances;
 use crate::stream::channel::{Channel, EventReader, FileEvent};
@@ -170,7 +169,8 @@ impl ClockScan {
         }
     }
 
-    /// Reads as much of a recording as clocks need; see [`crate::cameras::topics::Selection::to_ns`].
+    /// Reads as much of a recording as clocks need; see
+    /// [`Selection::to_ns`](crate::Selection::to_ns).
     ///
     /// # Errors
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`].

@@ -2,10 +2,13 @@
 //! Foxglove's RawImage.
 
 use super::bayer::Tile;
+use crate::message::ros;
 use crate::message::ros::read::RawPixels;
+use crate::stream::channel::Channel;
 use Chroma::{Full, Half, Interleaved};
 use Samples::{Bayer8, Bayer16, Color8, Color16, Float32, Float64, Grey8, Grey16};
 use svl_core::joined;
+use svl_core::stereo::Plane;
 use svl_files as files;
 
 /// A pixel encoding.
@@ -211,6 +214,35 @@ pub(crate) fn u16_of(raw: &RawPixels<'_>) -> fn([u8; 2]) -> u16 {
     } else {
         u16::from_le_bytes
     }
+}
+
+/// The samples of an image of floats, as they are.
+pub(crate) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    values(&ros::read(channel, data, ros::image)?.1)
+}
+
+/// The samples of an image of depths, in metres, before invalid ones are removed.
+pub(crate) fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+    let encoding = named(raw.encoding).ok_or_else(|| why_no_depths(raw.encoding))?;
+    let rows = encoding.rows(raw)?;
+    let depths: Vec<f32> = match (encoding.samples, raw.big_endian) {
+        (Grey16, _) => samples(rows, u16_of(raw)).map(metres).collect(),
+        (Float32, false) => samples(rows, f32::from_le_bytes).collect(),
+        (Float32, true) => samples(rows, f32::from_be_bytes).collect(),
+        (Float64, false) => samples(rows, f64::from_le_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        (Float64, true) => samples(rows, f64::from_be_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        _ => return Err(why_no_depths(raw.encoding)),
+    };
+    let (width, height) = (raw.width as usize, raw.height as usize);
+    Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
+}
+
+pub(crate) fn metres(millimetres: u16) -> f32 {
+    f32::from(millimetres) / 1000.0
 }
 
 #[cfg(test)]

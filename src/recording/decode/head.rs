@@ -1,6 +1,6 @@
 //! The stamp and the frame of a message of any kind.
 
-use crate::decode::{image, json};
+use super::{image, json};
 use crate::message::ros;
 use crate::message::wire::decode_protobuf;
 use crate::stream::channel::Channel;

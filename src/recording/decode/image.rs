@@ -6,8 +6,7 @@ use super::{encoding, json, pixels};
 use crate::message::ros;
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
-use crate::stream::channel::Channel;
-use crate::stream::channel::ROS1;
+use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages::{CompressedImage, RawImage, Timestamp};
 use svl_files::{self as files, DecodedImage};
 

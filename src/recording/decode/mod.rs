@@ -2,7 +2,6 @@
 
 pub(crate) mod bayer;
 pub(crate) mod encoding;
-pub(crate) mod floats;
 pub(crate) mod head;
 pub(crate) mod image;
 pub(crate) mod json;

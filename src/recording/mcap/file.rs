@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use svl_core::bounded::stand_in;
 use svl_core::{Error, Result, inputs};
 
 /// Length of the longest magic, SQLite's.
@@ -126,4 +127,22 @@ impl Read for FileReader {
         self.at += read as u64;
         Ok(read)
     }
+}
+
+/// Description of a file that begins with `start` and is not MCAP, with the remedy.
+pub(crate) fn not_mcap(path: &Path, start: &[u8]) -> String {
+    if let Some(why) = stand_in(start) {
+        return why.to_owned();
+    }
+    // `#ROSBAG V2.0` is read.
+    if start.starts_with(b"#ROSBAG ") {
+        let bag = path.display();
+        return format!(
+            "is a ROS 1 bag of another format than 2.0; `rosbag fix {bag} NEW.bag` of ROS 1 \
+             renews it"
+        );
+    }
+    "is not an MCAP file, nor a bag of ROS 2 in SQLite or of ROS 1; svl reads these (.mcap, .db3, \
+     .bag)"
+        .to_owned()
 }

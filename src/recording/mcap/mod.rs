@@ -3,7 +3,6 @@
 pub(crate) mod append_file;
 pub(crate) mod chunk;
 pub(crate) mod file;
-pub(crate) mod head;
 pub(crate) mod layout;
 pub(crate) mod messages;
 pub(crate) mod records;

@@ -11,8 +11,7 @@
 //! `IndexedReader` checks none. None tells the position of a record, which resynchronization needs.
 
 use super::chunk::split;
-use super::file::McapFile;
-use super::head::not_mcap;
+use super::file::{McapFile, not_mcap};
 use super::layout::{HEAD, has_fields, known_size, u32_at, u64_at};
 use super::search::{LoadedRecord, PRIVATE, RecordFault, RecordSearch};
 use crc32fast::Hasher;

@@ -43,7 +43,7 @@ pub(crate) mod topic {
 
     pub(crate) const BASELINE: &str = "/rig/baseline";
     pub(crate) const POSE: &str = "/rig/pose";
-    pub(crate) const DEPTH: &str = crate::message::wire::TRUTH_DEPTH;
+    pub(crate) const DEPTH: &str = super::TRUTH_DEPTH;
     pub(crate) const DISPARITY: &str = "/truth/disparity";
     pub(crate) const VISIBILITY: &str = "/truth/visibility";
     pub(crate) const SURFACE: &str = "/truth/surface";
@@ -101,7 +101,7 @@ pub(crate) fn decode_protobuf<T: foxglove::Decode>(data: &[u8]) -> std::result::
 
 /// A stamp that fits into ROS 2 messages, whose seconds are signed 32-bit: up to January 2038.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct RosStamp(u64);
+pub(crate) struct RosStamp(pub(crate) u64);
 
 impl RosStamp {
     const SECOND_NS: u64 = 1_000_000_000;

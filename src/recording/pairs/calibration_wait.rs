@@ -1,6 +1,6 @@
 //! The wait of live pairs for their calibrations, which ROS publishes after the images.
 
-use super::images::PairImages;
+use super::stamp_order::PairImages;
 
 /// Longest wait; pairs of a faster camera wait for one period.
 const MAX_WAIT_NS: u64 = 200_000_000;

@@ -3,13 +3,16 @@
 
 use super::pair_reader::PairReader;
 use super::stamp_order::HOLD_NS;
+use crate::bags::opened::Recording;
 use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::topics::Selection;
 use crate::decode::head::head;
 use crate::decode::image;
 use crate::decode::video::message;
-use crate::stream::channel::Channel;
-use svl_core::Result;
+use crate::decode::video::topic::VideoTopic;
+use crate::poses::reader::PoseReader;
+use crate::stream::channel::{Channel, FileEvent};
+use svl_core::{Error, Result};
 use svl_files::{BitDepth, DECIDING_PAIRS};
 
 /// The first messages, from which a [`PairReader`] is prepared before its first pair.
@@ -106,6 +109,46 @@ impl FirstMessages {
         pairs.check_info_frames(&self.info_frames, selection);
         pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
         Ok(())
+    }
+}
+
+impl PairReader {
+    /// Chooses the topics of a recording, those of svl if `is_own`, and looks for the first
+    /// calibration of each camera.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
+    pub(crate) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
+        let name = recording.path().display().to_string();
+        let channels = recording.channels()?;
+        let mut pairs = Self::new(name, &channels, selection, is_own)
+            .map_err(|reason| Error::format(recording.path(), reason))?;
+        let mut first = FirstMessages::default();
+        for file in recording.files() {
+            let mut messages = file.messages()?;
+            // Pairs may come before the first CameraInfo; with it from the start, all of them get a
+            // rig. The bit depth is also decided before the first pair.
+            while !first.are_enough(&pairs) {
+                match messages.next() {
+                    Ok(Some(FileEvent::Message(channel, log_time, data))) => {
+                        first.take_in(&mut pairs, channel, log_time, &data)
+                    }
+                    Ok(Some(_)) => {}
+                    Ok(None) | Err(_) => break,
+                }
+            }
+        }
+        let are_videos = first.are_videos();
+        first.end(&mut pairs, selection)?;
+        pairs.warn_of_sign();
+        pairs.poses = PoseReader::open(recording, &channels)?;
+        let topics = pairs.images.iter().zip(are_videos);
+        for ((topic, is_video), video) in topics.zip(&mut pairs.videos) {
+            if is_video {
+                *video = Some(VideoTopic::open(recording, topic)?);
+            }
+        }
+        Ok(pairs)
     }
 }
 

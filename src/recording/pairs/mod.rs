@@ -3,7 +3,6 @@
 pub(crate) mod calibration_wait;
 pub(crate) mod calibrations;
 pub(crate) mod first_messages;
-pub(crate) mod images;
 pub(crate) mod own_topics;
 pub(crate) mod pair_reader;
 pub(crate) mod pair_stamps;

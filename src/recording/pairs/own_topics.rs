@@ -1,14 +1,14 @@
 //! What svl's own recordings have of a pair besides images and calibrations: the record that joins
 //! its images, pose, truth, colours and exposure.
 
+use super::stamp_pairing::MAX_WAITING;
 use super::truth;
-use crate::decode::floats::floats;
+use crate::decode::encoding::floats;
 use crate::decode::head::head;
 use crate::decode::image::decode;
 use crate::message::geometry;
 use crate::message::sync::{PairGeometry, StereoSync};
 use crate::message::wire::topic;
-use crate::pairs::stamp_pairing::MAX_WAITING;
 use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use svl_core::stereo::{

@@ -2,22 +2,18 @@
 //! recordings.
 
 use super::pair_stamps::PairStamps;
+use super::stamp_order::{PairImage, PairImages, ReadImage};
 use super::stamp_pairing::UnpairedImages;
 use crate::cameras::topics;
 use crate::cameras::topics::{Selection, choose};
 use crate::decode::image;
 use crate::decode::video::message::is_picture;
-use crate::pairs::images::PairImage;
-use crate::pairs::images::PairImages;
-use crate::pairs::images::ReadImage;
 
 use super::calibration_wait::CalibrationWait;
-use super::first_messages::FirstMessages;
 use super::own_topics::OwnTopics;
 use super::stamp_order::ImagePairing;
 use super::steps::StepWatch;
 use super::stream_facts::{CameraFacts, StreamFacts};
-use crate::bags::opened::Recording;
 use crate::cameras::baseline::BaselineSearch;
 use crate::cameras::camera::Calibration;
 use crate::cameras::camera_track::CameraTrack;
@@ -27,12 +23,12 @@ use crate::decode::video::topic::VideoTopic;
 use crate::message::geometry;
 use crate::message::wire::topic;
 use crate::poses::reader::PoseReader;
-use crate::stream::channel::{Channel, FileEvent, warn_once};
+use crate::stream::channel::{Channel, warn_once};
 use nalgebra::UnitQuaternion;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side};
-use svl_core::{Error, Result, counted, listed};
+use svl_core::{counted, listed};
 use svl_files::{BitDepth, SideBySide};
 
 /// Live images are never that much out of order: their clock jumped.
@@ -91,44 +87,6 @@ pub(crate) struct PairReader {
 }
 
 impl PairReader {
-    /// Chooses the topics of a recording, those of svl if `is_own`, and looks for the first
-    /// calibration of each camera.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
-    pub(crate) fn open(recording: &Recording, selection: &Selection, is_own: bool) -> Result<Self> {
-        let name = recording.path().display().to_string();
-        let channels = recording.channels()?;
-        let mut pairs = Self::new(name, &channels, selection, is_own)
-            .map_err(|reason| Error::format(recording.path(), reason))?;
-        let mut first = FirstMessages::default();
-        for file in recording.files() {
-            let mut messages = file.messages()?;
-            // Pairs may come before the first CameraInfo; with it from the start, all of them get a
-            // rig. The bit depth is also decided before the first pair.
-            while !first.are_enough(&pairs) {
-                match messages.next() {
-                    Ok(Some(FileEvent::Message(channel, log_time, data))) => {
-                        first.take_in(&mut pairs, channel, log_time, &data)
-                    }
-                    Ok(Some(_)) => {}
-                    Ok(None) | Err(_) => break,
-                }
-            }
-        }
-        let are_videos = first.are_videos();
-        first.end(&mut pairs, selection)?;
-        pairs.warn_of_sign();
-        pairs.poses = PoseReader::open(recording, &channels)?;
-        let topics = pairs.images.iter().zip(are_videos);
-        for ((topic, is_video), video) in topics.zip(&mut pairs.videos) {
-            if is_video {
-                *video = Some(VideoTopic::open(recording, topic)?);
-            }
-        }
-        Ok(pairs)
-    }
-
     /// The pose of the left camera at that time: of images that were rectified before they were
     /// recorded, with the rotation of their rectification.
     fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
@@ -150,7 +108,7 @@ impl PairReader {
         channels: &[&Channel],
         selection: &Selection,
         is_own: bool,
-    ) -> std::result::Result<Self, String> {
+    ) -> Result<Self, String> {
         let images = if is_own {
             Side::BOTH.map(|side| topic::camera(side, "image"))
         } else {
@@ -233,7 +191,7 @@ impl PairReader {
         side: Side,
         channel: &Channel,
         data: &[u8],
-    ) -> std::result::Result<(Option<u64>, ReadImage), String> {
+    ) -> Result<(Option<u64>, ReadImage), String> {
         let Some(video) = &mut self.videos[side as usize] else {
             let (stamp, image) = image::decode(channel, data)?;
             // The pictures of a live topic.
@@ -251,11 +209,7 @@ impl PairReader {
     ///
     /// # Errors
     /// The reason why a picture of a video cannot be decoded.
-    fn pixels(
-        &mut self,
-        side: Side,
-        image: PairImage,
-    ) -> std::result::Result<MessageImage, String> {
+    fn pixels(&mut self, side: Side, image: PairImage) -> Result<MessageImage, String> {
         let number = match image {
             PairImage::Image(image) => return Ok(image),
             PairImage::Picture(number) => number,
@@ -380,7 +334,7 @@ impl PairReader {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> std::result::Result<(), String> {
+    ) -> Result<(), String> {
         if let Some(own) = &mut self.own
             && let Some(joined) = own.take_in(channel, log_time, data)?
         {
@@ -433,7 +387,7 @@ impl PairReader {
     ///
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.
-    pub(crate) fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+    pub(crate) fn pop(&mut self) -> Option<Result<Frame, String>> {
         let [(left_ns, left), (right_ns, right)] = self.next_images()?;
         let sequence = self.sequence;
         self.sequence += 1;
@@ -481,7 +435,7 @@ impl PairReader {
     }
 
     /// The frame with what svl's own recording has of it besides its images.
-    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> std::result::Result<Frame, String> {
+    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> Result<Frame, String> {
         let Some(own) = &mut self.own else {
             return Ok(frame);
         };
@@ -566,7 +520,7 @@ impl PairReader {
                     .map(str::to_owned),
                 calibration_fault: fault.filter(|_| has_calibration),
             },
-            calibration: raw.and_then(std::result::Result::ok),
+            calibration: raw.and_then(Result::ok),
             frame_id,
             ..facts
         }

@@ -1,6 +1,7 @@
 //! Images of a file in the order of their stamps: a bag has them as they arrived.
 
 use super::stamp_pairing::StampPairing;
+use crate::decode::pixels::MessageImage;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use svl_core::stereo::Side;
@@ -193,6 +194,19 @@ impl<T> ImagePairing<T> {
         &mut self.pairing
     }
 }
+
+/// An image that waits for its partner.
+pub(crate) enum PairImage {
+    Image(MessageImage),
+    /// The picture of a video's message with that number.
+    Picture(u64),
+}
+
+/// An image, or the reason why it cannot be read.
+pub(crate) type ReadImage = Result<PairImage, String>;
+
+/// The images of a pair, left and right, with their stamps.
+pub(crate) type PairImages = [(u64, ReadImage); 2];
 
 #[cfg(test)]
 mod tests {

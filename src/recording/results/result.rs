@@ -3,7 +3,7 @@
 use super::cells;
 use super::cells::AlgorithmCells;
 use crate::bags::opened::Recording;
-use crate::decode::floats::floats;
+use crate::decode::encoding::floats;
 use crate::message::wire::Encoded;
 use crate::pairs::truth;
 use crate::stream::channel::{EventReader, FileEvent};

@@ -2,9 +2,7 @@
 //! disparity images.
 
 use crate::decode::encoding;
-use crate::decode::encoding::Samples;
-use crate::decode::floats::metres;
-use crate::decode::floats::values;
+use crate::decode::encoding::{Samples, metres, values};
 use crate::message::ros;
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;

@@ -1,15 +1,15 @@
 //! The kinds of messages that measure distances, with their readers.
 
 use super::{depth_image, points};
-use crate::decode::floats;
+use crate::decode::encoding;
 use crate::decode::head::head;
 use crate::message::ros;
 use crate::message::wire::{decode_protobuf, topic};
 use crate::pairs::truth;
-use crate::stream::channel::Channel;
-use crate::stream::channel::ROS1;
+use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages;
 use nalgebra::Point3;
+use std::borrow::Cow;
 use svl_core::joined;
 use svl_core::stereo::Plane;
 
@@ -91,7 +91,7 @@ const KINDS: &[MeasuredKind] = &[
 const OWN_RESULT: MeasuredKind = MeasuredKind {
     schema: "sensor_msgs/msg/Image",
     encoding: "cdr",
-    decode: Decode::Disparity(floats::floats),
+    decode: Decode::Disparity(encoding::floats),
 };
 
 /// The surfaces in the truth of a bag that svl wrote: their codes, as disparities.
@@ -228,5 +228,47 @@ impl MeasuredKind {
             }
         };
         Ok((stamp, measured))
+    }
+}
+
+/// Topic of the measurements, the largest time difference of one, and their use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SensorSelection {
+    pub topic: String,
+    /// Largest difference between the stamps of a pair and its measurement.
+    pub max_skew_ns: u64,
+    pub role: SensorRole,
+}
+
+/// Use of the measurements of a topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorRole {
+    /// The truth: points between which nothing is known stay points.
+    Truth,
+    /// The map of an algorithm: the samples of a depth image cover the pixels that they see, and a
+    /// measurement is that of one pair.
+    Map,
+}
+
+impl SensorRole {
+    /// Depths as they are used: infinity is an answer, and no truth.
+    pub fn depths(self, depth: &Plane<f32>) -> Cow<'_, Plane<f32>> {
+        match self {
+            Self::Map => Cow::Borrowed(depth),
+            Self::Truth => Cow::Owned(depth.map(|z| if z.is_finite() { z } else { f32::NAN })),
+        }
+    }
+}
+
+impl SensorSelection {
+    /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
+    pub const MAX_SKEW_NS: u64 = 20_000_000;
+
+    /// The option, as the user wrote it.
+    pub(crate) fn asked(&self) -> String {
+        match self.role {
+            SensorRole::Truth => format!("--truth {}", self.topic),
+            SensorRole::Map => format!("topic:{}", self.topic),
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! measurements themselves are read separately, in file order, next to the pairs.
 
 use super::kind;
-use super::topic::{SensorRole, SensorSelection};
+use super::kind::{SensorRole, SensorSelection};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::plain;
 use crate::decode::head;

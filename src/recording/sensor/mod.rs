@@ -1,4 +1,5 @@
-//! Distances that another sensor or program of the recording measured, as truth or as the map of an algorithm.
+//! Distances that another sensor or program of the recording measured, as truth or as the map
+//! of an algorithm.
 
 pub(crate) mod depth_image;
 pub(crate) mod kind;

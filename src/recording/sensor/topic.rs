@@ -11,9 +11,9 @@ use crate::message::wire::topic;
 use crate::pairs::pair_stamps::PairStamps;
 use crate::poses::motion::PoseStep;
 use crate::poses::reader::{PoseMotion, PoseReader};
+use crate::sensor::kind::{SensorRole, SensorSelection};
 use crate::stream::channel::{Channel, FileEvent, warn_once};
 use nalgebra::UnitQuaternion;
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, Surface};
 use svl_core::{Error, Result, did_you_mean, joined};
@@ -21,48 +21,6 @@ use svl_core::{Error, Result, did_you_mean, joined};
 /// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm
 /// at 1 m/s.
 const UNMOVED_S: f64 = 0.005;
-
-/// Topic of the measurements, the largest time difference of one, and their use.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SensorSelection {
-    pub topic: String,
-    /// Largest difference between the stamps of a pair and its measurement.
-    pub max_skew_ns: u64,
-    pub role: SensorRole,
-}
-
-/// Use of the measurements of a topic.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SensorRole {
-    /// The truth: points between which nothing is known stay points.
-    Truth,
-    /// The map of an algorithm: the samples of a depth image cover the pixels that they see, and a
-    /// measurement is that of one pair.
-    Map,
-}
-
-impl SensorRole {
-    /// Depths as they are used: infinity is an answer, and no truth.
-    pub fn depths(self, depth: &Plane<f32>) -> Cow<'_, Plane<f32>> {
-        match self {
-            Self::Map => Cow::Borrowed(depth),
-            Self::Truth => Cow::Owned(depth.map(|z| if z.is_finite() { z } else { f32::NAN })),
-        }
-    }
-}
-
-impl SensorSelection {
-    /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
-    pub const MAX_SKEW_NS: u64 = 20_000_000;
-
-    /// The option, as the user wrote it.
-    pub(crate) fn asked(&self) -> String {
-        match self.role {
-            SensorRole::Truth => format!("--truth {}", self.topic),
-            SensorRole::Map => format!("topic:{}", self.topic),
-        }
-    }
-}
 
 /// The measurements of a topic, for the pairs of the same recording.
 pub struct SensorTopic {

@@ -1,14 +1,12 @@
 //! Projection of another sensor's measurements into the left camera.
 
-use super::kind::{Measured, MeasuredKind};
-use super::topic::SensorRole;
+use super::kind::{Measured, MeasuredKind, SensorRole};
 use crate::bags::opened::Recording;
 use crate::cameras::camera::Calibration;
 use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::topics;
 use crate::cameras::transforms::{Conflict, Transforms, plain};
-use crate::decode::head;
-use crate::decode::realsense;
+use crate::decode::{head, realsense};
 use crate::message::wire::FLOOR_FRAME;
 use crate::pairs::truth;
 use crate::stream::channel::{Channel, FileEvent, warn_once};

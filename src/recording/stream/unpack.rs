@@ -1,60 +1,18 @@
 //! Files and messages that are compressed with zstd.
 
-use crate::mcap::file::McapFile;
-use std::io::{Read, Write};
-use svl_core::{Error, Result};
-use tempfile::NamedTempFile;
+use std::io::Read as _;
 
 /// First bytes of a zstd frame.
 pub(crate) const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 
-/// Limit on the size of an unpacked file, and of a message, bytes.
-const MAX_FILE: u64 = 64 << 30;
+/// Limit on the size of an unpacked message, bytes.
 const MAX_MESSAGE: u64 = 1 << 30;
-
-/// Unpacks a whole file. The beginning of a truncated one is kept; its reader reports the rest as
-/// missing.
-pub(crate) fn unpack(file: &McapFile) -> Result<NamedTempFile> {
-    let path = file.path();
-    let wrong = |reason: String| Error::format(path, reason);
-    let io = |e| Error::io(path, e);
-    let decoder = zstd::stream::read::Decoder::new(file.reader()?).map_err(io)?;
-    let mut decoder = decoder.take(MAX_FILE + 1);
-    let mut unpacked = NamedTempFile::new().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-    let (mut piece, mut length) = (vec![0; 1 << 20], 0);
-    loop {
-        match decoder.read(&mut piece) {
-            Ok(0) => break,
-            Ok(read) => {
-                let written = unpacked.write_all(&piece[..read]);
-                written.map_err(|e| Error::io(unpacked.path(), e))?;
-                length += read as u64;
-            }
-            Err(e) if length == 0 => {
-                return Err(wrong(format!(
-                    "is compressed with zstd and cannot be unpacked: {e}"
-                )));
-            }
-            Err(e) => {
-                tracing::warn!("{}: unpacked up to byte {length}: {e}", path.display());
-                break;
-            }
-        }
-    }
-    if length > MAX_FILE {
-        let cure = "unpack it with zstd -d first";
-        return Err(wrong(format!(
-            "unpacks to more than {MAX_FILE} bytes; {cure}"
-        )));
-    }
-    Ok(unpacked)
-}
 
 /// The data of a message that rosbag2 compressed on its own; other data unchanged.
 ///
 /// # Errors
 /// The reason why they cannot be unpacked.
-pub(crate) fn unpack_message(data: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
+pub(crate) fn unpack_message(data: &[u8]) -> Result<Option<Vec<u8>>, String> {
     // No message encoding begins like this: CDR's first byte is 0.
     if !data.starts_with(&ZSTD) {
         return Ok(None);

@@ -1,8 +1,7 @@
 //! A comparison as test cases: which metrics must not become worse.
 
 use super::comparison::{AlgorithmChange, Comparison};
-use super::text::is_ranked;
-use crate::results::change::{Change, Judgement, NotMeasured};
+use crate::results::change::{Change, Judgement, NotMeasured, is_ranked};
 use crate::show::junit::{TestCase, TestResult};
 use svl_score::judge::{Cases, ColumnChoice, Metric, MetricOrigin, MetricUnit};
 

@@ -3,26 +3,19 @@
 use super::courses::CourseChanges;
 use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
-use super::text;
-use crate::results::change::Change;
-use crate::results::change::Changes;
-use crate::results::change::CheckpointName;
-use crate::results::change::Judgement;
-use crate::results::change::NotMeasured;
-use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{resamples, sample_in};
-use crate::subjects::accuracy::{PairErrors, RangeErrors};
+use crate::compare::courses::is_alike;
+use crate::results::change::{Change, Changes, CheckpointName, Judgement, NotMeasured, is_ranked};
+use crate::rows::records::Row;
+use crate::rows::samples::resamples;
+use crate::subjects::drives::DriveRow;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Result, counted};
-use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
-use svl_score::holm;
-use svl_score::judge::{
-    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
-};
+use svl_score::bootstrap::{self, TestMethod};
+use svl_score::judge::{AreaChoice, Cases, ColumnChoice, METRICS, Metric, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
-use svl_score::sign_test;
+use svl_score::{holm, sign_test};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -362,7 +355,7 @@ impl AlgorithmChange {
     pub fn deciding(&self) -> impl Iterator<Item = &Change> {
         let headline = self.metrics(&ColumnChoice::Headline);
         let metrics = self.metrics.iter();
-        metrics.filter(move |own| headline.contains(&own.metric) && text::is_ranked(own.metric))
+        metrics.filter(move |own| headline.contains(&own.metric) && is_ranked(own.metric))
     }
 
     /// The pairs of the base that are compared, in words, if they are too few.
@@ -382,6 +375,31 @@ impl AlgorithmChange {
         let areas = self.areas.values_mut().flatten();
         let own = self.metrics.iter_mut().chain(&mut self.checkpoints);
         own.chain(areas)
+    }
+}
+
+impl AlgorithmChange {
+    /// Adds changes that are real by an exact sign test over the courses of both reports: of the
+    /// courses on which a number differs, as many become better as worse if nothing changed. How
+    /// much it differs does not count, so that one bad course is one course.
+    /// `tests`: the number of tests at once.
+    pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]], tests: usize) -> Self {
+        let alike = courses.iter().filter(|own| is_alike(own));
+        let (mut metrics, mut not_measured) = (Vec::new(), Vec::new());
+        for metric in METRICS.iter().filter(|metric| metric.is_of_drives()) {
+            match Change::from_drives(metric, courses, tests) {
+                Ok(change) => metrics.push(change),
+                Err(own) => not_measured.push(own),
+            }
+        }
+        Self {
+            blocks: courses.len(),
+            equal_results: alike.count(),
+            metrics,
+            not_measured,
+            courses: Some(CourseChanges::new(courses)),
+            ..self
+        }
     }
 }
 
@@ -421,6 +439,7 @@ fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::change::changes;
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
 

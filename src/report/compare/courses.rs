@@ -1,6 +1,5 @@
 //! Two reports of drives, course by course.
 
-use super::comparison::AlgorithmChange;
 use crate::results::change::{Change, Judgement, NotMeasured};
 use crate::show::table::model::{Table, TableCell};
 use crate::subjects::drives;
@@ -8,7 +7,7 @@ use crate::subjects::drives::{DriveRow, drive_parts, has_driven};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;
-use svl_score::judge::{Better, METRICS, Metric, MetricOrigin};
+use svl_score::judge::{Better, Metric, MetricOrigin};
 use svl_score::sign_test;
 
 /// Limit of the courses in a line and in a table.
@@ -40,32 +39,7 @@ pub struct CourseChange {
 /// A property of a course.
 type CourseTest = fn(&CourseChange) -> bool;
 
-impl AlgorithmChange {
-    /// Adds changes that are real by an exact sign test over the courses of both reports: of the
-    /// courses on which a number differs, as many become better as worse if nothing changed. How
-    /// much it differs does not count, so that one bad course is one course.
-    /// `tests`: the number of tests at once.
-    pub(super) fn with_courses(self, courses: &[[&DriveRow; 2]], tests: usize) -> Self {
-        let alike = courses.iter().filter(|own| is_alike(own));
-        let (mut metrics, mut not_measured) = (Vec::new(), Vec::new());
-        for metric in METRICS.iter().filter(|metric| metric.is_of_drives()) {
-            match Change::from_drives(metric, courses, tests) {
-                Ok(change) => metrics.push(change),
-                Err(own) => not_measured.push(own),
-            }
-        }
-        Self {
-            blocks: courses.len(),
-            equal_results: alike.count(),
-            metrics,
-            not_measured,
-            courses: Some(CourseChanges::new(courses)),
-            ..self
-        }
-    }
-}
-
-fn is_alike([a, b]: &[&DriveRow; 2]) -> bool {
+pub(super) fn is_alike([a, b]: &[&DriveRow; 2]) -> bool {
     a.track_hash == b.track_hash
 }
 
@@ -121,7 +95,7 @@ impl Change {
 }
 
 impl CourseChanges {
-    fn new(courses: &[[&DriveRow; 2]]) -> Self {
+    pub(super) fn new(courses: &[[&DriveRow; 2]]) -> Self {
         let sums = |number: fn(&DriveRow) -> u64| {
             [0, 1].map(|side| courses.iter().map(|pair| number(pair[side])).sum())
         };
@@ -231,6 +205,7 @@ impl CourseChange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compare::comparison::AlgorithmChange;
     use crate::subjects::drives::tests::drive;
 
     /// Drives on as many courses, each with these collisions; without any it is finished.

@@ -2,14 +2,14 @@
 
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
 use super::join::{Join, MAP};
-use crate::results::change::{Change, Judgement};
+use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
 use crate::show::table::markdown::{escape, escape_prose};
 use crate::show::table::model::{Table, TableCell, TableColumn};
 use crate::show::table::terminal::{TerminalStyle, wrapped};
 use crate::show::words::NONE;
 use svl_core::{counted, joined};
-use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
+use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
@@ -303,13 +303,6 @@ impl Comparison {
             format!("{fewest} to {most} {things}s")
         }
     }
-}
-
-/// True for a metric that decides where it is in the headline: it has a better direction, and is of
-/// the pairs that are resampled.
-pub(super) fn is_ranked(metric: &Metric) -> bool {
-    let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
-    metric.better != Better::Neither && metric.unit != MetricUnit::Ms && !is_of_checkpoints
 }
 
 /// The changes of that judgement, the first of them with their values: the surest change, but more

@@ -4,16 +4,8 @@ use crate::rows::records::{MetricTotals, Row};
 use crate::rows::samples::{resamples, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
-use svl_core::{Result, counted};
-use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
-use svl_score::holm;
-use svl_score::judge::{
-    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
-};
-use svl_score::manifest::{Manifest, Purpose};
-use svl_score::sign_test;
+use svl_score::bootstrap::{Interval, Resamples, Sample, middle};
+use svl_score::judge::{AreaChoice, Better, Cases, Metric, MetricOrigin, MetricUnit};
 
 /// A number in both reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -206,6 +198,13 @@ impl Change {
         self.difference != 0.0
             && Judgement::new(self.metric.better, Some(true), is_more) == Judgement::Worse
     }
+}
+
+/// True for a metric that decides where it is in the headline: it has a better direction, and is of
+/// the pairs that are resampled.
+pub(crate) fn is_ranked(metric: &Metric) -> bool {
+    let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
+    metric.better != Better::Neither && metric.unit != MetricUnit::Ms && !is_of_checkpoints
 }
 
 impl Judgement {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_files::ColumnPlaces;
 
-/// The rows of a CSV file that [`crate::results::table_writer::TableWriter`] wrote, read one after the other.
+/// The rows of a CSV file that [`TableWriter`](crate::TableWriter) wrote, read one after the other.
 pub struct RowReader<R> {
     path: PathBuf,
     places: ColumnPlaces,

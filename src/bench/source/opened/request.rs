@@ -1,7 +1,7 @@
 //! A user's request for a source: its name and its options.
 
 use super::calibration::Calib;
-use crate::source::inputs::folder::source::FolderRequest;
+use crate::source::inputs::folder::pairs::FolderRequest;
 use svl_core::matcher::{Algorithm, MapRequest};
 use svl_grab::{GrabRequest, Host};
 use svl_recording::{Selection, SensorRole, SensorSelection, StampUnit};

@@ -1,8 +1,6 @@
 //! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed and only
 //! read.
 
-use super::write::CDR_LE;
-
 /// Reads the fields of one message in their order. Everything it returns is within the bytes.
 pub(crate) struct MessageReader<'a> {
     data: &'a [u8],
@@ -158,6 +156,9 @@ impl CdrWriter {
         self.data.push(0);
     }
 }
+
+/// OMG encapsulation header of little-endian CDR, with which a message of ROS 2 begins.
+pub const CDR_LE: [u8; 4] = [0, 1, 0, 0];
 
 #[cfg(test)]
 mod tests {

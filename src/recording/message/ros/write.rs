@@ -177,6 +177,3 @@ pub(crate) fn header_fields(cdr: &mut CdrWriter, stamp: RosStamp, frame_id: &str
     cdr.u32(nanoseconds);
     cdr.str(frame_id);
 }
-
-/// OMG encapsulation header of little-endian CDR, with which a message of ROS 2 begins.
-pub const CDR_LE: [u8; 4] = [0, 1, 0, 0];

@@ -4,17 +4,42 @@ use super::stored;
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
 use crate::rows::records::{CellRow, Row};
-use crate::show::page::parts::fill;
-use crate::show::page::plot_view::PlotView;
 use crate::show::plot::map::CourseMap;
-use crate::show::plot::series::AlgorithmColors;
 use crate::show::table::model::Table;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
-use svl_core::{Error, Result};
 use svl_files::overlay::Mark;
 use svl_score::judge::CellFinding;
 use svl_score::manifest::Manifest;
+
+/// Everything the page shows.
+pub struct ReportPage {
+    /// The manifest, whose scenario is the title.
+    pub manifest: Manifest,
+    /// The scenario's prose; an empty line begins a paragraph.
+    pub description: String,
+    pub summary: Results,
+    /// Per algorithm the time of each pair, ms.
+    pub times_ms: Vec<(String, Vec<f64>)>,
+    /// The results of the scenario's limits, if they were asked for, in words.
+    pub gate: Vec<(GateState, String)>,
+    pub sweeps: Vec<ParameterSweep>,
+    /// One figure per checkpoint, or per frame that is shown of a recording.
+    pub figures: Vec<CheckpointFigure>,
+    /// Scenes, if the frames are those of a data set.
+    pub scenes: Vec<SceneFigure>,
+    /// The results per scene or course.
+    pub cases: Option<Table>,
+    /// Courses that algorithms drove through.
+    pub maps: Vec<CourseMap>,
+}
+
+impl ReportPage {
+    /// True for an algorithm of a sweep.
+    pub(super) fn is_swept(&self, label: &str) -> bool {
+        let mut points = self.sweeps.iter().flat_map(|sweep| &sweep.points);
+        points.any(|(_, own)| own == label)
+    }
+}
 
 /// Algorithms that differ in one parameter alone.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The heat map of a sweep over two parameters.
 
-use super::report_page::ReportPage;
+use super::figures::ReportPage;
 use super::shades::{parameter_values, swept, swept_records};
 use crate::show::plot::heat::{HeatCell, HeatGrid};
 use crate::show::words::number;

@@ -10,5 +10,6 @@ pub(crate) mod shades;
 pub(crate) mod stored;
 pub(crate) mod view;
 
-pub use figures::{CheckpointFigure, FrameShot, ParameterSweep, Rank, SceneFigure, SceneResult};
-pub use report_page::ReportPage;
+pub use figures::{
+    CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
+};

@@ -1,7 +1,6 @@
 //! The plots of the page.
 
-use super::figures::ParameterSweep;
-use super::report_page::ReportPage;
+use super::figures::{ParameterSweep, ReportPage};
 use crate::results::summary::{AlgorithmSummary, Results};
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::bars::Bars;

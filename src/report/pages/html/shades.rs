@@ -1,7 +1,9 @@
 //! The colours of swept algorithms: by the value of their first parameter.
 
-use super::report_page::ReportPage;
+use super::figures::ReportPage;
+use crate::pages::html::figures::ParameterSweep;
 use crate::show::page::parts::css_color;
+use crate::show::plot::series::AlgorithmColors;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use svl_files::overlay::parameter_color;
@@ -43,12 +45,21 @@ pub(crate) fn swept_records<'a>(page: &'a ReportPage, name: &str) -> Vec<&'a Alg
     records.filter(is_own).collect()
 }
 
+impl ReportPage {
+    /// The colours of the algorithms.
+    pub(super) fn colors(&self) -> AlgorithmColors<'_> {
+        let shades = parameter_shades(self);
+        let colors = shades.iter().flat_map(|shade| shade.colors.iter().copied());
+        AlgorithmColors::new(self.manifest.labels()).with_shades(colors)
+    }
+}
+
 /// A shade for each kind of algorithms that is swept.
 pub(crate) fn parameter_shades(page: &ReportPage) -> Vec<ParameterShade<'_>> {
     let mut seen = BTreeSet::new();
     let first = page.sweeps.iter();
     let first = first.filter(|sweep| seen.insert(&sweep.algorithm));
-    let shade = |sweep: &'_ super::figures::ParameterSweep| {
+    let shade = |sweep: &'_ ParameterSweep| {
         let records = swept_records(page, &sweep.algorithm);
         let values = parameter_values(&records, &sweep.parameter);
         let last = values.len().saturating_sub(1).max(1) as f64;

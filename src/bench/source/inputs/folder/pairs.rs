@@ -1,11 +1,11 @@
 //! Finds the pairs of a folder.
 
 use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natural, stem};
-use super::source::FolderRequest;
 use crate::source::inputs::dataset::scene::is_of_one_camera;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result, counted, listed};
 use svl_files::IMAGE_ENDINGS;
+use svl_files::SideBySide;
 
 /// The pairs of a folder in natural order.
 pub(crate) struct FoundPairs {
@@ -206,4 +206,18 @@ fn kind_words(paths: &[PathBuf], noun: &str) -> String {
     let name = |path: &PathBuf| shortened(&path.file_name().unwrap_or_default().to_string_lossy());
     let count = counted(paths.len() as u64, noun);
     format!("{count} ({})", listed(paths.iter().map(name)))
+}
+
+/// Options of a folder.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FolderRequest {
+    /// Patterns of the left and the right images below the folder, with one `*` for the part that
+    /// is equal in both [default: as one of the layouts that svl knows].
+    pub images: [Option<String>; 2],
+    /// The places of both in each image, if it holds both.
+    pub side_by_side: Option<SideBySide>,
+    /// Pairs per second [default: by the stamps of the folder].
+    pub fps: Option<f64>,
+    /// Number of the 16 bits that are used [default: decided by the first pairs].
+    pub bits: Option<u8>,
 }

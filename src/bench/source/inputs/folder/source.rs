@@ -1,6 +1,7 @@
 //! A folder of many pairs as a source.
 
 use super::map_files::MapFiles;
+use super::pairs::FolderRequest;
 
 use super::cameras::{cameras, size_mismatch};
 use super::layout::Layout;
@@ -16,20 +17,6 @@ use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide, read_image};
 use svl_recording::{SensorSelection, StampOrigin};
 use svl_score::losses::Losses;
 
-/// Options of a folder.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FolderRequest {
-    /// Patterns of the left and the right images below the folder, with one `*` for the part that
-    /// is equal in both [default: as one of the layouts that svl knows].
-    pub images: [Option<String>; 2],
-    /// The places of both in each image, if it holds both.
-    pub side_by_side: Option<SideBySide>,
-    /// Pairs per second [default: by the stamps of the folder].
-    pub fps: Option<f64>,
-    /// Number of the 16 bits that are used [default: decided by the first pairs].
-    pub bits: Option<u8>,
-}
-
 /// The pairs of a folder, in the natural order of their names.
 ///
 /// Pairs that cannot be read are dropped and counted, and the first one is reported.
@@ -43,7 +30,7 @@ pub struct FolderSource {
     unreadable: u64,
     pub(crate) depth: BitDepth,
     places: Option<SideBySide>,
-    geometry: Geometry,
+    pub(super) geometry: Geometry,
     pub(crate) calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
     size: (usize, usize),

@@ -1,8 +1,14 @@
 //! Folders with the layouts that users have, one by one.
 
-use super::source::*;
+use super::pairs::FolderRequest;
+use super::source::FolderSource;
+use crate::source::frames::Source;
 use crate::source::inputs::dataset::scene::Scene;
+use svl_core::Result;
+use svl_core::stereo::Geometry;
+use svl_files::SideBySide;
 use svl_files::encode_png;
+use svl_recording::StampOrigin;
 use tempfile::TempDir;
 
 /// A folder with these files: images whose only pixel is their number in the list, and texts.
