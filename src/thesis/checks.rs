@@ -8,12 +8,33 @@ use svl_core::matcher::stage::{
 };
 use svl_core::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
 
+/// v3's texture filter by default, verified by the test below.
+pub(super) const SIGMA: f64 = 0.4;
+pub(super) const DELTA: f64 = 3.35;
+
+pub(super) fn dog_texture() -> DogTexture {
+    DogTexture::new(SIGMA, DELTA)
+}
+
+/// An image smoothed vertically as by default in v3.
+pub(super) fn smoothed(image: &Gray) -> Result<Gray> {
+    let mut smooth = Gray::filled(image.width(), image.height(), 0)?;
+    VerticalSmoothing::new(1.0).apply(isa()?, image, &mut smooth);
+    Ok(smooth)
+}
+
+/// The pixels that a texture filter keeps.
+pub(super) fn textured(filter: &dyn TextureFilter, image: &Gray) -> Result<Plane<bool>> {
+    let mut mask = Plane::filled(image.width(), image.height(), false)?;
+    filter.apply(isa()?, image, &mut mask);
+    Ok(mask)
+}
+
 /// A pair smoothed as in v3, with the matches of its textured pixels.
 pub(super) struct Correlated {
     isa: Isa,
     range: DisparityRange,
     left: Gray,
-    right: Gray,
     /// Left and right.
     blocks: [Blocks; 2],
     right_textured: Plane<bool>,
@@ -22,57 +43,39 @@ pub(super) struct Correlated {
 }
 
 impl Correlated {
-    /// The thesis's range of disparities.
-    pub(super) const DISPARITIES: (i32, i32) = (0, 80);
-
     pub(super) fn new(pair: &StereoPair) -> Result<Self> {
-        let (width, height) = pair.size();
-        let isa = isa()?;
-        let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
-        // The defaults of v3, verified by the test below.
-        let smoothing = VerticalSmoothing::new(1.0);
-        let (mut left, mut right) = (
-            Gray::filled(width, height, 0)?,
-            Gray::filled(width, height, 0)?,
-        );
-        smoothing.apply(isa, pair.left(), &mut left);
-        smoothing.apply(isa, pair.right(), &mut right);
-        let texture = DogTexture::new(0.4, 3.35);
-        let (mut textured, mut right_textured) = (
-            Plane::filled(width, height, false)?,
-            Plane::filled(width, height, false)?,
-        );
-        texture.apply(isa, &left, &mut textured);
-        texture.apply(isa, &right, &mut right_textured);
-
+        let ((width, height), isa) = (pair.size(), isa()?);
+        // The thesis's range of disparities.
+        let range = DisparityRange::new(0, 80)?;
+        let (left, right) = (smoothed(pair.left())?, smoothed(pair.right())?);
+        let left_textured = textured(&dog_texture(), &left)?;
         let blocks = |image: &Gray| {
             let mut blocks = Blocks::new(width, height)?;
             blocks.load(isa, image);
             Result::Ok(blocks)
         };
-        let mut this = Self {
-            isa,
-            range,
-            blocks: [blocks(&left)?, blocks(&right)?],
-            left,
-            right,
-            right_textured,
-            matches: DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?,
-        };
-        let [left_blocks, right_blocks] = &this.blocks;
+        let blocks = [blocks(&left)?, blocks(&right)?];
+        let mut matches = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?;
         let mut search = BlockSearch::new(width, range);
-        for (y, mut row) in this.matches.rows_mut().enumerate() {
+        for (y, mut row) in matches.rows_mut().enumerate() {
             // The kernel searches several rows at once: a group is searched at its first row, and
             // its rows are then written one by one.
             let lane = y % Blocks::ROWS;
             if lane == 0 {
                 let rows = Blocks::ROWS.min(height - y);
-                search.search(isa, left_blocks.around(y), right_blocks.around(y), rows);
+                search.search(isa, blocks[0].around(y), blocks[1].around(y), rows);
             }
-            let pair = [this.left.row(y), this.right.row(y)];
-            search.write_row(isa, lane, pair, textured.row(y), &mut row);
+            let pair = [left.row(y), right.row(y)];
+            search.write_row(isa, lane, pair, left_textured.row(y), &mut row);
         }
-        Ok(this)
+        Ok(Self {
+            isa,
+            range,
+            blocks,
+            right_textured: textured(&dog_texture(), &right)?,
+            left,
+            matches,
+        })
     }
 
     /// The matches that pass the self check: the result of v3.

@@ -1,13 +1,12 @@
 //! Figure 5.1: the distance curve, from the thesis's measurements and from a simulated target.
 
-use super::{Context, Experiment, Finding, TableValue, stage};
+use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
 use svl_core::depth::DistanceCurve;
 use svl_core::statistics::lower_median;
-use svl_core::stereo::{Cell, GridShape};
-use svl_report::plot::{Chart, distance_chart};
-use svl_score::judge::{Judge, Judged};
-use svl_sim::arena::ArenaConfig;
+use svl_core::stereo::Cell;
+use svl_report::plot::distance_chart;
+use svl_score::judge::Judged;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.1"],
@@ -19,28 +18,54 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              front of the arena's stereo head. The baseline of the head is chosen so that f·B \
              fits that table best. A measurement is the median of v3's cells (6 x 3) that show \
              the target. It needs at least three such cells, as in the thesis.",
-    records: false,
     run,
 };
 
-/// Largest relative error of a curve's distance.
-const TOLERANCE: f64 = 0.10;
+/// Largest relative error of a curve's distance, per cent.
+const TOLERANCE: f64 = 10.0;
 
 /// The nearest target's disparity is 81, one beyond the thesis's search.
 const ALGORITHM: &str = "v3:max_disparity=96";
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let target = MeasuredTarget::new(context)?;
-    let curves = Curves::new(&target)?;
-    let mut finding = Finding::default();
-    curves.add_conditions(target.off_px, &mut finding);
-    let (farthest, nearest) = (target.points.first(), target.points.last());
-    finding.quantity("target at 16 cm", "px", "81", nearest.map(|(_, px)| *px));
-    finding.quantity("target at 130 cm", "px", "11", farthest.map(|(_, px)| *px));
-    curves.add_table(&target, &mut finding);
-    finding.why = curves.why(&target);
-    finding.plot(&curves.chart(target));
-    Ok(finding)
+    let thesis = DistanceCurve::annex_b()?;
+    let ours = DistanceCurve::fit(&target.points)?;
+    conclude(&thesis, &ours, &target, finding);
+    let px = |point: Option<&(f64, f64)>| point.map_or(f64::NAN, |(_, px)| *px);
+    finding.quantity("target at 16 cm", "px", "81", px(target.points.last()));
+    finding.quantity("target at 130 cm", "px", "11", px(target.points.first()));
+    let row = |(cm, thesis_px): (f64, f64)| {
+        let found = target.points.iter().find(|(at, _)| *at == cm);
+        let curve_cm = |curve: &DistanceCurve, px| curve.distance_cm(px).unwrap_or(f64::NAN);
+        let values = [
+            thesis_px,
+            curve_cm(&thesis, thesis_px),
+            target.product_cm_px / cm,
+            px(found),
+            curve_cm(&ours, px(found)),
+        ];
+        (format!("{cm:.0}"), values)
+    };
+    finding.table(
+        "distance, cm | thesis: disparity, px | thesis: its curve there, cm | \
+         here: true disparity, px | here: disparity, px | here: its curve there, cm",
+        DistanceCurve::TABLE_B1.map(row),
+    );
+    // Half-pixel steps from 9 to 90 px, the range of the plot.
+    let steps_px = (18..=180).map(|i| 0.5 * f64::from(i));
+    let pinhole = steps_px.map(|px| (px, target.product_cm_px / px)).collect();
+    let curves = vec![
+        ("thesis, degree 5".into(), thesis.points()),
+        ("svl, degree 5".into(), ours.points()),
+        ("f·B/d".into(), pinhole),
+    ];
+    let measured = vec![
+        ("thesis, measured".into(), DistanceCurve::TABLE_B1.to_vec()),
+        ("svl, simulated".into(), target.points),
+    ];
+    finding.plots.push(distance_chart(curves, measured).svg());
+    Ok(())
 }
 
 /// The simulated target at the distances of table B.1.
@@ -61,17 +86,13 @@ impl MeasuredTarget {
         // High above the floor, so that no cell shows the floor instead of the target.
         config.rig.above_floor_m = 0.5;
         // f·B in cm·px is fixed by the table and f by the image, so the baseline follows.
-        config.rig.baseline_m = product_cm_px / 100.0 / focal_px(&config);
+        config.rig.baseline_m = product_cm_px / 100.0 / config.rig.rectified()?.focal_px();
         let mut frames = Vec::new();
         for (cm, _) in table {
             config.world.blocks = vec![stage::block(cm / 100.0, 0.0, [0.8, 0.1, 1.0], 0.0)];
             frames.push(context.still(&config)?);
         }
-        let judge = Judge {
-            grid: SHAPE.into(),
-            ..Judge::default()
-        };
-        let judged = context.judged(frames, &[ALGORITHM], &judge)?;
+        let judged = context.judged(frames, &[ALGORITHM], &stage::judge())?;
         let mut points = Vec::new();
         let mut off_px: f64 = 0.0;
         for ((cm, _), judged) in table.into_iter().zip(&judged) {
@@ -93,132 +114,46 @@ impl MeasuredTarget {
     }
 }
 
-/// The curves of degree 5 and their errors. An error is relative, with the disparity at which it
-/// occurs.
-struct Curves {
-    thesis: DistanceCurve,
-    ours: DistanceCurve,
-    /// Largest error of the thesis's curve at its own measurements.
-    at_points: (f64, f64),
-    /// Largest increase of the thesis's curve with increasing disparity.
-    rise_cm: f64,
-    /// Largest error of the other curve, also between the measurements.
-    between: (f64, f64),
+/// Adds the results of the thesis's curve of degree 5 and of the one through the simulated target.
+fn conclude(
+    thesis: &DistanceCurve,
+    ours: &DistanceCurve,
+    target: &MeasuredTarget,
+    finding: &mut Finding,
+) {
+    let table = DistanceCurve::TABLE_B1.into_iter();
+    let (at_points, at_px) = worst(table.clone(), |px| thesis.distance_cm(px));
+    finding.condition(at_points <= TOLERANCE).says(format!(
+        "The thesis's curve passes within 10 % of each of its own measurements: at worst \
+         {at_points:.1} %, at {at_px:.0} px."
+    ));
+    let rise_cm = largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm));
+    finding.condition(rise_cm <= 1.0).says(format!(
+        "A larger disparity is never farther, by more than 1 cm: the thesis's curve rises by \
+         {rise_cm:.1} cm."
+    ));
+    let off_px = target.off_px;
+    finding.condition(off_px <= 1.0).says(format!(
+        "The simulated target is measured within 1 px at every distance: at worst {off_px:.2} px \
+         off."
+    ));
+    let product_cm_px = target.product_cm_px;
+    let between = ours.points().into_iter();
+    let between = between.map(|(px, _)| (product_cm_px / px, px));
+    let (between, between_px) = worst(between, |px| ours.distance_cm(px));
+    finding.condition(between <= TOLERANCE).says(format!(
+        "The curve through the simulated measurements is within 10 % of the true distance between \
+         them too: at worst {between:.0} % off, at {between_px:.0} px."
+    ));
+    let (pinhole, _) = worst(table, |px| Some(product_cm_px / px));
+    finding.why = format!(
+        "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings \
+         between the near measurements: the thesis's own curve rises by {rise_cm:.0} cm where it \
+         should fall, and the one through the simulated target is {between:.0} % off at \
+         {between_px:.0} px. f·B/d cannot swing, and is at most {pinhole:.0} % off at the \
+         thesis's own measurements."
+    );
 }
-
-impl Curves {
-    fn new(target: &MeasuredTarget) -> Result<Self> {
-        let thesis = DistanceCurve::annex_b()?;
-        let ours = DistanceCurve::fit(&target.points)?;
-        let true_points = ours.points().into_iter();
-        let true_points = true_points.map(|(px, _)| (target.product_cm_px / px, px));
-        Ok(Self {
-            at_points: worst(DistanceCurve::TABLE_B1.into_iter(), &thesis),
-            rise_cm: largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm)),
-            between: worst(true_points, &ours),
-            thesis,
-            ours,
-        })
-    }
-
-    fn add_conditions(&self, off_px: f64, finding: &mut Finding) {
-        let ((at_points, at_px), (between, between_px)) = (self.at_points, self.between);
-        let rise_cm = self.rise_cm;
-        finding.condition(
-            at_points <= TOLERANCE,
-            format!(
-                "The thesis's curve passes within 10 % of each of its own measurements: at worst \
-                 {:.1} %, at {at_px:.0} px.",
-                100.0 * at_points
-            ),
-        );
-        finding.condition(
-            rise_cm <= 1.0,
-            format!(
-                "A larger disparity is never farther, by more than 1 cm: the thesis's curve rises \
-                 by {rise_cm:.1} cm."
-            ),
-        );
-        finding.condition(
-            off_px <= 1.0,
-            format!(
-                "The simulated target is measured within 1 px at every distance: at worst \
-                 {off_px:.2} px off."
-            ),
-        );
-        finding.condition(
-            between <= TOLERANCE,
-            format!(
-                "The curve through the simulated measurements is within 10 % of the true distance \
-                 between them too: at worst {:.0} % off, at {between_px:.0} px.",
-                100.0 * between
-            ),
-        );
-    }
-
-    fn add_table(&self, target: &MeasuredTarget, finding: &mut Finding) {
-        let rows = finding.table([
-            "distance, cm",
-            "thesis: disparity, px",
-            "thesis: its curve there, cm",
-            "here: true disparity, px",
-            "here: disparity, px",
-            "here: its curve there, cm",
-        ]);
-        for (cm, px) in DistanceCurve::TABLE_B1 {
-            let found = target.points.iter().find(|(at, _)| *at == cm);
-            let found = found.map(|(_, px)| *px);
-            let curve = found.and_then(|px| self.ours.distance_cm(px));
-            let here = [Some(target.product_cm_px / cm), found, curve].map(TableValue::from);
-            let [true_px, found, curve] = here;
-            let thesis_cm = self.thesis.distance_cm(px).into();
-            rows.row(
-                format!("{cm:.0}"),
-                [px.into(), thesis_cm, true_px, found, curve],
-            );
-        }
-    }
-
-    fn why(&self, target: &MeasuredTarget) -> String {
-        let pinhole = DistanceCurve::TABLE_B1
-            .iter()
-            .map(|(cm, px)| (target.product_cm_px / px - cm).abs() / cm)
-            .fold(0.0, f64::max);
-        format!(
-            "A target's disparity fixes its distance to within {:.1} px, but degree 5 swings \
-             between the near measurements: the thesis's own curve rises by {:.0} cm where it \
-             should fall, and the one through the simulated target is {:.0} % off at {:.0} px. \
-             f·B/d cannot swing, and is at most {:.0} % off at the thesis's own measurements.",
-            target.off_px,
-            self.rise_cm,
-            100.0 * self.between.0,
-            self.between.1,
-            100.0 * pinhole
-        )
-    }
-
-    fn chart(&self, target: MeasuredTarget) -> Chart {
-        // Half-pixel steps from 9 to 90 px, the range of the plot.
-        let steps_px = (18..=180).map(|i| 0.5 * f64::from(i));
-        let pinhole = steps_px.map(|px| (px, target.product_cm_px / px)).collect();
-        distance_chart(
-            vec![
-                ("thesis, degree 5".into(), self.thesis.points()),
-                ("svl, degree 5".into(), self.ours.points()),
-                ("f·B/d".into(), pinhole),
-            ],
-            vec![
-                ("thesis, measured".into(), DistanceCurve::TABLE_B1.to_vec()),
-                ("svl, simulated".into(), target.points),
-            ],
-        )
-    }
-}
-
-const SHAPE: GridShape = GridShape {
-    columns: 6,
-    rows: 3,
-};
 
 /// The f·B, in cm·px, that best fits disparities at those distances.
 fn pinhole_cm_px(pairs: &[(f64, f64)]) -> f64 {
@@ -226,10 +161,6 @@ fn pinhole_cm_px(pairs: &[(f64, f64)]) -> f64 {
         (a + px / cm, b + 1.0 / (cm * cm))
     });
     above / below
-}
-
-fn focal_px(config: &ArenaConfig) -> f64 {
-    0.5 * config.rig.width_px as f64 / (0.5 * config.rig.field_of_view_deg.to_radians()).tan()
 }
 
 /// The median of the medians of the cells that show the target; `None` for less than three.
@@ -249,14 +180,18 @@ fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
     (medians.len() >= 3).then(|| lower_median(medians))?
 }
 
-/// The largest relative error of the curve over pairs of true distance and disparity, and the
-/// disparity at which it occurs.
-fn worst(pairs: impl Iterator<Item = (f64, f64)>, curve: &DistanceCurve) -> (f64, f64) {
-    let error = |(cm, px): (f64, f64)| Some(((curve.distance_cm(px)? - cm).abs() / cm, px));
-    pairs.filter_map(error).fold(
+/// The largest relative error, per cent, of a curve over pairs of true distance and disparity, and
+/// the disparity at which it occurs.
+fn worst(
+    pairs: impl Iterator<Item = (f64, f64)>,
+    distance_cm: impl Fn(f64) -> Option<f64>,
+) -> (f64, f64) {
+    let errors = pairs.filter_map(|(cm, px)| Some(((distance_cm(px)? - cm).abs() / cm, px)));
+    let worst = errors.fold(
         (0.0, 0.0),
         |worst, next| if next.0 > worst.0 { next } else { worst },
-    )
+    );
+    (100.0 * worst.0, worst.1)
 }
 
 /// Largest increase of distance with increasing disparity.

@@ -1,8 +1,8 @@
-//! The result of an experiment: conditions, quantities, tables, pictures.
+//! The result of an experiment: conditions, quantities, tables, plots, pictures.
 
 use serde::Serialize;
 use svl_files::overlay::Mark;
-use svl_report::plot::Chart;
+use svl_report::plot::{Axis, Bars, Chart, Series};
 
 /// Result of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -14,8 +14,11 @@ pub struct Finding {
     /// Numbers next to those of the thesis.
     pub quantities: Vec<Quantity>,
     pub tables: Vec<FindingTable>,
+    /// Plots as SVG.
     #[serde(skip)]
-    pub exhibits: Vec<Exhibit>,
+    pub plots: Vec<String>,
+    #[serde(skip)]
+    pub pictures: Vec<Exhibit>,
 }
 
 /// A condition of the claim, met or not.
@@ -68,27 +71,14 @@ pub enum ClaimVerdict {
     Undetermined,
 }
 
-/// A plot or a picture.
+/// A picture, with a depth grid drawn on it.
 #[derive(Clone, Debug)]
-pub enum Exhibit {
-    /// A plot as SVG.
-    Plot(String),
-    /// A picture, with a depth grid drawn on it.
-    Picture {
-        caption: String,
-        png: Vec<u8>,
-        size: (usize, usize),
-        marks: Vec<DrawnCell>,
-    },
-}
-
-/// A cell of the depth grid, drawn on a picture.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct DrawnCell {
-    #[serde(flatten)]
-    pub mark: Mark,
-    /// True if the cell is crossed out.
-    pub wrong: bool,
+pub struct Exhibit {
+    pub caption: String,
+    pub png: Vec<u8>,
+    pub size: (usize, usize),
+    /// Cells of the grid; true if a cell is crossed out.
+    pub marks: Vec<(Mark, bool)>,
 }
 
 impl Finding {
@@ -103,72 +93,107 @@ impl Finding {
         }
     }
 
-    pub(super) fn condition(&mut self, met: bool, says: impl Into<String>) {
-        self.conditions.push(Condition {
-            says: says.into(),
-            met,
-        });
+    /// Adds a condition of the claim, for [`Condition::says`].
+    pub(super) fn condition(&mut self, met: bool) -> &mut Condition {
+        let place = self.conditions.len();
+        let says = String::new();
+        self.conditions.push(Condition { says, met });
+        &mut self.conditions[place]
     }
 
-    /// `thesis` is empty if the thesis gives no number.
+    /// Adds a number; `thesis` is empty if the thesis gives none.
     pub(super) fn quantity(
         &mut self,
         name: impl Into<String>,
         unit: &'static str,
         thesis: &str,
-        ours: impl Into<Option<f64>>,
+        ours: f64,
     ) {
-        let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
-        // NaN means a fraction with denominator 0; JSON has no NaN.
-        let ours = ours.into().filter(|v| v.is_finite());
         self.quantities.push(Quantity {
             name: name.into(),
             unit,
-            thesis,
-            ours,
+            thesis: (!thesis.is_empty()).then(|| thesis.to_owned()),
+            ours: Some(ours).filter(|ours| ours.is_finite()),
         });
     }
 
-    pub(super) fn table<const N: usize>(&mut self, heads: [&str; N]) -> &mut FindingTable {
-        self.tables.push(FindingTable {
-            heads: heads.map(str::to_owned).to_vec(),
-            rows: Vec::new(),
-        });
-        // The table is filled by the caller, row by row.
-        let last = self.tables.len() - 1;
-        &mut self.tables[last]
-    }
-
-    pub(super) fn plot(&mut self, chart: &Chart) {
-        self.show(Exhibit::Plot(chart.svg()));
-    }
-
-    pub(super) fn show(&mut self, exhibit: Exhibit) {
-        self.exhibits.push(exhibit);
-    }
-}
-
-impl FindingTable {
-    pub(super) fn row(
+    /// Adds a table; its headings, the first that of the row names, are separated by ` | `.
+    pub(super) fn table<V: IntoIterator<Item: Into<TableValue>>>(
         &mut self,
-        name: impl Into<String>,
-        values: impl IntoIterator<Item = TableValue>,
+        heads: &str,
+        rows: impl IntoIterator<Item = (String, V)>,
     ) {
-        self.rows.push((name.into(), values.into_iter().collect()));
-        debug_assert!(
-            self.rows
-                .last()
-                .is_some_and(|(_, row)| row.len() + 1 == self.heads.len())
-        );
+        let mut table = FindingTable {
+            heads: heads.split(" | ").map(str::to_owned).collect(),
+            rows: Vec::new(),
+        };
+        for (name, values) in rows {
+            let values: Vec<_> = values.into_iter().map(Into::into).collect();
+            debug_assert_eq!(values.len() + 1, table.heads.len(), "{name}");
+            table.rows.push((name, values));
+        }
+        self.tables.push(table);
+    }
+
+    pub(super) fn chart(
+        &mut self,
+        title: &str,
+        [x, y]: [Axis; 2],
+        series: impl IntoIterator<Item = Series>,
+    ) {
+        let chart = Chart {
+            title: title.to_owned(),
+            x,
+            y,
+            series: series.into_iter().collect(),
+        };
+        self.plots.push(chart.svg());
+    }
+
+    /// Adds bars with named lengths of each part.
+    pub(super) fn bars(
+        &mut self,
+        title: &str,
+        label: &str,
+        parts: &[&str],
+        bars: impl IntoIterator<Item = (String, Vec<f64>)>,
+    ) {
+        let bars = Bars {
+            title: title.to_owned(),
+            label: label.to_owned(),
+            parts: parts.iter().copied().map(str::to_owned).collect(),
+            bars: bars.into_iter().collect(),
+        };
+        self.plots.push(bars.svg());
     }
 }
 
-impl<V: Into<Option<f64>>> From<V> for TableValue {
-    fn from(value: V) -> Self {
-        value
-            .into()
-            .filter(|v| v.is_finite())
-            .map_or(Self::Nothing, Self::Number)
+impl Condition {
+    pub(super) fn says(&mut self, rule: impl Into<String>) {
+        self.says = rule.into();
+    }
+}
+
+impl From<usize> for TableValue {
+    fn from(count: usize) -> Self {
+        Self::Number(count as f64)
+    }
+}
+
+impl From<&str> for TableValue {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<f64> for TableValue {
+    /// NaN means a fraction with denominator 0, or nothing to measure; JSON has no NaN.
+    fn from(value: f64) -> Self {
+        if value.is_finite() {
+            Self::Number(value)
+        } else {
+            Self::Nothing
+        }
     }
 }
 
@@ -181,24 +206,20 @@ impl ClaimVerdict {
         Self::Undetermined,
     ];
 
-    /// In words, for several claims.
-    pub fn plural(self) -> &'static str {
-        match self {
-            Self::Holds => "hold",
-            Self::HoldsInPart => "hold in part",
-            Self::DoesNotHold => "do not hold",
-            Self::Undetermined => "are undetermined",
-        }
-    }
-
     /// In words.
     pub fn words(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::HoldsInPart => "holds in part",
-            Self::DoesNotHold => "does not hold",
-            Self::Undetermined => "is undetermined",
-        }
+        self.words_for(1)
+    }
+
+    /// In words, for a number of claims.
+    pub fn words_for(self, claims: usize) -> &'static str {
+        let [one, several] = match self {
+            Self::Holds => ["holds", "hold"],
+            Self::HoldsInPart => ["holds in part", "hold in part"],
+            Self::DoesNotHold => ["does not hold", "do not hold"],
+            Self::Undetermined => ["is undetermined", "are undetermined"],
+        };
+        if claims == 1 { one } else { several }
     }
 }
 
@@ -210,7 +231,9 @@ mod tests {
     fn the_verdict_follows_from_the_conditions() {
         let verdict = |met: &[bool]| {
             let mut finding = Finding::default();
-            met.iter().for_each(|&met| finding.condition(met, ""));
+            for &met in met {
+                finding.condition(met).says("");
+            }
             finding.verdict()
         };
         assert_eq!(verdict(&[]), ClaimVerdict::Undetermined);

@@ -2,7 +2,7 @@
 //! a verdict on its claim.
 //!
 //! ```text
-//! EXPERIMENTS ──run(Context)──▶ Finding: conditions, quantities, exhibits
+//! EXPERIMENTS ──run(Context)──▶ Finding: conditions, quantities, tables, plots, pictures
 //!                                  └──▶ FindingsPage: HTML, Markdown, JSON
 //! ```
 //!
@@ -28,9 +28,7 @@ mod stressed;
 mod texture;
 mod validity;
 
-pub use finding::{
-    ClaimVerdict, Condition, DrawnCell, Exhibit, Finding, FindingTable, Quantity, TableValue,
-};
+pub use finding::{ClaimVerdict, Condition, Exhibit, Finding, FindingTable, Quantity, TableValue};
 pub use page::{ExperimentFinding, FindingsPage};
 
 use std::path::Path;
@@ -55,9 +53,8 @@ pub struct Experiment {
     pub claim: &'static str,
     /// The method here, and its departures from the thesis.
     pub method: &'static str,
-    /// True if it needs a run of the arena, [`Context::recording`].
-    pub records: bool,
-    pub run: fn(&mut Context<'_>) -> Result<Finding>,
+    /// Measures and concludes.
+    run: fn(&mut Context<'_>, &mut Finding) -> Result<()>,
 }
 
 /// The experiments of the thesis that svl repeats, in the thesis's order.
@@ -84,24 +81,37 @@ pub const EXPERIMENTS: &[Experiment] = &[
 /// # Errors
 /// [`Error::Invalid`] with the nearest figure.
 pub fn find(figure: &str) -> Result<&'static Experiment> {
-    EXPERIMENTS
-        .iter()
-        .find(|e| e.figures.contains(&figure))
-        .ok_or_else(|| {
-            let figures = EXPERIMENTS.iter().flat_map(|e| e.figures).copied();
-            let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
-            Error::Invalid(format!(
-                "unknown figure '{figure}'{}; known are {}",
-                did_you_mean(figure, figures),
-                known.join(", ")
-            ))
-        })
+    let found = EXPERIMENTS.iter().find(|e| e.figures.contains(&figure));
+    found.ok_or_else(|| {
+        let figures = EXPERIMENTS.iter().flat_map(|e| e.figures).copied();
+        let guess = did_you_mean(figure, figures);
+        let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
+        let known = known.join(", ");
+        Error::Invalid(format!(
+            "unknown figure '{figure}'{guess}; known are {known}"
+        ))
+    })
 }
 
 impl Experiment {
     /// Name on the command line.
     pub fn figure(&self) -> &'static str {
         self.figures[0]
+    }
+
+    /// True if it needs a run of the arena, [`Context::recording`].
+    pub fn records(&self) -> bool {
+        self.figure() == points::EXPERIMENT.figure()
+    }
+
+    /// Repeats it.
+    ///
+    /// # Errors
+    /// The errors of its scenes and algorithms; [`Error::Invalid`] if the monitor ends the work.
+    pub fn run(&self, context: &mut Context<'_>) -> Result<Finding> {
+        let mut finding = Finding::default();
+        (self.run)(context, &mut finding)?;
+        Ok(finding)
     }
 }
 
@@ -111,7 +121,7 @@ pub struct Context<'a> {
     pub scenes: &'a [Scene],
     /// The processor, in words.
     pub machine: &'a str,
-    /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
+    /// A run of the scenario's arena, for the experiment that needs one.
     pub recording: Option<(Scenario, Box<dyn Source>)>,
     monitor: &'a mut dyn Monitor,
     done: u64,
@@ -137,15 +147,14 @@ const SCENES: &[&str] = &[
 /// # Errors
 /// [`Error::Invalid`] if there is none.
 pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
-    let scenes: Vec<_> = SCENES
+    let scenes = SCENES
         .iter()
-        .filter_map(|name| Scene::find(&data.join(name), name))
-        .collect();
+        .filter_map(|name| Scene::find(&data.join(name), name));
+    let scenes: Vec<_> = scenes.collect();
     if scenes.is_empty() {
-        let wanted = SCENES.join(", ");
+        let (data, wanted) = (data.display(), SCENES.join(", "));
         return Err(Error::Invalid(format!(
-            "{}: contains none of the scenes {wanted}",
-            data.display()
+            "{data}: contains none of the scenes {wanted}"
         )));
     }
     Ok(scenes)
@@ -173,12 +182,7 @@ impl<'a> Context<'a> {
     /// # Errors
     /// [`Error::Invalid`] if the monitor ends the work.
     fn step(&mut self) -> Result<()> {
-        self.done += 1;
-        if self.monitor.go_on(self.done) {
-            Ok(())
-        } else {
-            Err(Error::Invalid("stopped".into()))
-        }
+        self.go_on(1).then_some(()).ok_or_else(stopped)
     }
 
     /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
@@ -193,30 +197,17 @@ impl<'a> Context<'a> {
         judge: &Judge,
         sink: impl Sink + 'static,
     ) -> Result<()> {
-        let algorithms = algorithms
-            .iter()
-            .map(|a| a.parse())
-            .collect::<Result<Vec<_>>>()?;
+        let algorithms = algorithms.iter().map(|a| a.parse());
+        let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         let manifest = Manifest::new("reproduce", &algorithms)?;
         let start = PassStart::new(&manifest, None, judge);
-        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
-        let mut monitor = Counting {
-            done: &mut self.done,
-            monitor: self.monitor,
-        };
         let mut matchers = Matchers::new(&algorithms)?;
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         // Called also with one core: the run is then sequential.
-        let (outcome, ran) = pass::run(
-            source,
-            &mut matchers,
-            &start,
-            Pace::Asap,
-            &mut sinks,
-            &mut monitor,
-        );
+        let (outcome, ran) = pass::run(source, &mut matchers, &start, Pace::Asap, &mut sinks, self);
         ran?;
         if outcome.interrupted {
-            return Err(Error::Invalid("stopped".into()));
+            return Err(stopped());
         }
         if outcome.failures.values().any(|failed| *failed > 0) {
             return Err(Error::Invalid("an algorithm failed, as warned".into()));
@@ -240,12 +231,27 @@ impl<'a> Context<'a> {
         Ok(outbox.take())
     }
 
-    /// The real scenes as frames.
-    fn real(&self) -> impl Iterator<Item = Result<Frame>> + use<'a> {
-        self.scenes
-            .iter()
-            .enumerate()
-            .map(|(i, scene)| scene.read(i as u64))
+    /// What `look` finds in each real scene, under the scene's name.
+    fn in_real_scenes<T>(&mut self, look: impl Fn(Frame) -> Result<T>) -> Result<Vec<(String, T)>> {
+        let mut found = Vec::new();
+        for (i, scene) in self.scenes.iter().enumerate() {
+            self.step()?;
+            let frame = scene.read(i as u64)?;
+            found.push((frame.name.clone().unwrap_or_default(), look(frame)?));
+        }
+        Ok(found)
+    }
+}
+
+fn stopped() -> Error {
+    Error::Invalid("stopped".into())
+}
+
+/// Counts pairs over all runs of an experiment.
+impl Monitor for Context<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        self.done += 1;
+        self.monitor.go_on(self.done)
     }
 }
 
@@ -263,19 +269,6 @@ impl Source for Frames {
 
     fn pairs(&self) -> Option<u64> {
         Some(self.0.len() as u64)
-    }
-}
-
-/// Keeps every frame it receives. Counts pairs over several runs.
-struct Counting<'a> {
-    done: &'a mut u64,
-    monitor: &'a mut dyn Monitor,
-}
-
-impl Monitor for Counting<'_> {
-    fn go_on(&mut self, _: u64) -> bool {
-        *self.done += 1;
-        self.monitor.go_on(*self.done)
     }
 }
 

@@ -17,7 +17,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              noise that less light has; exposure takes it from the right one. v2 has its \
              threshold of 4 grey levels, and one in proportion to a quarter of the light. Counted \
              is what an algorithm keeps of its right cells.",
-    records: false,
     run,
 };
 
@@ -30,42 +29,32 @@ const EXPOSURE: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
 /// Index of half the exposure.
 const HALF: usize = 4;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let mut finding = Finding::default();
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let frames = views()?;
     let algorithms = [("v2", "v2"), ("v2, readjusted", READJUSTED), ("v3", "v3")];
-    let dark = StressCurves::measure(context, &frames, ("dark", &STOPS), &algorithms)?;
-    let [v2, readjusted, v3] = [0, 1, 2].map(|algorithm| dark.kept(algorithm, QUARTER));
-    finding.condition(
-        v3 > v2,
-        format!(
-            "With a quarter of the light v3 keeps more of its right cells than v2: {v3:.0} % and \
-             {v2:.0} %."
-        ),
-    );
-    finding.condition(
-        readjusted > v2,
-        format!(
-            "There v2 keeps more with a threshold of 1 than with one of 4: {readjusted:.0} % and \
-             {v2:.0} %."
-        ),
-    );
-    dark.show(&mut finding, "Less light", "stops");
+    let dark = StressCurves::measure(context, &frames, ("dark", &STOPS), algorithms)?;
+    let [v2, readjusted, v3] = dark.kept(QUARTER);
+    finding.condition(v3 > v2).says(format!(
+        "With a quarter of the light v3 keeps more of its right cells than v2: {v3:.0} % and \
+         {v2:.0} %."
+    ));
+    finding.condition(readjusted > v2).says(format!(
+        "There v2 keeps more with a threshold of 1 than with one of 4: {readjusted:.0} % and \
+         {v2:.0} %."
+    ));
+    dark.show(finding, "Less light", "stops");
     let algorithms = [("v3", "v3"), ("v5", "v5")];
-    let unequal = StressCurves::measure(context, &frames, ("exposure", &EXPOSURE), &algorithms)?;
-    let [half, census] = [0, 1].map(|algorithm| unequal.kept(algorithm, HALF));
-    finding.condition(
-        half < 90.0,
-        format!(
-            "Where the right camera exposes half as long, v3 loses a tenth of its right cells or \
-             more: it keeps {half:.0} %."
-        ),
-    );
-    unequal.show(&mut finding, "Unequal exposure", "stops");
+    let unequal = StressCurves::measure(context, &frames, ("exposure", &EXPOSURE), algorithms)?;
+    let [half, census] = unequal.kept(HALF);
+    finding.condition(half < 90.0).says(format!(
+        "Where the right camera exposes half as long, v3 loses a tenth of its right cells or \
+         more: it keeps {half:.0} %."
+    ));
+    unequal.show(finding, "Unequal exposure", "stops");
     finding.why = format!(
         "With a quarter of the light v2 keeps {v2:.0} % of its right cells, {readjusted:.0} % with \
          its threshold readjusted, and v3 {v3:.0} %. Where the right camera exposes half as long, \
          v3 keeps {half:.0} %; v5, which matches by the census, keeps {census:.0} %."
     );
-    Ok(finding)
+    Ok(())
 }

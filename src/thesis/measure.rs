@@ -1,6 +1,6 @@
-//! Numbers and pictures of a disparity map for several experiments.
+//! Numbers and pictures of disparity maps for several experiments.
 
-use super::{DrawnCell, Exhibit};
+use super::{Exhibit, Finding};
 use svl_core::Result;
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{DisparityMap, Frame, Gray, Truth};
@@ -16,18 +16,12 @@ pub(super) struct MeanMedian {
 }
 
 impl MeanMedian {
-    /// Over finite values; `None` without any. The median is by nearest rank.
-    pub(super) fn from_values(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+    /// Over finite values; NaN without any. The median is by nearest rank.
+    pub(super) fn new(values: impl IntoIterator<Item = f64>) -> Self {
         let values: Vec<f64> = values.into_iter().collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let median = lower_median(values)?;
-        Some(Self { mean, median })
-    }
-
-    /// Over finite values; NaN without any.
-    pub(super) fn or_nan(values: impl IntoIterator<Item = f64>) -> Self {
-        let [mean, median] = [f64::NAN; 2];
-        Self::from_values(values).unwrap_or(Self { mean, median })
+        let median = lower_median(values).unwrap_or(f64::NAN);
+        Self { mean, median }
     }
 }
 
@@ -39,58 +33,102 @@ pub(super) const SSDPI_TOP: f64 = 12.0;
 pub(super) struct Valid {
     pub(super) at: (usize, usize),
     pub(super) disparity_px: f32,
+    /// The true disparity; not finite if unknown.
+    pub(super) true_px: f32,
     /// `ln(SSDPI + 1)`; NaN if the map has no SSDPIs.
     pub(super) ln_ssdpi: f64,
 }
 
 /// The valid pixels of a map, in raster order.
-pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
+pub(super) fn valid(map: &DisparityMap, truth: Option<&Truth>) -> impl Iterator<Item = Valid> {
     let (width, height) = map.size();
     let places = (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
-    places.filter_map(|(x, y)| {
-        let disparity_px = map.at(x, y).ok()?;
+    places.filter_map(move |(x, y)| {
+        let ssdpi = map.ssdpi().map(|plane| f64::from(plane.get(x, y)));
         Some(Valid {
             at: (x, y),
-            disparity_px,
-            ln_ssdpi: map
-                .ssdpi()
-                .map_or(f64::NAN, |plane| f64::from(plane.get(x, y)).ln_1p()),
+            disparity_px: map.at(x, y).ok()?,
+            true_px: truth.map_or(f32::NAN, |truth| truth.disparity.get(x, y)),
+            ln_ssdpi: ssdpi.map_or(f64::NAN, f64::ln_1p),
         })
     })
 }
 
-/// Mean and median ln SSDPI over all valid pixels of some maps.
-pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> MeanMedian {
-    MeanMedian::or_nan(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
+/// Matches of some maps, counted over all their pixels.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Matches {
+    pub(super) pixels: usize,
+    /// Matches whose truth is known.
+    pub(super) known: usize,
+    /// Matches within 2 px of the truth.
+    pub(super) right: usize,
+    /// One per match: the median of several maps does not follow from their medians.
+    pub(super) ln_ssdpis: Vec<f64>,
 }
 
-/// True if a disparity is within 2 px of the truth; `None` without truth.
-pub(super) fn right(truth: &Truth, valid: &Valid) -> Option<bool> {
-    let true_px = truth.disparity.get(valid.at.0, valid.at.1);
-    true_px
-        .is_finite()
-        .then(|| (valid.disparity_px - true_px).abs() <= 2.0)
-}
-
-/// A fraction as a percentage; `None` if the denominator is 0.
-pub(super) fn percent(part: usize, whole: usize) -> Option<f64> {
-    (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
-}
-
-/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black
-/// elsewhere.
-pub(super) fn ssdpi_picture(caption: impl Into<String>, map: &DisparityMap) -> Result<Exhibit> {
-    let (width, height) = map.size();
-    let mut rgb = vec![0; 3 * width * height];
-    for Valid {
-        at: (x, y),
-        ln_ssdpi,
-        ..
-    } in valid(map)
-    {
-        rgb[3 * (y * width + x)..][..3].copy_from_slice(&viridis((ln_ssdpi / SSDPI_TOP) as f32));
+impl Matches {
+    pub(super) fn new(frame: &Frame, map: &DisparityMap) -> Self {
+        let mut matches = Self {
+            pixels: map.size().0 * map.size().1,
+            ..Self::default()
+        };
+        for valid in valid(map, frame.truth.as_ref()) {
+            // Pixels without truth are matches but neither right nor wrong.
+            let off_px = (valid.disparity_px - valid.true_px).abs();
+            matches.known += usize::from(valid.true_px.is_finite());
+            matches.right += usize::from(off_px <= 2.0);
+            matches.ln_ssdpis.push(valid.ln_ssdpi);
+        }
+        matches
     }
-    picture(caption, (width, height), &rgb)
+
+    pub(super) fn add(&mut self, other: Self) {
+        self.pixels += other.pixels;
+        self.known += other.known;
+        self.right += other.right;
+        self.ln_ssdpis.extend(other.ln_ssdpis);
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.ln_ssdpis.len()
+    }
+
+    /// Mean and median ln SSDPI.
+    pub(super) fn spread(&self) -> MeanMedian {
+        MeanMedian::new(self.ln_ssdpis.iter().copied())
+    }
+
+    /// Per cent of the matches with known truth.
+    pub(super) fn wrong_percent(&self) -> f64 {
+        percent(self.known - self.right, self.known)
+    }
+}
+
+/// A fraction as a percentage; NaN if both are 0.
+pub(super) fn percent(part: usize, whole: usize) -> f64 {
+    100.0 * part as f64 / whole as f64
+}
+
+impl Finding {
+    /// Adds an image without marks.
+    pub(super) fn image(&mut self, caption: impl Into<String>, image: &Gray) -> Result<()> {
+        let pixels: Vec<_> = image.pixels().collect();
+        self.pictures.push(picture(caption, image.size(), &pixels)?);
+        Ok(())
+    }
+
+    /// Adds the ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12;
+    /// black elsewhere.
+    pub(super) fn ssdpis(&mut self, caption: impl Into<String>, map: &DisparityMap) -> Result<()> {
+        let (width, height) = map.size();
+        let mut rgb = vec![0; 3 * width * height];
+        for pixel in valid(map, None) {
+            let color = viridis((pixel.ln_ssdpi / SSDPI_TOP) as f32);
+            rgb[3 * (pixel.at.1 * width + pixel.at.0)..][..3].copy_from_slice(&color);
+        }
+        self.pictures.push(picture(caption, map.size(), &rgb)?);
+        Ok(())
+    }
 }
 
 /// The left image with the estimate's depth grid over it, wrong cells crossed out.
@@ -99,34 +137,24 @@ pub(super) fn grid_picture(
     frame: &Frame,
     scored: &JudgedEstimate,
 ) -> Result<Exhibit> {
-    let size = frame.pair.size();
-    let marks = marks(&scored.estimate.grid, size, Nearness::for_frame(frame));
-    let drawn = marks.into_iter().zip(scored.cells.iter().flatten());
-    let drawn = drawn.map(|(mark, cell)| DrawnCell {
-        mark,
-        wrong: cell.verdict == Verdict::Wrong,
-    });
-    let marks = drawn.collect();
-    let pixels: Vec<_> = frame.pair.left().pixels().collect();
-    let png = encode_png(size.0, size.1, &pixels)?;
-    Ok(Exhibit::Picture {
-        caption,
-        png,
-        size,
-        marks,
+    let left = frame.pair.left();
+    let marks = marks(
+        &scored.estimate.grid,
+        left.size(),
+        Nearness::for_frame(frame),
+    );
+    let wrong = scored.cells.iter().flatten();
+    let wrong = wrong.map(|cell| cell.verdict == Verdict::Wrong);
+    Ok(Exhibit {
+        marks: marks.into_iter().zip(wrong).collect(),
+        ..picture(caption, left.size(), &left.pixels().collect::<Vec<_>>())?
     })
 }
 
-/// An image without marks.
-pub(super) fn gray_picture(caption: impl Into<String>, image: &Gray) -> Result<Exhibit> {
-    picture(caption, image.size(), &image.pixels().collect::<Vec<_>>())
-}
-
 fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> Result<Exhibit> {
-    let png = encode_png(size.0, size.1, pixels)?;
-    Ok(Exhibit::Picture {
+    Ok(Exhibit {
         caption: caption.into(),
-        png,
+        png: encode_png(size.0, size.1, pixels)?,
         size,
         marks: Vec::new(),
     })
@@ -135,52 +163,46 @@ fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{ExtraPlanes, Plane, Reason};
+    use svl_core::stereo::{ExtraPlanes, Geometry, Plane, Reason, StereoPair};
 
     #[test]
     fn medians_are_nearest_ranks() {
-        assert_eq!(MeanMedian::from_values([]), None);
-        assert_eq!(
-            MeanMedian::from_values([4.0, 1.0, 1.0, 2.0]),
-            Some(MeanMedian {
-                mean: 2.0,
-                median: 1.0
-            })
-        );
-        assert_eq!(
-            MeanMedian::from_values([4.0, 0.0, 2.0]),
-            Some(MeanMedian {
-                mean: 2.0,
-                median: 2.0
-            })
-        );
+        let spread = |values: &[f64]| {
+            let MeanMedian { mean, median } = MeanMedian::new(values.iter().copied());
+            (mean, median)
+        };
+        assert!(spread(&[]).0.is_nan() && spread(&[]).1.is_nan());
+        assert_eq!(spread(&[4.0, 1.0, 1.0, 2.0]), (2.0, 1.0));
+        assert_eq!(spread(&[4.0, 0.0, 2.0]), (2.0, 2.0));
+        assert!(percent(0, 0).is_nan());
     }
 
     #[test]
-    fn only_valid_pixels_count() {
+    fn matches_are_counted_over_all_pixels() {
+        let image = Gray::filled(4, 1, 0).unwrap();
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        let mut disparity = Plane::filled(4, 1, 3.0).unwrap();
+        disparity.set(2, 0, f32::INFINITY);
+        let frame = Frame {
+            truth: Some(Truth::exact(disparity, None)),
+            ..Frame::new(pair, Geometry::Rectified(None))
+        };
         let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        row.accept(0, 5.0);
-        row.accept(1, 9.0);
-        row.reject(2, Reason::SelfCheck);
-        for (x, ssdpi) in [0, 99, 5000].into_iter().enumerate() {
+        row.accept(0, 3.0);
+        row.accept(1, 5.5);
+        row.accept(2, 3.0);
+        row.reject(3, Reason::SelfCheck);
+        for (x, ssdpi) in [0, 99, 0, 5000].into_iter().enumerate() {
             row.set_ssdpi(x, ssdpi);
         }
-        let spread = ssdpi([&map]);
-        assert_eq!(
-            spread,
-            MeanMedian {
-                mean: 0.5 * 100f64.ln(),
-                median: 0.0
-            }
-        );
-        let mut disparity = Plane::filled(4, 1, 7.0).unwrap();
-        disparity.set(1, 0, f32::INFINITY);
-        let truth = Truth::exact(disparity, None);
-        assert_eq!(
-            valid(&map).map(|v| right(&truth, &v)).collect::<Vec<_>>(),
-            [Some(true), None]
-        );
-        assert_eq!(percent(1, 0), None);
+        let mut matches = Matches::new(&frame, &map);
+        matches.add(matches.clone());
+        assert_eq!((matches.pixels, matches.count()), (8, 6));
+        assert_eq!((matches.known, matches.right), (4, 2));
+        assert_eq!(matches.wrong_percent(), 50.0);
+        let MeanMedian { mean, median } = matches.spread();
+        assert_eq!(median, 0.0);
+        assert!((mean - 100f64.ln() / 3.0).abs() < 1e-12);
     }
 }

@@ -5,11 +5,9 @@ use super::{Context, Exhibit, Experiment, Finding, TableValue};
 use svl_bench::sink::{Outbox, Sink};
 use svl_core::stereo::DepthGrid;
 use svl_core::{Error, Result};
-use svl_report::plot::Bars;
 use svl_score::judge::{
     CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, Verdict,
 };
-use svl_score::scenario::Scenario;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
@@ -25,7 +23,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              exact truth. It passes when the cells that matter are right, no cell that an exact \
              matcher could measure is wrong, and the distances are in the scene's order. The SVS \
              cannot see that order where it needs the first column. A cross marks a wrong cell.",
-    records: true,
     run,
 };
 
@@ -35,34 +32,72 @@ const NAMES: [&str; 2] = ["v3", "SVS (bm)"];
 /// Difference between the fractions of right cells, in percentage points, that counts as near.
 const MAX_NEAR_DIFFERENCE: f64 = 5.0;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let Some((scenario, mut source)) = context.recording.take() else {
         return Err(Error::Invalid("figure 7.3 needs a run of the arena".into()));
     };
-    let points = ThesisPoints::new(&scenario);
-    let outbox = points.outbox.clone();
-    context.run(&mut *source, &ALGORITHMS, &scenario.judge(), points)?;
-    // The sink returns its points when it is finished.
-    outbox
-        .take()
-        .map_or_else(|| Ok(Finding::default()), ThesisPoints::finding)
+    let points = scenario.checkpoints.iter().cloned();
+    let sink = PointSink {
+        points: points.map(|point| (point, Default::default())).collect(),
+        ..PointSink::default()
+    };
+    let outbox = sink.outbox.clone();
+    context.run(&mut *source, &ALGORITHMS, &scenario.judge(), sink)?;
+    let (points, cells) = outbox.take();
+    conclude(&points, cells, finding);
+    finding.table(HEADS, points.iter().map(row));
+    for (name, cells) in NAMES.iter().zip(cells) {
+        for (verdict, count) in [("right", cells.right), ("wrong", cells.wrong)] {
+            let name = format!("all frames, {name}: cells {verdict}");
+            finding.quantity(name, "%", "", percent(count, cells.all));
+        }
+    }
+    let mut bars = Vec::new();
+    for (Checkpoint { number, name, .. }, scores) in &points {
+        let shares = scores.each_ref().map(PointScore::passed_percent);
+        let names = NAMES.map(|algorithm| format!("{number}. {name}, {algorithm}"));
+        bars.extend(names.into_iter().zip(shares.map(|share| vec![share])));
+    }
+    let label = "fraction of the frames that show the point, %";
+    finding.bars("Frames that pass", label, &[""], bars);
+    add_pictures(points, finding)
 }
 
-/// Scores over the frames of the six points.
-struct ThesisPoints {
-    scenario: Scenario,
-    points: Vec<[Point; 2]>,
-    cells: [PointCells; 2],
-    outbox: Outbox<Option<ThesisPoints>>,
-}
+/// A point with its scores by v3 and the SVS.
+type ThesisPoint = (Checkpoint, [PointScore; 2]);
 
+/// Scores of an algorithm over the frames of a point.
 #[derive(Default)]
-struct Point {
-    tally: CheckpointTally<Exhibit>,
+struct PointScore {
+    tally: CheckpointTally<Result<Exhibit>>,
     /// Frames in which one of the point's own cells is wrong.
     wrong: usize,
     /// Cells of all its frames.
     cells: PointCells,
+}
+
+impl PointScore {
+    /// NaN for a point shown in no frame.
+    fn passed_percent(&self) -> f64 {
+        percent(self.tally.passed, self.tally.frames)
+    }
+
+    /// Best and worst frame, the fraction that passes and that with a wrong cell, and the fraction
+    /// of right cells.
+    fn values(&self) -> [TableValue; 5] {
+        let leading = |lead: &Option<(_, CheckpointFrame)>| match lead {
+            Some((_, frame)) if frame.passed => "pass".into(),
+            Some(_) => "fail".into(),
+            None => TableValue::Nothing,
+        };
+        [
+            leading(&self.tally.best),
+            leading(&self.tally.worst),
+            self.passed_percent().into(),
+            percent(self.wrong, self.tally.frames).into(),
+            self.cells.right_percent().into(),
+        ]
+    }
 }
 
 /// All cells of some frames.
@@ -87,269 +122,143 @@ impl PointCells {
     }
 
     fn right_percent(&self) -> f64 {
-        percent(self.right, self.all).unwrap_or(f64::NAN)
+        percent(self.right, self.all)
     }
 }
 
-impl Point {
-    /// Best and worst frame, the fraction that passes and that with a wrong cell, and the fraction
-    /// of right cells.
-    fn values(&self) -> [TableValue; 5] {
-        let leading = |lead: &Option<(Exhibit, CheckpointFrame)>| match lead {
-            Some((_, frame)) => {
-                TableValue::Text(if frame.passed { "pass" } else { "fail" }.to_owned())
-            }
-            None => TableValue::Nothing,
-        };
-        let frames = self.tally.frames;
-        [
-            leading(&self.tally.best),
-            leading(&self.tally.worst),
-            percent(self.tally.passed, frames).into(),
-            percent(self.wrong, frames).into(),
-            self.cells.right_percent().into(),
-        ]
-    }
+const HEADS: &str = "point | thesis | v3: best | v3: worst | v3: frames that pass, % | \
+                     v3: frames with a wrong cell, % | v3: cells right, % | SVS: best | \
+                     SVS: worst | SVS: frames that pass, % | SVS: frames with a wrong cell, % | \
+                     SVS: cells right, %";
+
+/// Values under [`HEADS`].
+fn row((checkpoint, [v3, svs]): &ThesisPoint) -> (String, Vec<TableValue>) {
+    let thesis = match checkpoint.number {
+        2 => "v3 erroneous, SVS better",
+        3 => "v3 unknown where flat",
+        6 => "SVS better",
+        _ => "near results",
+    };
+    let name = format!("{}. {}", checkpoint.number, checkpoint.name);
+    let values = [vec![thesis.into()], v3.values().into(), svs.values().into()];
+    (name, values.concat())
 }
 
-impl ThesisPoints {
-    fn new(scenario: &Scenario) -> Self {
-        let points = scenario
-            .checkpoints
-            .iter()
-            .map(|_| <[Point; 2]>::default())
-            .collect();
-        Self {
-            scenario: scenario.clone(),
-            points,
-            cells: Default::default(),
-            outbox: Outbox::default(),
-        }
-    }
-
-    fn finding(self) -> Result<Finding> {
-        let Self {
-            scenario,
-            points,
-            cells,
-            ..
-        } = self;
-        let mut finding = Finding::default();
-        // A point shown in no frame has no fraction.
-        let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
-        conclude(&scenario.checkpoints, &points, cells, &mut finding);
-        add_table(&scenario.checkpoints, &points, &mut finding);
-        for (name, cells) in NAMES.iter().zip(cells) {
-            for (verdict, count) in [("right", cells.right), ("wrong", cells.wrong)] {
-                let words = format!("all frames, {name}: cells {verdict}");
-                finding.quantity(words, "%", "", percent(count, cells.all));
-            }
-        }
-        let bars = scenario
-            .checkpoints
-            .iter()
-            .zip(&points)
-            .flat_map(|(checkpoint, point)| {
-                let bar = move |(name, point)| {
-                    (
-                        format!("{}. {}, {name}", checkpoint.number, checkpoint.name),
-                        vec![share(point)],
-                    )
-                };
-                NAMES.iter().zip(point).map(bar)
+/// Adds the worst and the best frame of each point.
+fn add_pictures(points: Vec<ThesisPoint>, finding: &mut Finding) -> Result<()> {
+    for (checkpoint, [v3, svs]) in points {
+        let (v3, svs) = (v3.tally, svs.tally);
+        for (name, rank, lead) in [
+            (NAMES[0], "worst", v3.worst),
+            (NAMES[1], "worst", svs.worst),
+            (NAMES[0], "best", v3.best),
+            (NAMES[1], "best", svs.best),
+        ] {
+            let Some((picture, frame)) = lead else {
+                continue;
+            };
+            let fails = frame.reasons().map(|reasons| format!("fails, {reasons}"));
+            let outcome = fails.unwrap_or_else(|| "passes".to_owned());
+            let caption = format!("Point {}: {name} {rank}: {outcome}", checkpoint.number);
+            finding.pictures.push(Exhibit {
+                caption,
+                ..picture?
             });
-        let chart = Bars {
-            title: "Frames that pass".into(),
-            label: "fraction of the frames that show the point, %".into(),
-            parts: vec![String::new()],
-            bars: bars.collect(),
-        };
-        finding.exhibits.push(Exhibit::Plot(chart.svg()));
-        show_frames(&points, &mut finding);
-        Ok(finding)
-    }
-}
-
-fn add_table(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
-    let rows = finding.table([
-        "point",
-        "thesis",
-        "v3: best",
-        "v3: worst",
-        "v3: frames that pass, %",
-        "v3: frames with a wrong cell, %",
-        "v3: cells right, %",
-        "SVS: best",
-        "SVS: worst",
-        "SVS: frames that pass, %",
-        "SVS: frames with a wrong cell, %",
-        "SVS: cells right, %",
-    ]);
-    for (checkpoint, [v3, svs]) in checkpoints.iter().zip(points) {
-        let thesis = match checkpoint.number {
-            2 => "v3 erroneous, SVS better",
-            3 => "v3 unknown where flat",
-            6 => "SVS better",
-            _ => "near results",
-        };
-        let name = format!("{}. {}", checkpoint.number, checkpoint.name);
-        let thesis = TableValue::Text(thesis.to_owned());
-        let values = v3.values().into_iter().chain(svs.values());
-        rows.row(name, [thesis].into_iter().chain(values));
-    }
-}
-
-/// Shows the worst and the best frame of each point.
-fn show_frames(points: &[[Point; 2]], finding: &mut Finding) {
-    type Lead = fn(&CheckpointTally<Exhibit>) -> &Option<(Exhibit, CheckpointFrame)>;
-    let leads: [(&str, Lead); 2] = [
-        ("worst", |range| &range.worst),
-        ("best", |range| &range.best),
-    ];
-    for (point, (rank, lead)) in points.iter().flat_map(|p| leads.map(|lead| (p, lead))) {
-        for (exhibit, _) in point.iter().flat_map(|p| lead(&p.tally)) {
-            let mut exhibit = exhibit.clone();
-            if let Exhibit::Picture { caption, .. } = &mut exhibit {
-                *caption = caption.replace("RANK", rank);
-            }
-            finding.show(exhibit);
         }
     }
+    Ok(())
 }
 
 /// Adds the conditions and the sentence that summarizes them.
-fn conclude(
-    checkpoints: &[Checkpoint],
-    points: &[[Point; 2]],
-    cells: [PointCells; 2],
-    finding: &mut Finding,
-) {
-    let right = cells.map(|c| c.right_percent());
-    finding.condition(
-        (right[0] - right[1]).abs() <= MAX_NEAR_DIFFERENCE,
-        format!(
-            "The results are near: the fractions of right cells, over all frames, differ by at \
-             most {MAX_NEAR_DIFFERENCE} percentage points, {:.1} % of v3's and {:.1} % of the \
-             SVS's.",
-            right[0], right[1]
-        ),
-    );
-    add_wrong_elsewhere(checkpoints, points, finding);
-    let sum = |count: fn(&Point) -> usize, algorithm: usize| {
-        points.iter().map(|p| count(&p[algorithm])).sum::<usize>()
+fn conclude(points: &[ThesisPoint], cells: [PointCells; 2], finding: &mut Finding) {
+    let [v3, svs] = cells.map(|cells| cells.right_percent());
+    finding.condition((v3 - svs).abs() <= MAX_NEAR_DIFFERENCE).says(format!(
+        "The results are near: the fractions of right cells, over all frames, differ by at most \
+         {MAX_NEAR_DIFFERENCE} percentage points, {v3:.1} % of v3's and {svs:.1} % of the SVS's."
+    ));
+    // The thesis itself names point 2.
+    let elsewhere = points
+        .iter()
+        .filter(|(point, [v3, _])| point.number != 2 && v3.wrong > 0);
+    let places = elsewhere.map(|(point, [v3, _])| {
+        let (wrong, frames) = (v3.wrong, v3.tally.frames);
+        format!("{} (in {wrong} of {frames} frames)", point.number)
+    });
+    let places = places.collect::<Vec<_>>().join(", ");
+    let is_right_elsewhere = places.is_empty();
+    let where_wrong = if is_right_elsewhere {
+        String::new()
+    } else {
+        format!(": it has some at {places}")
     };
-    let frames = sum(|p| p.tally.frames, 0);
-    let wrong = [0, 1].map(|a| sum(|p| p.wrong, a));
-    finding.condition(
-        wrong[0] < wrong[1],
-        format!(
-            "The SVS is wrong in more frames than v3: {} and {} of {frames}.",
-            wrong[1], wrong[0]
-        ),
-    );
-    add_better_points(checkpoints, points, finding);
-    finding.condition(
-        cells[1].first_column == 0,
-        format!(
-            "The SVS's first column is unknown in every frame: {} of its cells are known.",
-            cells[1].first_column
-        ),
-    );
-    let passed = [0, 1].map(|a| sum(|p| p.tally.passed, a));
+    finding.condition(is_right_elsewhere).says(format!(
+        "v3 has wrong cells at no point but 2{where_wrong}."
+    ));
+    let sum = |count: fn(&PointScore) -> usize| {
+        let counts = |i: usize| points.iter().map(move |(_, scores)| count(&scores[i]));
+        [counts(0).sum(), counts(1).sum::<usize>()]
+    };
+    let [frames, _] = sum(|score| score.tally.frames);
+    let [v3_wrong, svs_wrong] = sum(|score| score.wrong);
+    finding.condition(v3_wrong < svs_wrong).says(format!(
+        "The SVS is wrong in more frames than v3: {svs_wrong} and {v3_wrong} of {frames}."
+    ));
+    let closest = points
+        .iter()
+        .filter(|(point, _)| [2, 6].contains(&point.number));
+    closest.for_each(|(point, scores)| add_better_point(point, scores, finding));
+    let known = cells[1].first_column;
+    finding.condition(known == 0).says(format!(
+        "The SVS's first column is unknown in every frame: {known} of its cells are known."
+    ));
+    let [v3, svs] = sum(|score| score.tally.passed);
     finding.why = format!(
-        "Of the {frames} frames of the six points v3 passes {} and the SVS {}; v3 is wrong \
-         somewhere in {} of them, the SVS in {}.",
-        passed[0], passed[1], wrong[0], wrong[1]
+        "Of the {frames} frames of the six points v3 passes {v3} and the SVS {svs}; v3 is wrong \
+         somewhere in {v3_wrong} of them, the SVS in {svs_wrong}."
     );
 }
 
-/// Adds the points that the thesis's SVS handles better.
-fn add_better_points(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
-    for number in [2, 6] {
-        for (checkpoint, point) in checkpoints
-            .iter()
-            .zip(points)
-            .filter(|(c, _)| c.number == number)
-        {
-            let [v3, svs] = point;
-            finding.condition(
-                svs.tally.passed > v3.tally.passed,
-                format!(
-                    "The SVS handles point {number}, {}, better: it passes {} of {} frames, v3 {} \
-                     ({:.0} % and {:.0} % of all their cells are right).",
-                    checkpoint.name,
-                    svs.tally.passed,
-                    svs.tally.frames,
-                    v3.tally.passed,
-                    svs.cells.right_percent(),
-                    v3.cells.right_percent()
-                ),
-            );
-        }
-    }
+/// Adds whether the SVS handles a point better.
+fn add_better_point(point: &Checkpoint, [v3, svs]: &[PointScore; 2], finding: &mut Finding) {
+    let (number, name, frames) = (point.number, &point.name, svs.tally.frames);
+    let [v3_passed, svs_passed] = [v3, svs].map(|score| score.tally.passed);
+    let [v3_right, svs_right] = [v3, svs].map(|score| score.cells.right_percent());
+    finding.condition(svs_passed > v3_passed).says(format!(
+        "The SVS handles point {number}, {name}, better: it passes {svs_passed} of {frames} \
+         frames, v3 {v3_passed} ({svs_right:.0} % and {v3_right:.0} % of all their cells are \
+         right)."
+    ));
 }
 
-fn add_wrong_elsewhere(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
-    let elsewhere: Vec<_> = checkpoints
-        .iter()
-        .zip(points)
-        // The thesis itself names point 2.
-        .filter(|(c, p)| c.number != 2 && p[0].wrong > 0)
-        .collect();
-    let places: Vec<_> = elsewhere
-        .iter()
-        .map(|(c, p)| {
-            format!(
-                "{} (in {} of {} frames)",
-                c.number, p[0].wrong, p[0].tally.frames
-            )
-        })
-        .collect();
-    finding.condition(
-        elsewhere.is_empty(),
-        match &places[..] {
-            [] => "v3 has wrong cells at no point but 2.".to_owned(),
-            places => format!(
-                "v3 has wrong cells at no point but 2: it has some at {}.",
-                places.join(", ")
-            ),
-        },
-    );
+/// Scores the frames of a run, at its points and all of them.
+#[derive(Default)]
+struct PointSink {
+    points: Vec<ThesisPoint>,
+    cells: [PointCells; 2],
+    outbox: Outbox<(Vec<ThesisPoint>, [PointCells; 2])>,
 }
 
-impl Sink for ThesisPoints {
+impl Sink for PointSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        for (a, scored) in judged.estimates.iter().enumerate() {
+        for (i, scored) in judged.estimates.iter().enumerate() {
             // The arena has truth in every frame; a recording of it could have lost it.
             let Some(cells) = &scored.cells else { continue };
             let grid = &scored.estimate.grid;
-            self.cells[a].add(grid, cells);
-            for (c, verdict) in &scored.checkpoints {
-                let (checkpoint, point) = (&self.scenario.checkpoints[*c], &mut self.points[*c][a]);
-                let outcome = verdict.reasons().map_or_else(
-                    || "passes".to_owned(),
-                    |reasons| format!("fails, {reasons}"),
-                );
-                let caption = format!("Point {}: {} RANK: {outcome}", checkpoint.number, NAMES[a]);
-                let (best, worst) = point.tally.would_lead(verdict);
+            self.cells[i].add(grid, cells);
+            for (point, verdict) in &scored.checkpoints {
+                let score = &mut self.points[*point].1[i];
                 // Only leading frames are kept, as encoding a picture takes longer than scoring.
-                let exhibit = if best || worst {
-                    Some(grid_picture(caption, &judged.frame, scored)?)
-                } else {
-                    None
-                };
-                point
-                    .tally
-                    .add(*verdict, || exhibit.clone().expect("a leading frame"));
-                point.wrong += usize::from(verdict.wrong > 0);
-                point.cells.add(grid, cells);
+                let picture = || grid_picture(String::new(), &judged.frame, scored);
+                score.tally.add(*verdict, picture);
+                score.wrong += usize::from(verdict.wrong > 0);
+                score.cells.add(grid, cells);
             }
         }
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        self.outbox.clone().put(Some(*self));
+        self.outbox.put((self.points, self.cells));
         Ok(())
     }
 }
@@ -357,10 +266,11 @@ impl Sink for ThesisPoints {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_score::scenario::Scenario;
 
     /// Points with ten frames each: number that passes, and number with a wrong cell.
-    fn points(v3: [(usize, usize); 6], svs: [(usize, usize); 6]) -> Vec<[Point; 2]> {
-        let point = |(passed, wrong)| Point {
+    fn points(v3: [(usize, usize); 6], svs: [(usize, usize); 6]) -> Vec<ThesisPoint> {
+        let score = |(passed, wrong)| PointScore {
             tally: CheckpointTally {
                 frames: 10,
                 passed,
@@ -373,15 +283,15 @@ mod tests {
                 ..PointCells::default()
             },
         };
-        v3.into_iter()
-            .zip(svs)
-            .map(|(v3, svs)| [point(v3), point(svs)])
+        let checkpoints = Scenario::arena().unwrap().checkpoints.into_iter();
+        let scores = v3.into_iter().zip(svs);
+        checkpoints
+            .zip(scores.map(|(v3, svs)| [score(v3), score(svs)]))
             .collect()
     }
 
     #[test]
     fn the_observations_of_the_thesis_hold() {
-        let checkpoints = Scenario::arena().unwrap().checkpoints;
         let cells = PointCells {
             all: 100,
             right: 40,
@@ -390,7 +300,7 @@ mod tests {
         };
         let met = |v3, svs, cells| {
             let mut finding = Finding::default();
-            conclude(&checkpoints, &points(v3, svs), cells, &mut finding);
+            conclude(&points(v3, svs), cells, &mut finding);
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>()
         };
         let v3 = [(10, 0), (4, 3), (10, 0), (10, 0), (10, 0), (8, 0)];

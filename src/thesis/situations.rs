@@ -1,11 +1,10 @@
 //! Table 5.1 and annex A: the situations in which the thesis abandoned dynamic programming.
 
 use super::measure::grid_picture;
-use super::{Context, Exhibit, Experiment, Finding, TableValue, stage};
+use super::{Context, Experiment, Finding, TableValue, stage};
 use svl_core::Result;
-use svl_core::stereo::{Frame, GridShape};
-use svl_report::plot::Bars;
-use svl_score::judge::{CellJudgement, CellTally, Judge, Judged, Verdict};
+use svl_core::stereo::Frame;
+use svl_score::judge::{CellJudgement, CellTally, Verdict};
 use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -20,39 +19,23 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              cells. A cell is right within 0.10 m or 20 % of the true distance, and unknown when \
              the algorithm says so. In the pictures, larger squares are nearer, a dot is \
              unknown, a cross is wrong.",
-    records: false,
     run,
 };
 
-const SHAPE: GridShape = GridShape {
-    columns: 6,
-    rows: 3,
-};
 const ALGORITHMS: [&str; 2] = ["dp", "v3"];
 
-/// A view of table 5.1 or annex A.
-struct Situation {
-    name: &'static str,
-    /// The thesis's observation on dp.
-    thesis: &'static str,
-    view: fn() -> ArenaConfig,
-}
-
-impl Situation {
-    const fn new(name: &'static str, thesis: &'static str, view: fn() -> ArenaConfig) -> Self {
-        Self { name, thesis, view }
-    }
-}
+/// A view of table 5.1 or annex A: name, the thesis's observation on dp, and arena.
+type Situation = (&'static str, &'static str, fn() -> ArenaConfig);
 
 const SITUATIONS: [Situation; 8] = [
-    Situation::new("normal", "as expected", normal),
-    Situation::new("small escape", "totally missed", small_escape),
-    Situation::new("low light", "completely wrong", low_light),
-    Situation::new("single object", "", single_object),
-    Situation::new("infinite distance", "", infinite_distance),
-    Situation::new("tilt", "", tilt),
-    Situation::new("dark", "", dark),
-    Situation::new("too far", "", too_far),
+    ("normal", "as expected", normal),
+    ("small escape", "totally missed", small_escape),
+    ("low light", "completely wrong", low_light),
+    ("single object", "–", single_object),
+    ("infinite distance", "–", infinite_distance),
+    ("tilt", "–", tilt),
+    ("dark", "–", dark),
+    ("too far", "–", too_far),
 ];
 
 /// Walls to the left and right, high enough to leave the view at the top, and one behind.
@@ -127,132 +110,92 @@ fn too_far() -> ArenaConfig {
     config
 }
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let mut finding = Finding::default();
+/// The cells of dp and of v3 in a situation.
+type Answers = [Vec<CellJudgement>; 2];
+
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let mut outcomes = Vec::new();
-    let judge = Judge {
-        grid: SHAPE.into(),
-        ..Judge::default()
-    };
-    for situation in &SITUATIONS {
-        let frame = most_tilted(context, &(situation.view)())?;
-        for judged in context.judged(vec![frame], &ALGORITHMS, &judge)? {
-            outcomes.push([
-                answer(situation, &judged, 0)?,
-                answer(situation, &judged, 1)?,
-            ]);
+    let (mut rows, mut bars) = (Vec::new(), Vec::new());
+    for (name, thesis, view) in SITUATIONS {
+        let frame = most_tilted(context, &view())?;
+        let judged = context.judged(vec![frame], &ALGORITHMS, &stage::judge())?;
+        let mut answers = Answers::default();
+        for (i, scored) in judged[0].estimates.iter().enumerate() {
+            answers[i] = scored.cells.clone().unwrap_or_default();
+            let name = format!("{name}, {}", ALGORITHMS[i]);
+            let [right, wrong, unknown] = counts(&answers[i]);
+            let caption = format!("{name}: {right} right, {wrong} wrong, {unknown} unknown");
+            let picture = grid_picture(caption, &judged[0].frame, scored)?;
+            finding.pictures.push(picture);
+            bars.push((name, counts(&answers[i]).map(|n| n as f64).to_vec()));
         }
+        let [[dp_right, dp_wrong, _], v3] = answers.each_ref().map(|cells| counts(cells));
+        let mut row: Vec<TableValue> = vec![thesis.into()];
+        row.extend(
+            [dp_right, dp_wrong]
+                .into_iter()
+                .chain(v3)
+                .map(TableValue::from),
+        );
+        rows.push((name.to_owned(), row));
+        outcomes.push(answers);
     }
-    let rows = finding.table([
-        "cells of 18",
-        "thesis on dp",
-        "dp: right",
-        "dp: wrong",
-        "v3: right",
-        "v3: wrong",
-        "v3: unknown",
-    ]);
-    for (situation, outcome) in SITUATIONS.iter().zip(&outcomes) {
-        let thesis = if situation.thesis.is_empty() {
-            "–"
-        } else {
-            situation.thesis
-        };
-        let [dp, v3] = outcome.each_ref().map(SituationAnswer::tally);
-        let cells = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown];
-        let cells = cells.map(|n| TableValue::from(n as f64));
-        let thesis = TableValue::Text(thesis.to_owned());
-        rows.row(situation.name, [thesis].into_iter().chain(cells));
-    }
-    let answers = outcomes.iter_mut().flatten();
-    answers.for_each(|answer| finding.exhibits.extend(answer.exhibit.take()));
-    conclude(&outcomes, &mut finding);
-    let chart = chart(&outcomes);
-    finding.exhibits.push(Exhibit::Plot(chart.svg()));
-    Ok(finding)
+    finding.table(
+        "cells of 18 | thesis on dp | dp: right | dp: wrong | v3: right | v3: wrong | v3: unknown",
+        rows,
+    );
+    conclude(&outcomes, finding);
+    let parts = ["right", "wrong", "unknown"];
+    finding.bars("Cells of eight situations", "cells of 18", &parts, bars);
+    Ok(())
 }
 
-fn chart(outcomes: &[[SituationAnswer; 2]]) -> Bars {
-    let bars = SITUATIONS
-        .iter()
-        .zip(outcomes)
-        .flat_map(|(situation, outcome)| {
-            ALGORITHMS
-                .iter()
-                .zip(outcome)
-                .map(move |(algorithm, answers)| {
-                    let tally = answers.tally();
-                    let cells = [tally.right, tally.wrong, tally.unknown].map(|n| n as f64);
-                    (format!("{}, {algorithm}", situation.name), cells.to_vec())
-                })
-        });
-    Bars {
-        title: "Cells of eight situations".into(),
-        label: "cells of 18".into(),
-        parts: ["right", "wrong", "unknown"].map(str::to_owned).to_vec(),
-        bars: bars.collect(),
-    }
+/// Right, wrong and unknown cells.
+fn counts(cells: &[CellJudgement]) -> [usize; 3] {
+    let tally = CellTally::from_judgements(cells);
+    [tally.right, tally.wrong, tally.unknown]
 }
 
 /// Adds the conditions and the sentence that summarizes them.
-fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
-    let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
-    let cells = SHAPE.cells();
-    let [normal, escape, low] = [0, 1, 2];
-    let lowest = (0..SHAPE.columns)
-        .filter(|&column| outcomes[normal][0].at(column, SHAPE.rows - 1) == Verdict::Wrong);
-    finding.condition(
-        4 * wrong(normal, 0) <= cells,
-        format!(
-            "In the normal view at most a quarter of dp's {cells} cells are wrong: {} are, {} of \
-             them in the lowest row, on plain floor.",
-            wrong(normal, 0),
-            lowest.count()
-        ),
-    );
-    let door = |algorithm: usize| outcomes[escape][algorithm].at(DOOR, 1);
-    finding.condition(
-        door(0) != Verdict::Right,
-        format!(
-            "dp misses the small escape: its cell with the door is {}; v3's is {}.",
-            door(0).name(),
-            door(1).name()
-        ),
-    );
-    finding.condition(
-        2 * wrong(low, 0) > cells,
-        format!(
-            "In low light more than half of dp's cells are wrong: {}.",
-            wrong(low, 0)
-        ),
-    );
-    let better = (0..outcomes.len())
-        .filter(|&s| wrong(s, 1) < wrong(s, 0))
-        .count();
-    finding.condition(
-        better == outcomes.len(),
-        format!(
-            "v3 has fewer wrong cells in every situation: in {better} of {}.",
-            outcomes.len()
-        ),
-    );
-    let all = |algorithm: usize| -> usize {
-        let situations = 0..outcomes.len();
-        situations.map(|s| wrong(s, algorithm)).sum()
+fn conclude(outcomes: &[Answers], finding: &mut Finding) {
+    let count = |algorithm: usize, verdict: usize| {
+        let cells = outcomes.iter().map(|answers| counts(&answers[algorithm]));
+        cells.map(|counts| counts[verdict]).collect::<Vec<_>>()
     };
+    let (dp, v3, unknown) = (count(0, 1), count(1, 1), count(1, 2));
+    let (cells, situations) = (stage::GRID.cells(), outcomes.len());
+    let verdict = |situation: usize, algorithm: usize, column: usize, row: usize| {
+        outcomes[situation][algorithm][row * stage::GRID.columns + column].verdict
+    };
+    let [normal, escape, low] = [dp[0], dp[1], dp[2]];
+    let lowest = 0..stage::GRID.columns;
+    let lowest = lowest.filter(|&x| verdict(0, 0, x, stage::GRID.rows - 1) == Verdict::Wrong);
+    finding.condition(4 * normal <= cells).says(format!(
+        "In the normal view at most a quarter of dp's {cells} cells are wrong: {normal} are, {} of \
+         them in the lowest row, on plain floor.",
+        lowest.count()
+    ));
+    let [dp_door, v3_door] = [0, 1].map(|algorithm| verdict(1, algorithm, DOOR, 1));
+    finding.condition(dp_door != Verdict::Right).says(format!(
+        "dp misses the small escape: its cell with the door is {}; v3's is {}.",
+        dp_door.name(),
+        v3_door.name()
+    ));
+    finding.condition(2 * low > cells).says(format!(
+        "In low light more than half of dp's cells are wrong: {low}."
+    ));
+    let better = dp.iter().zip(&v3).filter(|(dp, v3)| v3 < dp).count();
+    finding.condition(better == situations).says(format!(
+        "v3 has fewer wrong cells in every situation: in {better} of {situations}."
+    ));
     finding.why = format!(
-        "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in \
-         low light, {} in all eight situations; v3 has {}, and leaves {} of the {} unknown.",
-        wrong(normal, 0),
-        wrong(escape, 0),
-        wrong(low, 0),
-        all(0),
-        all(1),
-        outcomes
-            .iter()
-            .map(|[_, v3]| v3.tally().unknown)
-            .sum::<usize>(),
-        cells * outcomes.len()
+        "dp has {normal} of {cells} cells wrong in the normal view, {escape} with the small escape \
+         and {low} in low light, {} in all eight situations; v3 has {}, and leaves {} of the {} \
+         unknown.",
+        dp.iter().sum::<usize>(),
+        v3.iter().sum::<usize>(),
+        unknown.iter().sum::<usize>(),
+        cells * situations
     );
 }
 
@@ -264,47 +207,13 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
     }
     let arena = Arena::new(config, stage::SEED)?;
     // The roll of the head is the height of its x axis above the floor.
-    let axis = |i: &u64| {
-        arena
-            .pose(*i)
-            .map(|pose| pose.rotation * nalgebra::Vector3::x())
+    let roll = |i: &u64| {
+        let pose = arena.pose(*i);
+        pose.map_or(0.0, |pose| (pose.rotation * nalgebra::Vector3::x()).z.abs())
     };
-    let roll = |i: &u64| axis(i).map_or(0.0, |axis| axis.z.abs());
-    let frame = (0..arena.frames())
-        .max_by(|a, b| roll(a).total_cmp(&roll(b)))
-        .unwrap_or(0);
+    let frame = (0..arena.frames()).max_by(|a, b| roll(a).total_cmp(&roll(b)));
     context.step()?;
-    arena.frame(frame)
-}
-
-/// Answer of an algorithm to a situation.
-struct SituationAnswer {
-    judgements: Vec<CellJudgement>,
-    exhibit: Option<Exhibit>,
-}
-
-impl SituationAnswer {
-    fn tally(&self) -> CellTally {
-        CellTally::from_judgements(&self.judgements)
-    }
-
-    fn at(&self, column: usize, row: usize) -> Verdict {
-        self.judgements[row * SHAPE.columns + column].verdict
-    }
-}
-
-fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<SituationAnswer> {
-    let scored = &judged.estimates[algorithm];
-    let judgements = scored.cells.clone().unwrap_or_default();
-    let tally = CellTally::from_judgements(&judgements);
-    let caption = format!(
-        "{}, {}: {} right, {} wrong, {} unknown",
-        situation.name, ALGORITHMS[algorithm], tally.right, tally.wrong, tally.unknown
-    );
-    Ok(SituationAnswer {
-        judgements,
-        exhibit: Some(grid_picture(caption, &judged.frame, scored)?),
-    })
+    arena.frame(frame.unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -314,7 +223,7 @@ mod tests {
     use svl_score::judge::TrueCells;
 
     /// An answer with its first `wrong` cells wrong and the others right.
-    fn answers(wrong: usize) -> SituationAnswer {
+    fn answers(wrong: usize) -> Vec<CellJudgement> {
         let cell = |i| CellJudgement {
             verdict: if i < wrong {
                 Verdict::Wrong
@@ -323,10 +232,7 @@ mod tests {
             },
             ..CellJudgement::default()
         };
-        SituationAnswer {
-            judgements: (0..SHAPE.cells()).map(cell).collect(),
-            exhibit: None,
-        }
+        (0..stage::GRID.cells()).map(cell).collect()
     }
 
     #[test]
@@ -349,7 +255,7 @@ mod tests {
     fn the_door_fills_its_cell() {
         let arena = Arena::new(&small_escape(), stage::SEED).unwrap();
         let frame = arena.frame(0).unwrap();
-        let truth = TrueCells::new(&frame, SHAPE, CellRule::default()).unwrap();
+        let truth = TrueCells::new(&frame, stage::GRID, CellRule::default()).unwrap();
         let distance = |column: usize| {
             let cell = truth.grid().cell(column, 1);
             cell.depth.unwrap().distance_m.unwrap()

@@ -1,13 +1,12 @@
 //! Frames per second of v3 and the SVS (chapter 7).
 
-use super::{Context, Experiment, Finding};
+use super::{Context, Experiment, Finding, stage};
 use std::time::{Duration, Instant};
 use svl_core::kernel::{Isa, isa};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{RectifiedPair, StereoPair};
 use svl_core::{Error, Result, joined};
-use svl_report::plot::Bars;
 use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -23,7 +22,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              that svl has to the thesis's \"without MMX\"; the conditions refer to it. Next to it \
              is the instruction set that svl picks here. On a busy machine, where a tenth of the \
              times exceeds the median by a quarter, no condition is tested.",
-    records: false,
     run,
 };
 
@@ -38,71 +36,53 @@ const MAX_STEADY_RATIO: f64 = 1.25;
 /// Frames per second that a robot needs (section 5.1).
 const MIN_FRAMES_PER_S: f64 = 7.0;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let pair = Arena::new(&ArenaConfig::default(), 1)?.frame(140)?.pair;
-    let picked = isa()?;
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
+    let pair = Arena::new(&ArenaConfig::default(), stage::SEED)?
+        .frame(140)?
+        .pair;
+    let (baseline, picked) = (Isa::BASELINE, isa()?);
     // The thesis's computer had one core.
-    let one = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .map_err(|e| Error::Invalid(e.to_string()))?;
-    let baseline = Isa::BASELINE;
-    let mut levels = vec![baseline];
-    if picked != baseline {
-        levels.push(picked);
-    }
-    let mut rates = Vec::new();
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let one = one.map_err(|e| Error::Invalid(e.to_string()))?;
+    let mut levels = vec![baseline, picked];
+    levels.dedup();
+    let mut bars = vec![
+        ("v3, thesis".into(), vec![7.0]),
+        ("SVS, thesis".into(), vec![8.5]),
+    ];
+    let (mut numbers, mut rates) = (Vec::new(), Vec::new());
     for isa in levels {
         context.step()?;
-        rates.push((isa, one.install(|| frames_per_second(isa, &pair))?));
-    }
-    let mut finding = Finding::default();
-    for (isa, rates) in &rates {
-        for ((name, _, thesis), rate) in ALGORITHMS.iter().zip(rates.per_second) {
-            let thesis = if *isa == baseline { thesis } else { "" };
-            finding.quantity(format!("{name}, {isa}"), "fps", thesis, rate);
+        let measured = one.install(|| Rates::measure(isa, &pair))?;
+        for ((name, _, thesis), rate) in ALGORITHMS.iter().zip(measured.per_second) {
+            let (name, thesis) = (
+                format!("{name}, {isa}"),
+                if isa == baseline { thesis } else { "" },
+            );
+            finding.quantity(&name, "fps", thesis, rate);
+            bars.push((name, vec![rate]));
         }
+        let [v3, svs] = measured.per_second;
+        numbers.push(format!("{v3:.0} and {svs:.0} pairs a second ({isa})"));
+        rates.push(measured);
     }
-    let [v3, svs] = rates[0].1.per_second;
+    let [v3, svs] = rates[0].per_second;
     finding.quantity(format!("SVS over v3, {baseline}"), "", "1.2", svs / v3);
-    let numbers = rates.iter().map(|(isa, rates)| {
-        let [v3, svs] = rates.per_second;
-        format!("{v3:.0} and {svs:.0} pairs a second ({isa})")
-    });
     finding.why = format!(
         "On {}, one thread, v3 and bm (StereoBM) match {}; the thesis's 3 GHz PC 6 to 8 and 8 to \
          9.",
         context.machine,
         joined(numbers)
     );
-    if rates.iter().all(|(_, rates)| rates.steady) {
-        conclude([v3, svs], &mut finding);
+    if rates.iter().all(|rates| rates.steady) {
+        conclude([v3, svs], finding);
     } else {
         finding.why +=
             " The machine was busy, so no condition is tested: repeat this on an idle one.";
     }
-    let chart = chart(&rates);
-    finding.exhibits.push(super::Exhibit::Plot(chart.svg()));
-    Ok(finding)
-}
-
-fn chart(rates: &[(Isa, Rates)]) -> Bars {
-    let bars = rates.iter().flat_map(|(isa, rates)| {
-        ALGORITHMS
-            .iter()
-            .zip(rates.per_second)
-            .map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![rate]))
-    });
-    let thesis = [
-        ("v3, thesis".to_owned(), vec![7.0]),
-        ("SVS, thesis".to_owned(), vec![8.5]),
-    ];
-    Bars {
-        title: "Frames per second, 320 x 240".into(),
-        label: "frames per second, one thread".into(),
-        parts: vec![String::new()],
-        bars: thesis.into_iter().chain(bars).collect(),
-    }
+    let label = "frames per second, one thread";
+    finding.bars("Frames per second, 320 x 240", label, &[""], bars);
+    Ok(())
 }
 
 /// Speed of the algorithms on an instruction set.
@@ -113,65 +93,58 @@ struct Rates {
 }
 
 impl Rates {
-    fn from_times<'a>(all: impl Iterator<Item = &'a mut Vec<Duration>>) -> Self {
-        let (mut per_second, mut steady) = ([f64::NAN; 2], true);
-        for (rate, times) in per_second.iter_mut().zip(all) {
-            times.sort_unstable();
-            let rank = |share| nearest_rank(times, share).map_or(f64::NAN, |t| t.as_secs_f64());
-            *rate = 1.0 / rank(0.5);
-            steady &= rank(0.9) <= MAX_STEADY_RATIO * rank(0.5);
+    /// Frames per second of the algorithms, by their median times.
+    fn measure(isa: Isa, pair: &StereoPair) -> Result<Self> {
+        let (context, mut output) = (MatchContext::default(), MatchOutput::new()?);
+        let mut time = |matcher: &mut dyn Matcher| {
+            let began = Instant::now();
+            matcher.compute(RectifiedPair::assume(pair), &context, &mut output)?;
+            Ok::<_, Error>(began.elapsed())
+        };
+        let (mut matchers, mut times) = (Vec::new(), <[Vec<Duration>; 2]>::default());
+        for (_, algorithm, _) in ALGORITHMS {
+            // Not with svl's own run, which uses the instruction set of the process; scoring would
+            // also disturb the times.
+            let mut matcher = algorithm.parse::<Algorithm>()?.build_on(isa)?;
+            // Warm-up: memory is allocated, caches and branch predictors know the pair.
+            (0..3).try_for_each(|_| time(&mut *matcher).map(drop))?;
+            matchers.push(matcher);
         }
+        // Alternating, so that a change of the processor's clock affects both algorithms.
+        while times
+            .iter()
+            .any(|times| times.iter().sum::<Duration>() < BUDGET)
+        {
+            for (matcher, times) in matchers.iter_mut().zip(&mut times) {
+                times.push(time(&mut **matcher)?);
+            }
+        }
+        Ok(Self::from_times(times))
+    }
+
+    fn from_times(all: [Vec<Duration>; 2]) -> Self {
+        let mut steady = true;
+        let per_second = all.map(|mut times| {
+            times.sort_unstable();
+            let rank = |share| nearest_rank(&times, share).map_or(f64::NAN, |t| t.as_secs_f64());
+            steady &= rank(0.9) <= MAX_STEADY_RATIO * rank(0.5);
+            1.0 / rank(0.5)
+        });
         Self { per_second, steady }
     }
 }
 
 fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
-    finding.condition(
-        v3 >= MIN_FRAMES_PER_S,
-        format!("v3 gives a robot the {MIN_FRAMES_PER_S} frames a second it needs: {v3:.0}."),
-    );
-    finding.condition(
-        svs > v3,
-        format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second."),
-    );
-    finding.condition(
-        svs.max(v3) < MAX_SLIGHT_RATIO * svs.min(v3),
-        format!(
-            "They differ by less than a factor of {MAX_SLIGHT_RATIO}: by {:.2}.",
-            svs.max(v3) / svs.min(v3)
-        ),
-    );
-}
-
-/// Frames per second of the algorithms, by their median times.
-fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<Rates> {
-    let (context, mut output) = (MatchContext::default(), MatchOutput::new()?);
-    let mut time = |matcher: &mut dyn Matcher| {
-        let began = Instant::now();
-        matcher.compute(RectifiedPair::assume(pair), &context, &mut output)?;
-        Ok::<_, Error>(began.elapsed())
-    };
-    let mut matchers = Vec::new();
-    for (_, algorithm, _) in ALGORITHMS {
-        // Not with svl's own run, which uses the instruction set of the process; scoring would also
-        // disturb the times.
-        let mut matcher = algorithm.parse::<Algorithm>()?.build_on(isa)?;
-        // Warm-up: memory is allocated, caches and branch predictors know the pair.
-        (0..3).try_for_each(|_| time(&mut *matcher).map(drop))?;
-        matchers.push((matcher, Vec::new()));
-    }
-    // Alternating, so that a change of the processor's clock affects both algorithms.
-    while matchers
-        .iter()
-        .any(|(_, times): &(_, Vec<Duration>)| times.iter().sum::<Duration>() < BUDGET)
-    {
-        for (matcher, times) in &mut matchers {
-            times.push(time(&mut **matcher)?);
-        }
-    }
-    Ok(Rates::from_times(
-        matchers.iter_mut().map(|(_, times)| times),
-    ))
+    finding.condition(v3 >= MIN_FRAMES_PER_S).says(format!(
+        "v3 gives a robot the {MIN_FRAMES_PER_S} frames a second it needs: {v3:.0}."
+    ));
+    finding.condition(svs > v3).says(format!(
+        "The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second."
+    ));
+    let ratio = svs.max(v3) / svs.min(v3);
+    finding.condition(ratio < MAX_SLIGHT_RATIO).says(format!(
+        "They differ by less than a factor of {MAX_SLIGHT_RATIO}: by {ratio:.2}."
+    ));
 }
 
 #[cfg(test)]
@@ -197,7 +170,7 @@ mod tests {
                 let all = fast.chain(slow.iter().copied());
                 all.map(Duration::from_millis).collect::<Vec<_>>()
             };
-            Rates::from_times([times(&[]), times(slow_ms)].iter_mut())
+            Rates::from_times([times(&[]), times(slow_ms)])
         };
         assert_eq!(rates(&[]).per_second, [250.0; 2]);
         assert!(rates(&[4, 5, 5]).steady);

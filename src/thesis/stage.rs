@@ -1,9 +1,10 @@
-//! Still views built from the arena's parts: a camera in the middle of a large floor, and the
-//! objects in front of it.
+//! The arena of chapter 7 with aligned cameras, and still views built from its parts: a camera in
+//! the middle of a large floor, and the objects in front of it.
 
 use super::Context;
 use svl_core::Result;
-use svl_core::stereo::Frame;
+use svl_core::stereo::{Frame, GridShape};
+use svl_score::judge::Judge;
 use svl_sim::arena::{Arena, ArenaConfig, Ball, Block, RobotConfig, Waypoint, WorldConfig};
 
 /// Position of the stereo head's centre; it faces along y.
@@ -11,6 +12,29 @@ const HEAD_M: [f64; 2] = [2.0, 1.0];
 
 /// Seed of textures and noise.
 pub(super) const SEED: u64 = 1;
+
+/// The coarse grid, for still views.
+pub(super) const GRID: GridShape = GridShape {
+    columns: 6,
+    rows: 3,
+};
+
+/// The judge of the coarse grid.
+pub(super) fn judge() -> Judge {
+    Judge {
+        grid: GRID.into(),
+        ..Judge::default()
+    }
+}
+
+/// A run through the arena of chapter 7 with cameras that are aligned but for a row offset.
+pub(super) fn aligned(right_row_offset_px: f64) -> Result<Arena> {
+    let mut config = ArenaConfig::default();
+    config.rig.right_row_offset_px = right_row_offset_px;
+    // A rolled camera would add its own misalignment, which grows towards the sides.
+    config.rig.right_roll_deg = 0.0;
+    Arena::new(&config, SEED)
+}
 
 /// An empty arena of 4 m x 8 m around a stationary robot: forest walls of the usual height 2 m to
 /// the side and 7 m ahead, the laboratory beyond them.

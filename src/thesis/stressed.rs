@@ -1,115 +1,90 @@
-//! Remaining right cells of an algorithm on perturbed pairs ([`svl_sim::stress`]).
+//! Remaining right cells of algorithms on perturbed pairs ([`svl_sim::stress`]).
 
-use super::{Context, Finding, TableValue};
+use super::{Context, Finding, stage};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_score::judge::{CellTally, Judge};
-use svl_sim::arena::{Arena, ArenaConfig};
 use svl_sim::stress::Stress;
 
 /// Every eighth pair of a run through the arena of chapter 7, with exactly aligned cameras.
 pub(super) fn views() -> Result<Vec<Frame>> {
-    let mut config = ArenaConfig::default();
-    (config.rig.right_row_offset_px, config.rig.right_roll_deg) = (0.0, 0.0);
-    let arena = Arena::new(&config, 1)?;
+    let arena = stage::aligned(0.0)?;
     let views = (0..arena.frames()).step_by(8);
     views.map(|view| arena.frame(view)).collect()
 }
 
 /// The cells of algorithms at the levels of a perturbation.
-pub(super) struct StressCurves<'a> {
-    kind: &'a str,
-    /// The first is 0, the original pairs.
-    levels: Vec<f64>,
-    /// Per algorithm, with its name, a tally per level.
-    algorithms: Vec<(&'a str, Vec<CellTally>)>,
+pub(super) struct StressCurves<const N: usize> {
+    kind: &'static str,
+    names: [&'static str; N],
+    /// A tally per algorithm at each level; the first level is 0, the original pairs.
+    levels: Vec<(f64, [CellTally; N])>,
 }
 
-impl<'a> StressCurves<'a> {
+impl<const N: usize> StressCurves<N> {
     /// `algorithms`: with their names.
     pub(super) fn measure(
         context: &mut Context<'_>,
         frames: &[Frame],
-        (kind, levels): (&'a str, &[f64]),
-        algorithms: &[(&'a str, &str)],
+        (kind, levels): (&'static str, &[f64]),
+        algorithms: [(&'static str, &str); N],
     ) -> Result<Self> {
-        let specs: Vec<_> = algorithms.iter().map(|(_, spec)| *spec).collect();
-        let levels: Vec<f64> = std::iter::once(0.0).chain(levels.iter().copied()).collect();
-        let mut tallies: Vec<_> = algorithms
-            .iter()
-            .map(|(name, _)| (*name, Vec::new()))
-            .collect();
-        for &level in &levels {
-            let stressed = |frame: &Frame| {
-                let pair = match level {
-                    0.0 => frame.pair.clone(),
-                    _ => {
-                        let stress: Stress = format!("{kind}={level}").parse()?;
-                        stress.apply(frame.pair.clone(), 1, frame.sequence)?
-                    }
-                };
-                Ok(Frame {
-                    pair,
-                    ..frame.clone()
-                })
-            };
-            let frames = frames.iter().map(stressed).collect::<Result<Vec<_>>>()?;
-            let judged = context.judged(frames, &specs, &Judge::default())?;
-            for (i, (_, tallies)) in tallies.iter_mut().enumerate() {
-                let cells = judged.iter().filter_map(|judged| {
-                    let scored = judged.estimates.get(i)?;
-                    scored.cells.as_deref().map(CellTally::from_judgements)
-                });
-                tallies.push(cells.fold(CellTally::default(), |mut sum, tally| {
-                    sum.right += tally.right;
-                    sum.wrong += tally.wrong;
-                    sum.unknown += tally.unknown;
-                    sum
-                }));
-            }
-        }
-        Ok(Self {
+        let mut curves = Self {
             kind,
-            levels,
-            algorithms: tallies,
-        })
+            names: algorithms.map(|(name, _)| name),
+            levels: Vec::new(),
+        };
+        for level in std::iter::once(0.0).chain(levels.iter().copied()) {
+            let frames = frames.iter().map(|frame| stressed(frame, kind, level));
+            let frames = frames.collect::<Result<Vec<_>>>()?;
+            let specs = algorithms.map(|(_, spec)| spec);
+            let judged = context.judged(frames, &specs, &Judge::default())?;
+            let tally = |algorithm: usize| {
+                let cells = judged.iter().map(|j| j.estimates[algorithm].cells.iter());
+                CellTally::from_judgements(cells.flatten().flatten())
+            };
+            let tallies = std::array::from_fn(tally);
+            curves.levels.push((level, tallies));
+        }
+        Ok(curves)
     }
 
-    /// Fraction, in per cent, of an algorithm's right cells on the original pairs that it still
+    /// Fractions, in per cent, of each algorithm's right cells on the original pairs that it still
     /// has; NaN if it had none.
-    pub(super) fn kept(&self, algorithm: usize, level: usize) -> f64 {
-        let tallies = &self.algorithms[algorithm].1;
-        100.0 * tallies[level].right as f64 / tallies[0].right as f64
+    pub(super) fn kept(&self, level: usize) -> [f64; N] {
+        let right = |level: usize| self.levels[level].1.map(|tally| tally.right as f64);
+        let (original, now) = (right(0), right(level));
+        std::array::from_fn(|algorithm| 100.0 * now[algorithm] / original[algorithm])
     }
 
     /// Adds a table and a plot.
-    pub(super) fn show(&self, finding: &mut Finding, title: &str, axis: &str) {
-        let table = finding.table([
-            &format!("{title}, {axis}"),
-            "right cells, %",
-            "wrong, %",
-            "unknown, %",
-            "kept of the right ones, %",
-        ]);
-        for (i, (name, tallies)) in self.algorithms.iter().enumerate() {
-            for (j, (level, tally)) in self.levels.iter().zip(tallies).enumerate() {
+    pub(super) fn show(&self, finding: &mut Finding, title: &str, unit: &str) {
+        let (mut rows, mut curves) = (Vec::new(), Vec::new());
+        for (algorithm, name) in self.names.iter().enumerate() {
+            let mut curve = Vec::new();
+            for (i, (level, tallies)) in self.levels.iter().enumerate() {
+                let (tally, kept) = (tallies[algorithm], self.kept(i)[algorithm]);
                 let share = |cells: usize| 100.0 * cells as f64 / tally.scored() as f64;
-                let shares = [tally.right, tally.wrong, tally.unknown].map(share);
-                let values = shares.into_iter().chain([self.kept(i, j)]);
-                table.row(format!("{name}, {level}"), values.map(TableValue::from));
+                let [right, wrong, unknown] = [tally.right, tally.wrong, tally.unknown].map(share);
+                rows.push((format!("{name}, {level}"), [right, wrong, unknown, kept]));
+                curve.push((*level, kept));
             }
+            curves.push(Series::new(name, SeriesStyle::Both, curve));
         }
-        let curve = |(i, (name, _)): (usize, &(&str, Vec<CellTally>))| {
-            let levels = self.levels.iter().enumerate();
-            let points = levels.map(|(j, level)| (*level, self.kept(i, j)));
-            Series::new(name, SeriesStyle::Both, points)
-        };
-        finding.plot(&Chart {
-            title: title.to_owned(),
-            x: Axis::new(format!("{}, {axis}", self.kind)),
-            y: Axis::new("kept of the right cells, %"),
-            series: self.algorithms.iter().enumerate().map(curve).collect(),
-        });
+        let heads = "right cells, % | wrong, % | unknown, % | kept of the right ones, %";
+        finding.table(&format!("{title}, {unit} | {heads}"), rows);
+        let x = Axis::new(format!("{}, {unit}", self.kind));
+        finding.chart(title, [x, Axis::new("kept of the right cells, %")], curves);
     }
+}
+
+/// The frame at a level of a perturbation, 0 for the original.
+fn stressed(frame: &Frame, kind: &str, level: f64) -> Result<Frame> {
+    let mut frame = frame.clone();
+    if level > 0.0 {
+        let stress: Stress = format!("{kind}={level}").parse()?;
+        frame.pair = stress.apply(frame.pair, 1, frame.sequence)?;
+    }
+    Ok(frame)
 }

@@ -1,12 +1,12 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
-use super::measure::{MeanMedian, gray_picture, percent};
-use super::{Context, Experiment, Finding, TableValue};
+use super::checks::{DELTA, SIGMA, dog_texture, smoothed, textured};
+use super::measure::{MeanMedian, percent};
+use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
-use svl_core::kernel::isa;
-use svl_core::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
+use svl_core::matcher::stage::{DeviationTexture, TextureFilter};
 use svl_core::stereo::{Gray, Plane};
-use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -21,213 +21,131 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              arena's wall. Contrast is the standard deviation of a pixel's 1 x 9 window. \"Half \
              as bright\" halves every grey level. The threshold of the standard deviation is \
              v2's, 4 grey levels.",
-    records: false,
     run,
 };
 
-const SIGMA: f64 = 0.4;
-const DELTA: f64 = 3.35;
 const DEVIATION: f64 = 4.0;
 /// Frame of the arena's run, and row of its image.
 const VIEW: u64 = 20;
 const ROW: usize = 112;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let frame = Arena::new(&ArenaConfig::default(), 1)?.frame(VIEW)?;
+/// Columns of the table.
+const HEADS: &str = "view | pixels dropped, % | \
+                     median contrast of what is kept, grey levels | \
+                     of what is dropped, grey levels | \
+                     answers that half the brightness changes, % | \
+                     the same of the standard deviation, %";
+
+/// Values under [`HEADS`].
+type Filtered = [f64; 5];
+
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
+    let frame = Arena::new(&ArenaConfig::default(), stage::SEED)?.frame(VIEW)?;
     context.step()?;
     let left = smoothed(frame.pair.left())?;
-    let mut finding = Finding::default();
-    let arena = Filtered::new(&left)?;
-    let row_kept = arena.kept.row(ROW).iter().filter(|kept| **kept).count();
-    let row_percent = percent(left.width() - row_kept, left.width());
-    let mut all = vec![("arena".to_owned(), arena)];
-    for frame in context.real() {
-        let frame = frame?;
-        context.step()?;
-        let filtered = Filtered::new(&smoothed(frame.pair.left())?)?;
-        all.push((frame.name.unwrap_or_default(), filtered));
-    }
-    let rows = finding.table([
-        "view",
-        "pixels dropped, %",
-        "median contrast of what is kept, grey levels",
-        "of what is dropped, grey levels",
-        "answers that half the brightness changes, %",
-        "the same of the standard deviation, %",
-    ]);
-    for (name, filtered) in &all {
-        rows.row(name, filtered.values());
-    }
-    add_conditions(&all, &mut finding);
-    let arena = &all[0].1;
-    finding.why = format!(
-        "The filter drops {:.0} % of the row and {:.0} % of the image, where the median contrast \
-         is {:.1} grey levels against {:.1} in what it keeps; half the brightness changes {:.1} % \
-         of its answers, and {:.1} % of the standard deviation's.",
-        row_percent.unwrap_or(0.0),
-        arena.dropped_percent,
-        arena.dropped_contrast,
-        arena.kept_contrast,
-        arena.dog_changes,
-        arena.deviation_changes
-    );
-    plots(&mut finding, left.row(ROW), arena.kept.row(ROW));
-    finding.show(gray_picture("the view, vertically smoothed", &left)?);
-    let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
-        if arena.kept.get(x, y) {
-            left.get(x, y)
-        } else {
-            0
-        }
+    let kept = textured(&dog_texture(), &left)?;
+    let arena = compared(&left, &kept)?;
+    let real = context.in_real_scenes(|frame| {
+        let left = smoothed(frame.pair.left())?;
+        compared(&left, &textured(&dog_texture(), &left)?)
     })?;
-    finding.show(gray_picture("what the filter keeps", &masked)?);
-    Ok(finding)
+    let dropped = kept.row(ROW).iter().filter(|kept| !**kept).count();
+    conclude(percent(dropped, left.width()), arena, &real, finding);
+    finding.table(
+        HEADS,
+        std::iter::once(("arena".to_owned(), arena)).chain(real),
+    );
+    plot(left.row(ROW), kept.row(ROW), finding);
+    let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
+        left.get(x, y) * u8::from(kept.get(x, y))
+    })?;
+    finding.image("the view, vertically smoothed", &left)?;
+    finding.image("what the filter keeps", &masked)?;
+    Ok(())
 }
 
-/// The conditions of all views; the first is the arena.
-fn add_conditions(all: &[(String, Filtered)], finding: &mut Finding) {
-    if let Some((name, filtered)) = all.first() {
-        finding.condition(
-            filtered.dropped_contrast <= 0.5 * filtered.kept_contrast,
-            format!(
-                "In the {name} what is dropped has at most half the contrast of what is kept, by \
-                 their medians: {:.1} and {:.1} grey levels.",
-                filtered.dropped_contrast, filtered.kept_contrast
-            ),
-        );
-        finding.condition(
-            filtered.dog_changes < filtered.deviation_changes,
-            format!(
-                "In the {name} half the brightness changes fewer answers than the standard \
-                 deviation's: {:.1} % against {:.1} % of the pixels.",
-                filtered.dog_changes, filtered.deviation_changes
-            ),
-        );
-    }
-    if let [_, real @ ..] = all
-        && !real.is_empty()
-    {
-        let flatter = real
-            .iter()
-            .filter(|(_, f)| f.dropped_contrast <= 0.5 * f.kept_contrast)
-            .count();
-        let steadier = real
-            .iter()
-            .filter(|(_, f)| f.dog_changes < f.deviation_changes)
-            .count();
-        finding.condition(
-            2 * flatter > real.len() && 2 * steadier > real.len(),
-            format!(
-                "So it is in most real scenes: the contrast in {flatter}, the brightness in \
-                 {steadier} of {}.",
-                real.len()
-            ),
-        );
+/// Adds the conditions of the arena, of whose row `row_percent` are dropped, and of the real
+/// scenes.
+fn conclude(row_percent: f64, arena: Filtered, real: &[(String, Filtered)], finding: &mut Finding) {
+    let is_flat = |[_, kept, dropped, ..]: Filtered| dropped <= 0.5 * kept;
+    let is_steady = |[.., dog, deviation]: Filtered| dog < deviation;
+    let [image_percent, kept, dropped, dog, deviation] = arena;
+    finding.why = format!(
+        "The filter drops {row_percent:.0} % of the row and {image_percent:.0} % of the image, \
+         where the median contrast is {dropped:.1} grey levels against {kept:.1} in what it \
+         keeps; half the brightness changes {dog:.1} % of its answers, and {deviation:.1} % of \
+         the standard deviation's."
+    );
+    finding.condition(is_flat(arena)).says(format!(
+        "In the arena what is dropped has at most half the contrast of what is kept, by their \
+         medians: {dropped:.1} and {kept:.1} grey levels."
+    ));
+    finding.condition(is_steady(arena)).says(format!(
+        "In the arena half the brightness changes fewer answers than the standard deviation's: \
+         {dog:.1} % against {deviation:.1} % of the pixels."
+    ));
+    if !real.is_empty() {
+        let count =
+            |is: fn(Filtered) -> bool| real.iter().filter(|(_, values)| is(*values)).count();
+        let (flat, steady, scenes) = (count(is_flat), count(is_steady), real.len());
+        finding.condition(2 * flat > scenes && 2 * steady > scenes).says(format!(
+            "So it is in most real scenes: the contrast in {flat}, the brightness in {steady} of \
+             {scenes}."
+        ));
     }
 }
 
-fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) {
+fn plot(row: &[u8], kept: &[bool], finding: &mut Finding) {
     let line = |name: &str, values: Vec<f64>| {
         let points = values.into_iter().enumerate();
         let points = points.map(|(x, value)| (x as f64, value));
         Series::new(name, SeriesStyle::Line, points)
     };
     let x = || Axis::new("x, px").with_range(0.0, row.len() as f64);
-    finding.plot(&Chart {
-        title: "A row of the image".into(),
-        x: x(),
-        y: Axis::new("grey level").with_range(0.0, 255.0),
-        series: vec![line("", row.iter().map(|&v| f64::from(v)).collect())],
-    });
+    let y = Axis::new("grey level").with_range(0.0, 255.0);
+    let levels = row.iter().map(|&level| f64::from(level)).collect();
+    finding.chart("A row of the image", [x(), y], [line("", levels)]);
+    let y = Axis::new("response, grey levels");
     let [fine, coarse] = responses(row);
-    finding.plot(&Chart {
-        title: "Differences of Gaussians".into(),
-        x: x(),
-        y: Axis::new("response, grey levels"),
-        series: vec![line("fine", fine), line("coarse", coarse)],
-    });
-    let scales = kept.iter().map(|&kept| if kept { 1.0 } else { 2.0 });
-    finding.plot(&Chart {
-        title: "Scale of the stronger response: 2 is dropped".into(),
-        x: x(),
-        y: Axis::new("scale").with_range(0.0, 3.0),
-        series: vec![line("", scales.collect())],
-    });
+    let curves = [line("fine", fine), line("coarse", coarse)];
+    finding.chart("Differences of Gaussians", [x(), y], curves);
+    let y = Axis::new("scale").with_range(0.0, 3.0);
+    let scales = kept
+        .iter()
+        .map(|&kept| if kept { 1.0 } else { 2.0 })
+        .collect();
+    let title = "Scale of the stronger response: 2 is dropped";
+    finding.chart(title, [x(), y], [line("", scales)]);
 }
 
-fn smoothed(image: &Gray) -> Result<Gray> {
-    let mut smooth = Gray::filled(image.width(), image.height(), 0)?;
-    VerticalSmoothing::new(1.0).apply(isa()?, image, &mut smooth);
-    Ok(smooth)
-}
-
-/// Results of the two filters on an image, in per cent.
-struct Filtered {
-    kept: Plane<bool>,
-    dropped_percent: f64,
-    /// Medians of the standard deviations of windows, grey levels.
-    kept_contrast: f64,
-    dropped_contrast: f64,
-    /// Pixels whose result changes if the image is half as bright.
-    dog_changes: f64,
-    deviation_changes: f64,
-}
-
-impl Filtered {
-    fn new(image: &Gray) -> Result<Self> {
-        let (width, height) = image.size();
-        let (isa, dog, deviation) = (
-            isa()?,
-            DogTexture::new(SIGMA, DELTA),
-            DeviationTexture::new(DEVIATION),
-        );
-        let mask = |image: &Gray, deviating: bool| {
-            let mut mask = Plane::filled(width, height, false)?;
-            if deviating {
-                deviation.apply(isa, image, &mut mask);
-            } else {
-                dog.apply(isa, image, &mut mask);
-            }
-            Ok::<_, svl_core::Error>(mask)
-        };
-        // Integer halving, like the quantization of a camera with half the exposure.
-        let dark = image.map(|v| v / 2);
-        let kept = mask(image, false)?;
-        let contrast = |which: bool| {
-            let windows =
-                // Windows of 1 x 9 that lie inside the image.
-                (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
-            let windows = windows.filter(|&(x, y)| kept.get(x, y) == which);
-            MeanMedian::from_values(
-                windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])),
-            )
-            .map_or(f64::NAN, |s| s.median)
-        };
-        let changes = |a: &Plane<bool>, b: &Plane<bool>| {
-            let changed = a.pixels().zip(b.pixels()).filter(|(a, b)| a != b).count();
-            percent(changed, width * height).unwrap_or(f64::NAN)
-        };
-        let dropped = kept.pixels().filter(|kept| !kept).count();
-        Ok(Self {
-            dropped_percent: percent(dropped, width * height).unwrap_or(f64::NAN),
-            kept_contrast: contrast(true),
-            dropped_contrast: contrast(false),
-            dog_changes: changes(&kept, &mask(&dark, false)?),
-            deviation_changes: changes(&mask(image, true)?, &mask(&dark, true)?),
-            kept,
-        })
-    }
-
-    fn values(&self) -> [TableValue; 5] {
-        [
-            self.dropped_percent,
-            self.kept_contrast,
-            self.dropped_contrast,
-            self.dog_changes,
-            self.deviation_changes,
-        ]
-        .map(TableValue::from)
-    }
+/// What the filter, which keeps `kept`, and the standard deviation do to an image.
+fn compared(image: &Gray, kept: &Plane<bool>) -> Result<Filtered> {
+    let (width, height) = image.size();
+    // Windows of 1 x 9 that lie inside the image.
+    let windows = (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
+    let contrast = |is_kept: bool| {
+        let windows = windows.clone().filter(|&(x, y)| kept.get(x, y) == is_kept);
+        let windows = windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4]));
+        MeanMedian::new(windows).median
+    };
+    // Integer halving, like the quantization of a camera with half the exposure.
+    let dark = image.map(|v| v / 2);
+    let changes = |filter: &dyn TextureFilter| {
+        let (bright, dark) = (textured(filter, image)?, textured(filter, &dark)?);
+        let pairs = bright.pixels().zip(dark.pixels());
+        Result::Ok(percent(
+            pairs.filter(|(a, b)| a != b).count(),
+            width * height,
+        ))
+    };
+    let dropped = kept.pixels().filter(|kept| !kept).count();
+    Ok([
+        percent(dropped, width * height),
+        contrast(true),
+        contrast(false),
+        changes(&dog_texture())?,
+        changes(&DeviationTexture::new(DEVIATION))?,
+    ])
 }
 
 fn deviation_of(window: &[u8]) -> f64 {
@@ -268,13 +186,13 @@ mod tests {
             (128.0 + 90.0 * ((x * x + 31 * y) as f64 * 0.01).sin()) as u8
         })
         .unwrap();
-        let filtered = Filtered::new(&image).unwrap();
+        let kept = textured(&dog_texture(), &image).unwrap();
         for y in 0..4 {
             let [fine, coarse] = responses(image.row(y));
             for x in 0..120 {
                 let clear = (fine[x] - coarse[x]).abs() > 0.05;
                 assert!(
-                    !clear || filtered.kept.get(x, y) == (fine[x] >= coarse[x]),
+                    !clear || kept.get(x, y) == (fine[x] >= coarse[x]),
                     "{x} {y}"
                 );
             }

@@ -2,11 +2,11 @@
 //! object.
 
 use super::checks::Correlated;
-use super::measure::{MeanMedian, gray_picture, percent, right, ssdpi_picture, valid};
-use super::{Context, Experiment, Finding, TableValue, stage};
+use super::measure::{Matches, percent};
+use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame};
-use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -23,7 +23,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              matched back. SSDPI is ln(SSDPI + 1) of what each check keeps; comparable means \
              within 0.5, a factor of 1.65. The truth says which matches are right, within 2 px; \
              the thesis could not know.",
-    records: false,
     run,
 };
 
@@ -31,83 +30,55 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const CLOSE_M: f64 = 0.2;
 /// Distances of the approach, the farthest first.
 const APPROACH_M: [f64; 7] = [1.0, 0.7, 0.5, 0.4, 0.3, 0.25, 0.2];
-/// Other interpretations of the symmetric check: equal disparities; right pixels matched back only
-/// if they are textured; both, which is the thesis to the letter.
-const VARIANTS: [&str; 3] = [
+/// The self check, and interpretations of the symmetric check: as in v1; equal disparities; right
+/// pixels matched back only if they are textured; both, which is the thesis to the letter.
+const CHECKS: [&str; 5] = [
+    "self check",
+    "symmetric check",
     "symmetric check, 0 px",
     "symmetric check, texture on both sides",
     "symmetric check to the letter",
 ];
-const LETTER: usize = 2;
+/// Indices of the self check, and of the symmetric check as in v1 and to the letter.
+const COMPARED: [usize; 3] = [0, 1, 4];
 /// Difference of ln SSDPIs that counts as comparable.
 const MAX_COMPARABLE_DIFFERENCE: f64 = 0.5;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let mut finding = Finding::default();
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let frame = context.still(&close_object(CLOSE_M))?;
-    let close = Checked::new(&frame)?;
-    let dropped = close.comparison.dropped();
-    finding.quantity("matches that the self check drops", "%", "35", dropped[0]);
-    finding.quantity(
-        "matches that the symmetric check drops, as in v1",
-        "%",
-        "55",
-        dropped[1],
-    );
-    finding.quantity(
-        "matches that it drops, to the letter",
-        "%",
-        "55",
-        dropped[2],
-    );
-    conditions("Before the close object", &close.comparison, &mut finding);
-    let mut why = format!("Before the close object {}", close.comparison.words());
-    let mut rows = close.comparison.rows("close object");
-    let approach = approach(context, &mut finding)?;
-
-    let (real, shares) = real_scenes(context)?;
-    if real.matches > 0 {
-        conditions("In the real scenes", &real, &mut finding);
+    let (close, maps) = CheckComparison::new(&frame)?;
+    let dropped = close.dropped();
+    let [own, symmetric, letter] = dropped;
+    finding.quantity("matches that the self check drops", "%", "35", own);
+    let as_in_v1 = "matches that the symmetric check drops, as in v1";
+    finding.quantity(as_in_v1, "%", "55", symmetric);
+    finding.quantity("matches that it drops, to the letter", "%", "55", letter);
+    conditions("Before the close object", &close, finding);
+    let mut why = format!("Before the close object {}", close.words());
+    let mut rows = close.rows("close object");
+    approach(context, finding)?;
+    let scenes = context.in_real_scenes(|frame| Ok(CheckComparison::new(&frame)?.0))?;
+    let scenes_drop = scenes.iter().map(|(_, scene)| scene.dropped()).collect();
+    // Pooled: each match counts once, regardless of the size of its scene.
+    let mut real = CheckComparison::default();
+    scenes.into_iter().for_each(|(_, scene)| real.add(scene));
+    if real.all.count() > 0 {
+        conditions("In the real scenes", &real, finding);
         why += &format!("; in the real scenes {}", real.words());
         rows.extend(real.rows("real scenes"));
     }
     finding.why = why + ".";
-    let table = finding.table([
-        "view, check",
-        "matches dropped, %",
-        "mean ln SSDPI of the rest",
-        "median ln SSDPI of the rest",
-        "right matches dropped, %",
-        "wrong among the rest, %",
-    ]);
-    rows.into_iter()
-        .for_each(|(name, values)| table.row(name, values));
-    finding.plot(&approach);
-    finding.plot(&both_checks(shares, dropped));
-    finding.show(gray_picture("the left image", frame.pair.left())?);
-    for (what, map) in [
-        ("all matches", &close.matches),
-        ("what the self check keeps", &close.own),
-        ("what the symmetric check keeps", &close.symmetric),
-    ] {
-        finding.show(ssdpi_picture(format!("ln SSDPI of {what}"), map)?);
-    }
-    Ok(finding)
-}
-
-/// The real scenes, pooled: each match counts once, regardless of the size of its scene; and the
-/// fractions that each drops.
-fn real_scenes(context: &mut Context<'_>) -> Result<(CheckComparison, Vec<[f64; 3]>)> {
-    let mut real = CheckComparison::default();
-    let mut shares = Vec::new();
-    for frame in context.real() {
-        let frame = frame?;
-        context.step()?;
-        let scene = Checked::new(&frame)?.comparison;
-        shares.push(scene.dropped());
-        real.add(scene);
-    }
-    Ok((real, shares))
+    finding.table(
+        "view, check | matches dropped, % | mean ln SSDPI of the rest | median ln SSDPI of the \
+         rest | right matches dropped, % | wrong among the rest, %",
+        rows,
+    );
+    plot_both_checks(scenes_drop, dropped, finding);
+    finding.image("the left image", frame.pair.left())?;
+    let [all, own, symmetric] = &maps;
+    finding.ssdpis("ln SSDPI of all matches", all)?;
+    finding.ssdpis("ln SSDPI of what the self check keeps", own)?;
+    finding.ssdpis("ln SSDPI of what the symmetric check keeps", symmetric)
 }
 
 /// A block rotated by 35°, a ball next to it and a wall behind.
@@ -121,234 +92,145 @@ fn close_object(ahead_m: f64) -> ArenaConfig {
     config
 }
 
-/// Matches dropped by the checks as the object approaches.
-fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
-    let mut dropped = Vec::new();
+/// Adds a condition and a plot of the matches dropped by the checks as the object approaches.
+fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
+    let names = [
+        "self check",
+        "symmetric check, as in v1",
+        "symmetric check, to the letter",
+    ];
+    let mut curves = names.map(|name| Series::new(name, SeriesStyle::Both, []));
     for ahead_m in APPROACH_M {
         let frame = context.still(&close_object(ahead_m))?;
-        dropped.push((ahead_m, Checked::new(&frame)?.comparison.dropped()));
+        let dropped = CheckComparison::new(&frame)?.0.dropped();
+        for (curve, dropped) in curves.iter_mut().zip(dropped) {
+            curve.points.push((ahead_m, dropped));
+        }
     }
     // The approach is not empty.
-    if let (Some((far_m, far)), Some((near_m, near))) = (dropped.first(), dropped.last()) {
-        finding.condition(
-            near[2] > far[2],
-            format!(
-                "The nearer the object, the more the symmetric check drops, to the letter: {:.1} \
-                 % at {far_m} m and {:.1} % at {near_m} m.",
-                far[2], near[2]
-            ),
-        );
+    if let [(far_m, far), .., (near_m, near)] = curves[2].points[..] {
+        finding.condition(near > far).says(format!(
+            "The nearer the object, the more the symmetric check drops, to the letter: {far:.1} % \
+             at {far_m} m and {near:.1} % at {near_m} m."
+        ));
     }
-    let curve = |name: &str, check: usize| {
-        let points = dropped
-            .iter()
-            .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]));
-        Series::new(name, SeriesStyle::Both, points)
+    let x = Axis::new("distance of the object, m");
+    let y = Axis::new("matches dropped, %").with_range(0.0, 80.0);
+    finding.chart("The same object from far to near", [x, y], curves);
+    Ok(())
+}
+
+/// Plots each view by the matches that the two checks drop.
+fn plot_both_checks(scenes: Vec<[f64; 3]>, close: [f64; 3], finding: &mut Finding) {
+    let points = |name: &str, views: &[[f64; 3]], check: usize| {
+        let points = views.iter().map(|dropped| (dropped[check], dropped[0]));
+        Series::new(name, SeriesStyle::Points, points)
     };
-    Ok(Chart {
-        title: "The same object from far to near".into(),
-        x: Axis::new("distance of the object, m"),
-        y: Axis::new("matches dropped, %").with_range(0.0, 80.0),
-        series: vec![
-            curve("self check", 0),
-            curve("symmetric check, as in v1", 1),
-            curve("symmetric check, to the letter", 2),
-        ],
-    })
+    let series = [
+        points("real scenes, as in v1", &scenes, 1),
+        points("real scenes, to the letter", &scenes, 2),
+        points("close object, as in v1", &[close], 1),
+        points("close object, to the letter", &[close], 2),
+        points("close object, thesis", &[[35.0, 55.0, 55.0]], 1),
+        Series::new("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
+    ];
+    let axes = ["symmetric", "self"].map(|check| {
+        let label = format!("dropped by the {check} check, %");
+        Axis::new(label).with_range(0.0, 80.0)
+    });
+    finding.chart("What both checks drop", axes, series);
 }
 
-/// Each view by the matches that the two checks drop.
-fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
-    let points =
-        |name: &str, points: Vec<(f64, f64)>| Series::new(name, SeriesStyle::Points, points);
-    let real = |check: usize| {
-        real.iter()
-            .map(|dropped| (dropped[check], dropped[0]))
-            .collect()
-    };
-    Chart {
-        title: "What both checks drop".into(),
-        x: Axis::new("dropped by the symmetric check, %").with_range(0.0, 80.0),
-        y: Axis::new("dropped by the self check, %").with_range(0.0, 80.0),
-        series: vec![
-            points("real scenes, as in v1", real(1)),
-            points("real scenes, to the letter", real(2)),
-            points("close object, as in v1", vec![(close[1], close[0])]),
-            points("close object, to the letter", vec![(close[2], close[0])]),
-            points("close object, thesis", vec![(55.0, 35.0)]),
-            Series::new("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
-        ],
-    }
+/// The checks on the same matches.
+#[derive(Clone, Debug, Default)]
+struct CheckComparison {
+    all: Matches,
+    /// Matches that each of [`CHECKS`] keeps.
+    kept: [Matches; CHECKS.len()],
 }
 
-struct Checked {
-    matches: DisparityMap,
-    own: DisparityMap,
-    symmetric: DisparityMap,
-    comparison: CheckComparison,
-}
-
-impl Checked {
-    fn new(frame: &Frame) -> Result<Self> {
+impl CheckComparison {
+    /// With the maps of all matches, and of those kept by the self check and the symmetric check.
+    fn new(frame: &Frame) -> Result<(Self, [DisparityMap; 3])> {
         let correlated = Correlated::new(&frame.pair)?;
         // v1 tolerates a pixel of difference.
         let (own, symmetric) = (correlated.self_checked(), correlated.symmetric(1));
-        let kept = |map: &DisparityMap| {
-            let judged: Vec<bool> = frame
-                .truth
-                .iter()
-                .flat_map(|truth| valid(map).filter_map(|v| right(truth, &v)))
-                .collect();
-            KeptMatches {
-                matches: map.valid(),
-                known: judged.len(),
-                good: judged.iter().filter(|right| **right).count(),
-                // Stored one by one, as the median of pooled scenes does not follow from the
-                // scenes' medians.
-                ln_ssdpi: valid(map).map(|v| v.ln_ssdpi).collect(),
-            }
-        };
-        let comparison = CheckComparison {
-            matches: correlated.matches.valid(),
-            good: kept(&correlated.matches).good,
-            own: kept(&own),
-            symmetric: kept(&symmetric),
-            variants: [
+        let kept = |map: &DisparityMap| Matches::new(frame, map);
+        let comparison = Self {
+            all: kept(&correlated.matches),
+            kept: [
+                kept(&own),
+                kept(&symmetric),
                 kept(&correlated.symmetric(0)),
                 kept(&correlated.symmetric_on_texture(1)),
                 kept(&correlated.symmetric_on_texture(0)),
             ],
         };
-        Ok(Self {
-            matches: correlated.matches,
-            own,
-            symmetric,
-            comparison,
-        })
-    }
-}
-
-/// The two checks on the same matches.
-#[derive(Clone, Debug, Default)]
-struct CheckComparison {
-    matches: usize,
-    /// Matches that are right.
-    good: usize,
-    own: KeptMatches,
-    symmetric: KeptMatches,
-    /// By other interpretations of the symmetric check: see [`VARIANTS`].
-    variants: [KeptMatches; 3],
-}
-
-/// Matches kept by a check.
-#[derive(Clone, Debug, Default)]
-struct KeptMatches {
-    matches: usize,
-    /// Matches whose truth is known.
-    known: usize,
-    /// Matches that are right.
-    good: usize,
-    ln_ssdpi: Vec<f64>,
-}
-
-impl KeptMatches {
-    fn spread(&self) -> Option<MeanMedian> {
-        MeanMedian::from_values(self.ln_ssdpi.iter().copied())
-    }
-
-    fn wrong_percent(&self) -> Option<f64> {
-        percent(self.known - self.good, self.known)
+        Ok((comparison, [correlated.matches, own, symmetric]))
     }
 
     fn add(&mut self, other: Self) {
-        self.matches += other.matches;
-        self.known += other.known;
-        self.good += other.good;
-        self.ln_ssdpi.extend(other.ln_ssdpi);
-    }
-}
-
-impl CheckComparison {
-    fn add(&mut self, other: Self) {
-        self.matches += other.matches;
-        self.good += other.good;
-        self.variants
-            .iter_mut()
-            .zip(other.variants)
-            .for_each(|(sum, other)| sum.add(other));
-        self.own.add(other.own);
-        self.symmetric.add(other.symmetric);
+        self.all.add(other.all);
+        let pairs = self.kept.iter_mut().zip(other.kept);
+        pairs.for_each(|(sum, other)| sum.add(other));
     }
 
-    /// Fractions of the matches dropped by the self check, and by the symmetric check as in v1 and
-    /// to the letter, per cent.
+    /// A number of each of [`COMPARED`].
+    fn compared(&self, number: impl Fn(&Matches) -> f64) -> [f64; 3] {
+        COMPARED.map(|check| number(&self.kept[check]))
+    }
+
+    /// Fraction of the matches that a check drops, per cent.
+    fn dropped_percent(&self, kept: &Matches) -> f64 {
+        percent(self.all.count() - kept.count(), self.all.count())
+    }
+
     fn dropped(&self) -> [f64; 3] {
-        [&self.own, &self.symmetric, &self.variants[LETTER]]
-            .map(|kept| percent(self.matches - kept.matches, self.matches).unwrap_or(f64::NAN))
-    }
-
-    /// Medians of ln SSDPI of the matches that the two keep.
-    fn medians(&self) -> [f64; 2] {
-        [&self.own, &self.symmetric].map(|kept| kept.spread().map_or(f64::NAN, |s| s.median))
+        self.compared(|kept| self.dropped_percent(kept))
     }
 
     fn words(&self) -> String {
         let [own, symmetric, letter] = self.dropped();
-        let wrong = [&self.own, &self.symmetric, &self.variants[LETTER]];
-        let wrong = wrong.map(|kept| kept.wrong_percent().unwrap_or(f64::NAN));
+        let [own_wrong, symmetric_wrong, letter_wrong] = self.compared(Matches::wrong_percent);
         format!(
             "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % \
-             as in v1 and {letter:.0} % to the letter; of the rest {:.0} %, {:.0} % and {:.0} \
-             % are wrong",
-            wrong[0], wrong[1], wrong[2]
+             as in v1 and {letter:.0} % to the letter; of the rest {own_wrong:.0} %, \
+             {symmetric_wrong:.0} % and {letter_wrong:.0} % are wrong"
         )
     }
 
-    /// A line per check: matches dropped, mean and median of the rest, right ones dropped, wrong
+    /// A row per check: matches dropped, mean and median of the rest, right ones dropped, wrong
     /// ones kept.
-    fn rows(&self, place: &str) -> Vec<(String, [TableValue; 5])> {
-        let line = |(name, kept): (&str, &KeptMatches)| {
-            let spread = kept.spread();
+    fn rows(&self, place: &str) -> Vec<(String, [f64; 5])> {
+        let row = |(check, kept): (&&str, &Matches)| {
+            let (spread, right) = (kept.spread(), self.all.right);
             let values = [
-                percent(self.matches - kept.matches, self.matches),
-                spread.map(|s| s.mean),
-                spread.map(|s| s.median),
-                percent(self.good - kept.good, self.good),
+                self.dropped_percent(kept),
+                spread.mean,
+                spread.median,
+                percent(right - kept.right, right),
                 kept.wrong_percent(),
             ];
-            (format!("{place}, {name}"), values.map(TableValue::from))
+            (format!("{place}, {check}"), values)
         };
-        let checks = [
-            ("self check", &self.own),
-            ("symmetric check", &self.symmetric),
-        ];
-        checks
-            .into_iter()
-            .chain(VARIANTS.into_iter().zip(&self.variants))
-            .map(line)
-            .collect()
+        CHECKS.iter().zip(&self.kept).map(row).collect()
     }
 }
 
 fn conditions(place: &str, comparison: &CheckComparison, finding: &mut Finding) {
-    let ([own, symmetric, letter], medians) = (comparison.dropped(), comparison.medians());
+    let [own, symmetric, letter] = comparison.dropped();
     for (check, dropped) in [("as in v1", symmetric), ("to the letter", letter)] {
-        finding.condition(
-            own < dropped,
-            format!(
-                "{place} the self check drops fewer matches than the symmetric check {check}: \
-                 {own:.1} % and {dropped:.1} %."
-            ),
-        );
+        finding.condition(own < dropped).says(format!(
+            "{place} the self check drops fewer matches than the symmetric check {check}: \
+             {own:.1} % and {dropped:.1} %."
+        ));
     }
-    finding.condition(
-        (medians[0] - medians[1]).abs() <= MAX_COMPARABLE_DIFFERENCE,
-        format!(
-            "{place} the median ln SSDPIs of what they keep are within \
-             {MAX_COMPARABLE_DIFFERENCE}: {:.2} and {:.2}.",
-            medians[0], medians[1]
-        ),
-    );
+    let [own, symmetric, _] = comparison.compared(|kept| kept.spread().median);
+    let are_comparable = (own - symmetric).abs() <= MAX_COMPARABLE_DIFFERENCE;
+    finding.condition(are_comparable).says(format!(
+        "{place} the median ln SSDPIs of what they keep are within {MAX_COMPARABLE_DIFFERENCE}: \
+         {own:.2} and {symmetric:.2}."
+    ));
 }
 
 #[cfg(test)]
@@ -357,18 +239,17 @@ mod tests {
     use crate::ClaimVerdict;
 
     fn comparison(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> CheckComparison {
-        let kept = |matches: usize, ln_ssdpi: f64| KeptMatches {
-            matches,
+        let kept = |matches: usize, ln_ssdpi: f64| Matches {
+            pixels: 100,
             known: matches,
-            good: matches,
-            ln_ssdpi: vec![ln_ssdpi],
+            right: matches,
+            ln_ssdpis: vec![ln_ssdpi; matches],
         };
+        let [own, symmetric] = [kept(own, ssdpi[0]), kept(symmetric, ssdpi[1])];
+        let letter = kept(letter, 6.0);
         CheckComparison {
-            matches: 100,
-            good: 80,
-            own: kept(own, ssdpi[0]),
-            symmetric: kept(symmetric, ssdpi[1]),
-            variants: std::array::from_fn(|_| kept(letter, 6.0)),
+            all: kept(100, 6.0),
+            kept: [own, symmetric, letter.clone(), letter.clone(), letter],
         }
     }
 
@@ -389,6 +270,6 @@ mod tests {
         let mut sum = comparison(65, 55, 45, [6.0, 6.4]);
         sum.add(comparison(85, 35, 25, [7.0, 8.0]));
         assert_eq!(sum.dropped(), [25.0, 55.0, 65.0]);
-        assert_eq!((sum.good, sum.own.ln_ssdpi.len()), (160, 2));
+        assert_eq!((sum.all.right, sum.kept[0].count()), (200, 150));
     }
 }

@@ -81,7 +81,7 @@ const LINES: [(&str, usize); 16] = [
     ("report", 12583),
     ("score", 8196),
     ("sim", 3534),
-    ("thesis", 3660),
+    ("thesis", 2877),
     ("train", 3468),
     ("viewer", 1731),
 ];

@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
     let data = data_folder(args.data.as_deref());
     let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
-    let mut recording = if experiments.iter().any(|e| e.records) {
+    let mut recording = if experiments.iter().any(|e| e.records()) {
         Some(arena_run(quiet)?)
     } else {
         None
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         if progress::interrupted() {
             bail!("{STOPPED}");
         }
-        let recording = recording.take_if(|_| experiment.records);
+        let recording = recording.take_if(|_| experiment.records());
         let processor = &manifest.machine.processor;
         entries.push(ExperimentFinding {
             experiment,
@@ -110,14 +110,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         incomplete: ran.as_ref().err().map(usage::one_line),
     };
     outputs.set_aside()?;
-    write_json(&args.output.join(JSON), &page.json()?)?;
+    write_json(&args.output.join(JSON), &page.json())?;
     write(&args.output.join("reproduce.md"), page.markdown())?;
     write(&args.output.join("index.html"), page.html()?)?;
     match &ran {
         Ok(()) => outputs.commit(),
         Err(_) => outputs.keep_both(),
     }
-    print_value(args.json, &page.json()?, || text(&page, &args.output))?;
+    print_value(args.json, &page.json(), || text(&page, &args.output))?;
     ran
 }
 
@@ -137,7 +137,7 @@ fn repeat(
 ) -> anyhow::Result<Finding> {
     let title = format!("{} {}", experiment.figure(), experiment.title);
     let mut watch = Watch::new(&Terminal { quiet }, &title, None, None);
-    let found = (experiment.run)(&mut Context::new(processor, scenes, recording, &mut watch));
+    let found = experiment.run(&mut Context::new(processor, scenes, recording, &mut watch));
     drop(watch);
     match found {
         Err(_) if progress::interrupted() => bail!("{STOPPED}"),

@@ -9,9 +9,10 @@ use super::{Context, Finding};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
-use svl_core::filter::{FilterKind, FilterModel, Spectrum};
+use svl_core::filter::{FilterKind, Spectrum};
 use svl_core::kernel::isa;
 use svl_core::{Error, Result};
+use svl_report::plot::Chart;
 use svl_score::scenario::{Scenario, ScenarioSource};
 use svl_sim::arena::{Arena, ArenaConfig};
 use svl_train::fit::filter::{EpochError, FitSettings, SamplePart, WindowLabels, WindowSamples};
@@ -29,37 +30,28 @@ fn arena(kind: FilterKind) -> Result<ArenaConfig> {
     }
 }
 
-/// The runs of a part: seeds unique to it.
-type Runs = (SamplePart, Range<u64>);
-
-/// The windows of runs, each run a recording, from every n-th frame.
+/// The windows of each part's runs, each run with a seed of its own, from every n-th frame.
 fn samples(
     context: &mut Context<'_>,
     kind: FilterKind,
     config: &ArenaConfig,
-    runs: &[Runs],
+    runs: &[(SamplePart, Range<u64>)],
     every: usize,
 ) -> Result<WindowSamples> {
-    let all = runs.iter().cloned();
-    let all: Vec<_> = all
-        .flat_map(|(part, seeds)| seeds.map(move |seed| (part, seed)))
-        .collect();
-    let parts = all.iter().map(|(part, _)| *part).collect();
+    let runs = runs.iter().cloned();
+    let runs = runs.flat_map(|(part, seeds)| seeds.map(move |seed| (part, seed)));
+    let (parts, seeds): (_, Vec<_>) = runs.unzip();
     let features = kind.spec().features;
     let mut samples = WindowSamples::new(kind, features, parts);
     let mut spectrum = Spectrum::new(features.window);
     let range_px = TrainSettings::RANGE_PX;
-    for (group, (_, seed)) in all.into_iter().enumerate() {
+    for (group, seed) in seeds.into_iter().enumerate() {
         let arena = Arena::new(config, seed)?;
         let indices: Vec<_> = (0..arena.frames()).step_by(every).collect();
         let frames = indices.into_par_iter().map(|index| arena.frame(index));
         for frame in frames.collect::<Result<Vec<_>>>()? {
-            samples.add(
-                &mut spectrum,
-                &frame,
-                group,
-                &WindowLabels::Truth { range_px },
-            )?;
+            let labels = WindowLabels::Truth { range_px };
+            samples.add(&mut spectrum, &frame, group, &labels)?;
             context.step()?;
         }
     }
@@ -72,38 +64,48 @@ fn train(
     samples: &mut WindowSamples,
     hidden: &[usize],
     seeds: &[u64],
-) -> Result<(FilterModel, FilterTraining)> {
+) -> Result<FilterTraining> {
     let settings = TrainSettings {
         hidden: hidden.to_vec(),
         seeds: seeds.to_vec(),
         most_epochs: 50,
         range_px: TrainSettings::RANGE_PX,
     };
-    let mut stopped = false;
+    let mut step = Ok(());
     let mut after = |_: FitSettings, _: usize, _: EpochError| {
-        stopped |= context.step().is_err();
-        !stopped
+        step = context.step();
+        step.is_ok()
     };
     let trained = train_filter(samples, &settings, isa()?, &mut after)?;
-    if stopped {
-        Err(Error::Invalid("stopped".into()))
-    } else {
-        Ok(trained)
+    step.map(|()| trained.1)
+}
+
+/// Adds some of the plots of a training.
+fn draw(finding: &mut Finding, training: &FilterTraining, titles: &[&str]) {
+    let charts = training.charts().into_iter();
+    for (title, _, chart) in charts.filter(|(title, ..)| titles.contains(title)) {
+        let title = title.to_owned();
+        finding.plots.push(Chart { title, ..chart }.svg());
     }
 }
 
-/// Draws the plots of a training.
-fn draw(finding: &mut Finding, training: &FilterTraining, which: &[&str]) {
-    for (title, _, chart) in training.charts() {
-        if which.contains(&title) {
-            let title = title.to_owned();
-            finding.plot(&svl_report::plot::Chart { title, ..chart });
-        }
-    }
+/// Adds a table of the errors by the number of hidden neurons, which `head` names.
+fn add_sizes(finding: &mut Finding, head: &str, training: &FilterTraining) {
+    let rows = training.by_hidden().into_iter();
+    let rows = rows.map(|(hidden, errors)| (hidden.to_string(), errors));
+    finding.table(&format!("{head} | {ERRORS}"), rows);
 }
+
+/// The headings of [`errors`].
+const ERRORS: &str = "false accepted, % | false rejected, %";
 
 /// False acceptance and rejection on the test set, per cent.
 fn errors(training: &FilterTraining) -> [f64; 2] {
     let errors = training.errors;
     [errors.false_acceptance.rate, errors.false_rejection.rate].map(|rate| 100.0 * rate)
+}
+
+/// Both errors together.
+fn error_sum(training: &FilterTraining) -> f64 {
+    errors(training).iter().sum()
 }

@@ -1,10 +1,10 @@
 //! Section 8.2.2: the floor filter on a moving robot.
 
-use super::super::{Context, Experiment, Finding, TableValue};
-use super::{errors, samples, train};
+use super::super::{Context, Experiment, Finding};
+use super::{ERRORS, error_sum, errors, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
-use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
 use svl_train::FilterTraining;
 use svl_train::fit::filter::{SamplePart, WindowSamples};
@@ -18,7 +18,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
     method: "The floor network, trained on views without motion blur, tested on the same and on a \
              robot that goes and sways twice as fast with a shutter of 16 ms; then trained with \
              blur, and on fewer floors. Tests are on patterns that nothing was trained on.",
-    records: false,
     run,
 };
 
@@ -43,7 +42,7 @@ fn moving(config: &ArenaConfig) -> ArenaConfig {
     moving
 }
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let kind = FilterKind::Floor;
     let config = super::arena(kind)?;
     let runs = [
@@ -53,82 +52,62 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     ];
     let still = samples(context, kind, &still(&config), &runs, 3)?;
     let moving = samples(context, kind, &moving(&config), &runs, 3)?;
-    let mut tried = |name: &str, trained: &WindowSamples, floors, tested: &WindowSamples| {
-        let parts = &still.parts;
+    let mut trained = |samples: &WindowSamples, floors, tested: &WindowSamples| {
         let chosen = |samples: &WindowSamples, takes: &dyn Fn(usize) -> bool| {
             let numbers = 0..samples.samples.len();
             samples.select(numbers.filter(|&i| takes(samples.samples[i].group)))
         };
-        let is_test = |group: usize| parts[group] == SamplePart::Test;
+        let is_test = |group: usize| still.parts[group] == SamplePart::Test;
         let learns = |group: usize| !is_test(group) && (group < floors || group >= FLOORS);
-        let mut data = chosen(trained, &learns);
+        let mut data = chosen(samples, &learns);
         data.append(chosen(tested, &is_test));
-        let (_, training) = train(context, &mut data, &[kind.spec().hidden], &[1])?;
-        Ok::<_, svl_core::Error>((name.to_owned(), training))
+        train(context, &mut data, &[kind.spec().hidden], &[1])
     };
-    let trials = [
-        tried("without blur, tested without", &still, FLOORS, &still)?,
-        tried("without blur, tested moving", &still, FLOORS, &moving)?,
-        tried("with blur, tested moving", &moving, FLOORS, &moving)?,
-        tried("with blur on 4 floors, tested moving", &moving, 4, &moving)?,
+    let trainings = [
+        trained(&still, FLOORS, &still)?,
+        trained(&still, FLOORS, &moving)?,
+        trained(&moving, FLOORS, &moving)?,
+        trained(&moving, 4, &moving)?,
     ];
-    let mut finding = Finding::default();
-    let sum = |training: &FilterTraining| errors(training).iter().sum::<f64>();
-    let [resting, robot, mended, little] = [0, 1, 2, 3].map(|i| sum(&trials[i].1));
-    finding.condition(
-        robot > 1.5 * resting,
-        format!(
-            "A network trained without blur has half as many errors more on a moving robot: \
-             {resting:.1} % of both kinds together, moving {robot:.1} %."
-        ),
-    );
-    finding.condition(
-        mended < robot,
-        format!("Trained with blur it has fewer there: {mended:.1} %."),
-    );
-    finding.condition(
-        mended < little,
-        format!("More data improve it: with 4 of the {FLOORS} floors {little:.1} %."),
-    );
-    add_table(&trials, &mut finding);
-    plot(&trials, &mut finding);
+    let [resting, robot, mended, little] = trainings.each_ref().map(error_sum);
+    finding.condition(robot > 1.5 * resting).says(format!(
+        "A network trained without blur has half as many errors more on a moving robot: \
+         {resting:.1} % of both kinds together, moving {robot:.1} %."
+    ));
+    finding.condition(mended < robot).says(format!(
+        "Trained with blur it has fewer there: {mended:.1} %."
+    ));
+    finding.condition(mended < little).says(format!(
+        "More data improve it: with 4 of the {FLOORS} floors {little:.1} %."
+    ));
+    add_trainings(&trainings, finding);
     finding.why = format!(
         "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \
          moving; trained with blur {mended:.1} %, on 4 of the {FLOORS} floors {little:.1} %."
     );
-    Ok(finding)
+    Ok(())
 }
 
-fn add_table(trials: &[(String, FilterTraining)], finding: &mut Finding) {
-    let heads = [
-        "trained",
-        "false accepted, %",
-        "false rejected, %",
-        "area of the ROC",
-    ];
-    let table = finding.table(heads);
-    for (name, training) in trials {
+/// The samples of training and test.
+const NAMES: [&str; 4] = [
+    "without blur, tested without",
+    "without blur, tested moving",
+    "with blur, tested moving",
+    "with blur on 4 floors, tested moving",
+];
+
+/// Adds a table and a plot.
+fn add_trainings(trainings: &[FilterTraining; 4], finding: &mut Finding) {
+    let (mut rows, mut curves) = (Vec::new(), Vec::new());
+    for (name, training) in NAMES.iter().zip(trainings) {
         let [accepted, rejected] = errors(training);
-        table.row(
-            name,
-            [accepted, rejected, training.roc.area].map(TableValue::from),
-        );
+        rows.push((name.to_string(), [accepted, rejected, training.roc.area]));
+        let points = training.roc.points.iter();
+        let points = points.map(|(x, y)| (100.0 * x, 100.0 * y));
+        curves.push(Series::new(name, SeriesStyle::Line, points));
     }
-}
-
-fn plot(trials: &[(String, FilterTraining)], finding: &mut Finding) {
-    let curve = |(name, training): &(String, FilterTraining)| {
-        let points = training
-            .roc
-            .points
-            .iter()
-            .map(|(x, y)| (100.0 * x, 100.0 * y));
-        Series::new(name, SeriesStyle::Line, points)
-    };
-    finding.plot(&Chart {
-        title: "Acceptance of the floor".into(),
-        x: Axis::new("false acceptance, %").with_range(0.0, 20.0),
-        y: Axis::new("true acceptance, %").with_range(60.0, 100.0),
-        series: trials.iter().map(curve).collect(),
-    });
+    finding.table(&format!("trained | {ERRORS} | area of the ROC"), rows);
+    let x = Axis::new("false acceptance, %").with_range(0.0, 20.0);
+    let y = Axis::new("true acceptance, %").with_range(60.0, 100.0);
+    finding.chart("Acceptance of the floor", [x, y], curves);
 }

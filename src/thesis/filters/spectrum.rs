@@ -1,6 +1,6 @@
 //! Figure 8.1: the amplitude spectrum of a normal view and of a too close object.
 
-use super::super::measure::gray_picture;
+use super::super::measure::{MeanMedian, percent};
 use super::super::{Context, Experiment, Finding};
 use svl_core::Result;
 use svl_core::filter::{FilterKind, FilterWindows, Spectrum};
@@ -19,18 +19,16 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
              window of 128 pixels the share of the amplitude, without the mean, that lies at \
              frequencies above a quarter of the sampling rate. Windows are too close by the \
              truth.",
-    records: false,
     run,
 };
 
 const SIDE: usize = 128;
 
-fn run(context: &mut Context<'_>) -> Result<Finding> {
+fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let kind = FilterKind::TooClose;
     let arena = Arena::new(&super::arena(kind)?, 1)?;
     let mut spectrum = Spectrum::new(SIDE);
     let mut amplitudes = vec![0.0; SIDE * SIDE / 2 + 1];
-    let mut finding = Finding::default();
     let mut shares = [Vec::new(), Vec::new()];
     for index in (0..arena.frames()).step_by(5) {
         let frame = arena.frame(index)?;
@@ -49,52 +47,41 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             if shares.is_empty() {
                 let name = if is { "too close" } else { "normal view" };
                 let crop = Plane::from_fn(SIDE, SIDE, |x, y| left.get(at[0] + x, at[1] + y))?;
-                let spectrum = picture(&amplitudes)?;
-                finding.exhibits.push(gray_picture(name, &crop)?);
+                finding.image(name, &crop)?;
                 let caption = format!("{name}: ln(1 + amplitude), mean in the middle");
-                finding.exhibits.push(gray_picture(caption, &spectrum)?);
+                finding.image(caption, &picture(&amplitudes)?)?;
             }
             shares.push(high_share(&amplitudes));
         }
     }
-    let mean = |shares: &[f64]| 100.0 * shares.iter().sum::<f64>() / shares.len() as f64;
-    let [normal, close] = [mean(&shares[0]), mean(&shares[1])];
+    conclude(&shares, finding);
+    Ok(())
+}
+
+/// Adds the results of the shares of normal windows and of too close ones.
+fn conclude([normal, close]: &[Vec<f64>; 2], finding: &mut Finding) {
+    // Probability that a too close window has less than a normal one: the area under a ROC curve.
+    let lower = close
+        .iter()
+        .map(|c| normal.iter().filter(|n| c < *n).count());
+    let order = percent(lower.sum(), (normal.len() * close.len()).max(1));
+    let mean = |shares: &[f64]| 100.0 * MeanMedian::new(shares.iter().copied()).mean;
+    let (normal, close) = (mean(normal), mean(close));
     finding.quantity("high frequencies, normal view", "%", "", normal);
     finding.quantity("high frequencies, too close", "%", "", close);
-    finding.condition(
-        close < normal,
-        format!(
-            "The share of high frequencies is lower in windows that are too close: {close:.1} % \
-             of the amplitude, in others {normal:.1} %."
-        ),
-    );
-    let order = add_order(&shares, &mut finding);
+    let what = "a too close window has fewer than a normal one";
+    finding.quantity(what, "% of pairs", "", order);
+    finding.condition(close < normal).says(format!(
+        "The share of high frequencies is lower in windows that are too close: {close:.1} % of \
+         the amplitude, in others {normal:.1} %."
+    ));
+    finding.condition(order > 90.0).says(format!(
+        "This share alone separates most windows (more than 90 % of pairs): {order:.1} %."
+    ));
     finding.why = format!(
         "High frequencies have {close:.1} % of the amplitude of too close windows and {normal:.1} \
          % of others; {order:.1} % of pairs are in that order."
     );
-    Ok(finding)
-}
-
-/// Adds how well the share alone separates normal windows and too close ones: per cent of pairs.
-fn add_order(shares: &[Vec<f64>; 2], finding: &mut Finding) -> f64 {
-    // Probability that a too close window has less than a normal one: the area under a ROC curve.
-    let pairs = shares[0].len() * shares[1].len();
-    let lower = shares[1]
-        .iter()
-        .map(|c| shares[0].iter().filter(|n| c < *n).count());
-    let order = 100.0 * lower.sum::<usize>() as f64 / pairs.max(1) as f64;
-    finding.quantity(
-        "a too close window has fewer than a normal one",
-        "% of pairs",
-        "",
-        order,
-    );
-    finding.condition(
-        order > 90.0,
-        format!("This share alone separates most windows (more than 90 % of pairs): {order:.1} %."),
-    );
-    order
 }
 
 /// The frequencies of a value in the first half of a spectrum; `side` is that of the window.

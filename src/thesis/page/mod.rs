@@ -1,12 +1,10 @@
 //! The report of the experiments: HTML (one file without scripts or downloads), Markdown and JSON.
 
-use super::{
-    ClaimVerdict, DrawnCell, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue,
-};
-use serde::Serialize;
+use super::{ClaimVerdict, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue};
+use serde_json::{Value, json};
 use std::fmt::Write;
-use svl_core::{Error, Result, joined};
-use svl_report::page::{MarkView, PageImages, Value, fill};
+use svl_core::{Result, joined};
+use svl_report::page::{MarkView, PageImages, fill};
 use svl_report::table::{NONE, Table};
 
 /// Contents of the report.
@@ -26,82 +24,32 @@ pub struct ExperimentFinding {
     pub finding: Finding,
 }
 
-/// An experiment for JSON and for the template.
-#[derive(Serialize)]
-struct EntryView<'a> {
-    figure: &'static str,
-    title: &'static str,
-    claim: &'static str,
-    method: &'static str,
-    verdict: ClaimVerdict,
-    #[serde(flatten)]
-    finding: &'a Finding,
-}
-
-#[derive(Serialize)]
-struct ReportView<'a> {
-    incomplete: &'a Option<String>,
-    identity: &'a [(String, String)],
-    scenes: &'a [String],
-    experiments: Vec<EntryView<'a>>,
-}
-
-#[derive(Serialize)]
-struct SectionView<'a> {
-    heading: &'static str,
-    words: &'static str,
-    numbers: Vec<Table>,
-    plots: Vec<&'a str>,
-    pictures: Vec<Value>,
-    #[serde(flatten)]
-    entry: EntryView<'a>,
-}
-
-#[derive(Serialize)]
-struct PageView<'a> {
-    incomplete: &'a Option<String>,
-    identity: &'a [(String, String)],
-    scenes: String,
-    tally: String,
-    sections: Vec<SectionView<'a>>,
-    images: Vec<Value>,
-}
-
 impl FindingsPage<'_> {
     /// Number of experiments per verdict, in words.
     pub fn tally(&self) -> String {
         let verdicts = || self.entries.iter().map(|e| e.finding.verdict());
         let count = |verdict| verdicts().filter(|own| *own == verdict).count();
-        let words = |verdict: ClaimVerdict| match count(verdict) {
-            0 => None,
-            1 => Some(format!("1 {}", verdict.words())),
-            n => Some(format!("{n} {}", verdict.plural())),
-        };
-        joined(ClaimVerdict::ALL.into_iter().filter_map(words))
+        let counts = ClaimVerdict::ALL.map(|verdict| (count(verdict), verdict));
+        let found = counts.into_iter().filter(|(count, _)| *count > 0);
+        joined(found.map(|(count, verdict)| format!("{count} {}", verdict.words_for(count))))
     }
 
-    /// The report as JSON values.
-    ///
-    /// # Errors
-    /// None in practice: it contains only numbers and text.
-    pub fn json(&self) -> Result<serde_json::Value> {
-        let report = ReportView {
-            incomplete: &self.incomplete,
-            identity: &self.identity,
-            scenes: &self.scenes,
-            experiments: self.entries.iter().map(ExperimentFinding::view).collect(),
-        };
-        serde_json::to_value(report).map_err(|e| Error::Invalid(format!("report: {e}")))
+    /// The report as JSON.
+    pub fn json(&self) -> Value {
+        let experiments: Vec<_> = self.entries.iter().map(ExperimentFinding::json).collect();
+        json!({
+            "incomplete": self.incomplete,
+            "identity": self.identity,
+            "scenes": self.scenes,
+            "experiments": experiments,
+        })
     }
 
     /// The report without its figures.
     pub fn markdown(&self) -> String {
         let mut text = format!("# The thesis's experiments\n\n{}.\n", self.tally());
-        for ExperimentFinding {
-            experiment,
-            finding,
-        } in self.entries
-        {
+        for entry in self.entries {
+            let (experiment, finding) = (entry.experiment, &entry.finding);
             let (heading, title, claim) = (experiment.place, experiment.title, experiment.claim);
             let (verdict, why) = (finding.verdict().words(), &finding.why);
             // Writing to a String cannot fail.
@@ -123,61 +71,59 @@ impl FindingsPage<'_> {
     /// The report as one HTML file. All texts are escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the template engine's message.
+    /// The errors of [`fill`].
     pub fn html(&self) -> Result<String> {
         let mut images = PageImages::default();
         let sections = self.entries.iter().map(|entry| entry.section(&mut images));
-        let view = PageView {
-            incomplete: &self.incomplete,
-            identity: &self.identity,
-            scenes: self.scenes.join(", "),
-            tally: self.tally(),
-            sections: sections.collect(),
-            images: images.into_views(),
-        };
+        let sections: Vec<_> = sections.collect();
+        let view = json!({
+            "incomplete": self.incomplete,
+            "identity": self.identity,
+            "scenes": self.scenes.join(", "),
+            "tally": self.tally(),
+            "sections": sections,
+            "images": images.into_views(),
+        });
         let (page, style) = (include_str!("page.html"), include_str!("page.css"));
         fill(page, style, &[], view)
     }
 }
 
 impl ExperimentFinding {
-    fn view(&self) -> EntryView<'_> {
-        EntryView {
-            figure: self.experiment.figure(),
-            title: self.experiment.title,
-            claim: self.experiment.claim,
-            method: self.experiment.method,
-            verdict: self.finding.verdict(),
-            finding: &self.finding,
-        }
+    fn json(&self) -> Value {
+        let (experiment, finding) = (self.experiment, &self.finding);
+        json!({
+            "figure": experiment.figure(),
+            "title": experiment.title,
+            "claim": experiment.claim,
+            "method": experiment.method,
+            "verdict": finding.verdict(),
+            "why": finding.why,
+            "conditions": finding.conditions,
+            "quantities": finding.quantities,
+            "tables": finding.tables,
+        })
     }
 
-    fn section<'a>(&'a self, images: &mut PageImages<'a>) -> SectionView<'a> {
-        let (mut plots, mut pictures) = (Vec::new(), Vec::new());
-        for exhibit in &self.finding.exhibits {
-            match exhibit {
-                Exhibit::Plot(svg) => plots.push(svg.as_str()),
-                Exhibit::Picture {
-                    caption,
-                    png,
-                    size,
-                    marks,
-                } => {
-                    let mark =
-                        |drawn: &DrawnCell| MarkView::new(drawn.mark, String::new(), drawn.wrong);
-                    let marks = marks.iter().map(mark).collect();
-                    pictures.push(images.picture(caption, png, *size, marks));
-                }
-            }
-        }
-        SectionView {
-            heading: self.experiment.place,
-            words: self.finding.verdict().words(),
-            numbers: tables(&self.finding),
-            plots,
-            pictures,
-            entry: self.view(),
-        }
+    /// For the template: also with plots and pictures.
+    fn section<'a>(&'a self, images: &mut PageImages<'a>) -> Value {
+        let finding = &self.finding;
+        let mut picture = |picture: &'a Exhibit| {
+            let marks = picture.marks.iter();
+            let marks = marks.map(|(mark, wrong)| MarkView::new(*mark, String::new(), *wrong));
+            let Exhibit {
+                caption, png, size, ..
+            } = picture;
+            images.picture(caption, png, *size, marks.collect())
+        };
+        let pictures: Vec<_> = finding.pictures.iter().map(&mut picture).collect();
+        let mut section = self.json();
+        section["heading"] = json!(self.experiment.place);
+        section["words"] = json!(finding.verdict().words());
+        section["numbers"] = json!(tables(finding));
+        section["plots"] = json!(finding.plots);
+        section["pictures"] = json!(pictures);
+        section
     }
 }
 
@@ -187,9 +133,8 @@ fn tables(finding: &Finding) -> Vec<Table> {
     for quantity in &finding.quantities {
         beside.push(&quantity.name, numbers(quantity));
     }
-    let beside = (!beside.rows.is_empty()).then_some(beside);
     let others = finding.tables.iter().map(worded);
-    beside.into_iter().chain(others).collect()
+    beside.if_any().into_iter().chain(others).collect()
 }
 
 fn numbers(quantity: &Quantity) -> [String; 2] {
@@ -197,9 +142,12 @@ fn numbers(quantity: &Quantity) -> [String; 2] {
         "" => number,
         unit => format!("{number}\u{a0}{unit}"),
     };
-    let thesis = quantity.thesis.clone().map_or_else(String::new, with_unit);
-    let ours = quantity.ours.map(|value| with_unit(number(value)));
-    [thesis, ours.unwrap_or_else(|| NONE.to_owned())]
+    let thesis = quantity.thesis.clone().map(with_unit);
+    let ours = quantity.ours.map(number).map(with_unit);
+    [
+        thesis.unwrap_or_default(),
+        ours.unwrap_or_else(|| NONE.to_owned()),
+    ]
 }
 
 fn worded(finding: &FindingTable) -> Table {
@@ -208,9 +156,7 @@ fn worded(finding: &FindingTable) -> Table {
         TableValue::Text(text) => text.clone(),
         TableValue::Nothing => NONE.to_owned(),
     };
-    let mut heads = finding.heads.iter();
-    let first = heads.next().map_or("", String::as_str);
-    let mut table = Table::new("", first).with_columns(heads);
+    let mut table = Table::new("", &finding.heads[0]).with_columns(&finding.heads[1..]);
     for (name, values) in &finding.rows {
         table.push(name, values.iter().map(cell));
     }
@@ -246,18 +192,15 @@ mod tests {
             why: "a < b".into(),
             ..Finding::default()
         };
-        finding.condition(true, "x > 1");
+        finding.condition(true).says("x > 1");
         finding.quantity("share <i>", "%", "35", 33.333);
         finding.quantity("nothing", "", "", f64::NAN);
-        finding
-            .table(["scene", "share, %"])
-            .row("cones & co", [TableValue::from(12.34)]);
-        let marks = Vec::new();
-        finding.exhibits.push(Exhibit::Picture {
+        finding.table("scene | share, %", [("cones & co".into(), [12.34])]);
+        finding.pictures.push(Exhibit {
             caption: "c & d".into(),
             png: vec![1, 2, 3],
             size: (4, 2),
-            marks,
+            marks: Vec::new(),
         });
         let entries = [ExperimentFinding {
             experiment: &super::super::EXPERIMENTS[0],
@@ -282,7 +225,7 @@ mod tests {
         for text in ["share &lt;i", "35\u{a0}%", "33.3\u{a0}%"] {
             assert!(markdown.contains(text), "{markdown}");
         }
-        let json = page(&entries).json().unwrap();
+        let json = page(&entries).json();
         assert_eq!(
             (
                 json["experiments"][0]["verdict"].as_str(),
