@@ -45,10 +45,10 @@ impl Correlated {
         texture.apply(isa, &left, &mut textured);
         texture.apply(isa, &right, &mut right_textured);
 
-        let blocks = |image: &Gray| {
+        let blocks = |image: &Gray| -> Result<Blocks> {
             let mut blocks = Blocks::new(width, height)?;
             blocks.load(isa, image);
-            Result::Ok(blocks)
+            Ok(blocks)
         };
         let mut this = Self {
             isa,
