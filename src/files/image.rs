@@ -1,16 +1,15 @@
 //! Image files: PNG, JPEG, PNM, TIFF, BMP, WebP.
 
-use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
+use super::{BitDepth, DecodedImage, ImageFault, MAX_BYTES, jpeg, read_bounded};
 use image::{
-    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError,
-    ImageFormat, ImageReader, codecs::png::PngEncoder, metadata::Orientation,
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, codecs::png::PngEncoder, metadata::Orientation,
 };
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::atomic::{AtomicU16, Ordering};
 use svl_core::stereo::{Gray, MAX_SIDE, Plane, Visibility};
 use svl_core::{Error, Result};
-use zune_jpeg::errors::DecodeErrors;
 
 /// Image formats by file extension, the usual one first; those of the last two name a cure.
 pub const IMAGE_ENDINGS: &[&str] = &[
@@ -25,36 +24,6 @@ const HEIC: [&[u8]; 5] = [
     b"ftypmif1",
     b"ftypmsf1",
 ];
-
-/// Fault in the bytes of an image.
-#[derive(Debug, thiserror::Error)]
-pub enum ImageFault {
-    #[error(
-        "a HEIC, which svl does not read; `heif-convert IN OUT.png` converts it (Debian: \
-         libheif-examples)"
-    )]
-    Heic,
-    #[error("no JPEG, {0} bytes")]
-    NoJpeg(usize),
-    #[error("a JPEG that is cut off: it has no end marker, {0} bytes")]
-    Cut(usize),
-    #[error("a JPEG with more restarts than blocks")]
-    Restarts,
-    /// Width, height, and what is wrong with these.
-    #[error("a JPEG of {0}x{1} pixels{2}")]
-    Pixels(usize, usize, String),
-    #[error("a JPEG whose data are broken or end early: {}", .0.to_string().trim_matches('"'))]
-    Jpeg(#[from] DecodeErrors),
-    /// Bytes of a buffer, and those that its image needs.
-    #[error("{0} of {1} bytes")]
-    Short(usize, usize),
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    #[error(transparent)]
-    Other(#[from] Error),
-}
 
 /// Reads an image of any format and depth; its sides are at most [`MAX_SIDE`].
 pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
@@ -77,11 +46,11 @@ pub fn read_image(path: &Path) -> Result<DecodedImage> {
 ///
 /// # Errors
 /// The reason why it cannot be read.
-pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, ImageFault> {
+pub fn decode_bytes(bytes: &[u8]) -> Result<DynamicImage, ImageFault> {
     decode_named("an image", bytes)
 }
 
-fn decode_named(name: &str, bytes: &[u8]) -> std::result::Result<DynamicImage, ImageFault> {
+fn decode_named(name: &str, bytes: &[u8]) -> Result<DynamicImage, ImageFault> {
     /// The orientations that were told.
     static TOLD: AtomicU16 = AtomicU16::new(0);
     let (mut image, orientation) = decode_unturned(bytes)?;
@@ -118,7 +87,7 @@ fn unscaled(bytes: &[u8]) -> Option<Vec<u8>> {
     is_other.then(|| [&bytes[..start], b"65535", &bytes[end..]].concat())
 }
 
-fn decode_unturned(bytes: &[u8]) -> std::result::Result<(DynamicImage, Orientation), ImageFault> {
+fn decode_unturned(bytes: &[u8]) -> Result<(DynamicImage, Orientation), ImageFault> {
     let unscaled = unscaled(bytes);
     let bytes = unscaled.as_deref().unwrap_or(bytes);
     let kind = bytes.get(4..).unwrap_or_default();
@@ -232,7 +201,7 @@ mod tests {
     use super::*;
     use crate::encode_jpeg;
 
-    fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, ImageFault> {
+    fn gray_of(bytes: &[u8]) -> Result<Gray, ImageFault> {
         Ok(gray(decode_bytes(bytes)?)?)
     }
 

@@ -1,44 +1,9 @@
 //! Values of a map as its file has them, for all readers of depths and disparities.
 
-use super::{DecodedImage, has_ending, npz, pfm, read_image, rvl};
+use super::{DecodedImage, has_ending, npz, pfm, read_image};
 use std::path::Path;
-use svl_core::stereo::{MAX_SIDE, Plane};
+use svl_core::stereo::Plane;
 use svl_core::{Error, Result};
-use zip::result::ZipError;
-
-/// Fault in a file of numbers.
-#[derive(Debug, thiserror::Error)]
-pub enum MapFault {
-    #[error("{0}")]
-    Malformed(&'static str),
-    /// What it has, and what a map has.
-    #[error("{0}, expected {1}")]
-    Unsupported(String, &'static str),
-    #[error("the header has no '{0}'")]
-    NoEntry(&'static str),
-    #[error("the header is {0} bytes long, more than the {max} it may be", max = npz::MAX_HEADER)]
-    Header(usize),
-    #[error("{0} in 1..={MAX_SIDE}")]
-    Sides(&'static str),
-    #[error("the scale is {0}, its sign should give the byte order")]
-    Scale(f32),
-    /// Width, height, the bytes that they need, and what is wrong with these.
-    #[error("{0}x{1} needs {2} bytes{3}")]
-    Bytes(usize, usize, usize, String),
-    #[error("it is of {0}x{1}, at most {max} pixels expected", max = rvl::MAX_PIXELS)]
-    Large(usize, usize),
-    /// Zeros and others of a run, and the pixels left for it.
-    #[error("a run is of {0} and {1} pixels, {2} are left")]
-    Run(usize, usize, usize),
-    #[error("it has more than its {0}x{1} pixels")]
-    Surplus(usize, usize),
-    #[error(transparent)]
-    Archive(#[from] ZipError),
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    #[error(transparent)]
-    Other(#[from] Error),
-}
 
 /// The form of the numbers in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]

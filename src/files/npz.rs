@@ -8,7 +8,7 @@ use svl_core::stereo::{MAX_SIDE, Plane};
 use svl_core::{Error, Result};
 
 /// Limit on the header's length in bytes; NumPy's own have 118.
-pub(super) const MAX_HEADER: usize = 4096;
+const MAX_HEADER: usize = 4096;
 
 /// The values of the only array of an archive like scikit-image's `motorcycle_disp.npz`, rows x
 /// columns of [`NpyNumber`]s in either byte and memory order, and true if they are integers.
@@ -17,7 +17,7 @@ pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
 }
 
-fn parse(bytes: Vec<u8>) -> std::result::Result<(Plane<f32>, bool), MapFault> {
+fn parse(bytes: Vec<u8>) -> Result<(Plane<f32>, bool), MapFault> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes))?;
     // With several arrays it is unknown which of them is the map.
     match archive.len() {
@@ -35,7 +35,7 @@ pub(super) fn alone(path: &Path) -> Result<(Plane<f32>, bool)> {
         .map_err(|reason| Error::format(path, format!("not an npy map: {reason}")))
 }
 
-fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), MapFault> {
+fn array(mut file: impl Read) -> Result<(Plane<f32>, bool), MapFault> {
     let NpyHeader {
         number,
         big_endian,
@@ -134,7 +134,7 @@ struct NpyHeader {
 }
 
 impl NpyHeader {
-    fn read(file: &mut impl Read) -> std::result::Result<Self, MapFault> {
+    fn read(file: &mut impl Read) -> Result<Self, MapFault> {
         let mut begin = [0; 8];
         let short = |_| MapFault::Malformed("the header is truncated");
         file.read_exact(&mut begin).map_err(short)?;
@@ -152,7 +152,7 @@ impl NpyHeader {
         let length = u32::from_le_bytes(length) as usize;
         // Version 2 headers may claim 4 GB.
         if length > MAX_HEADER {
-            return Err(MapFault::Header(length));
+            return Err(MapFault::Header(length, MAX_HEADER));
         }
         let mut text = vec![0; length];
         file.read_exact(&mut text).map_err(short)?;
@@ -160,7 +160,7 @@ impl NpyHeader {
         Self::parse(text.map_err(|_| MapFault::Malformed("the header is not text"))?)
     }
 
-    fn parse(text: &str) -> std::result::Result<Self, MapFault> {
+    fn parse(text: &str) -> Result<Self, MapFault> {
         let field = |name| {
             let found = text.split_once(&format!("'{name}':"));
             let found = found.map(|(_, rest)| rest.trim_start());

@@ -22,9 +22,9 @@ pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
         .map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
 }
 
-fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, MapFault> {
+fn parse(bytes: &[u8]) -> Result<Plane<f32>, MapFault> {
     let mut rest = bytes;
-    let mut word = || -> std::result::Result<&str, MapFault> {
+    let mut word = || -> Result<&str, MapFault> {
         let short = MapFault::Malformed("the header is truncated");
         let begin = rest.trim_ascii_start();
         // No number is longer; without a limit a binary file would be searched to its end.

@@ -40,7 +40,7 @@ impl InverseDepth {
 }
 
 /// Limit on the pixels of an image: a few bytes can be a run of zeros of any length.
-pub(super) const MAX_PIXELS: usize = 1 << 26;
+const MAX_PIXELS: usize = 1 << 26;
 
 /// The codes of an RVL file behind its first [`RVL_HEADER`] bytes. 0 is invalid.
 ///
@@ -53,7 +53,7 @@ pub fn decode_rvl(file: &[u8]) -> Result<Plane<u16>, MapFault> {
     let [width, height] = [width, height].map(|side| u32::from_le_bytes(*side) as usize);
     let pixels = width.saturating_mul(height);
     if pixels > MAX_PIXELS {
-        return Err(MapFault::Large(width, height));
+        return Err(MapFault::Large(width, height, MAX_PIXELS));
     }
     let words = words.iter().map(|word| u32::from_le_bytes(*word));
     // The first nibble is in the highest bits.

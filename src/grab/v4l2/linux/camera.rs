@@ -8,7 +8,6 @@ use super::stream::{Fault, VideoStream};
 use crate::camera::{Camera, Capture, Limits, Settings, Taken};
 use crate::camera_error;
 use rustix::io::Errno;
-use std::fmt::Display;
 use std::time::Duration;
 use svl_core::{Error, Result};
 
@@ -71,7 +70,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     }
 
     /// Warns of the first damaged image; all are counted.
-    fn damaged(&mut self, reason: impl Display) -> Taken {
+    fn damaged(&mut self, reason: impl std::fmt::Display) -> Taken {
         if !std::mem::replace(&mut self.has_damaged, true) {
             tracing::warn!(
                 "{}: an image arrived damaged ({reason}); others like it are only counted",
