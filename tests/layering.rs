@@ -53,6 +53,7 @@ const PACKAGES: [Package; 15] = [
     Package {
         root: "files/lib.rs",
         layers: &[
+            &["fault"],
             &[
                 "build_info",
                 "cloud",

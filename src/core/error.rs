@@ -3,8 +3,11 @@
 
 use std::path::PathBuf;
 
-/// Result of a fallible operation in svl.
-pub type Result<T> = std::result::Result<T, Error>;
+/// Result of a fallible operation in svl, mostly with its own error.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Any failure, or words.
+pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Failure with its figures. `Display` is one line for the user.
 #[derive(Debug, thiserror::Error)]
@@ -70,15 +73,15 @@ pub enum Error {
         path: PathBuf,
         cause: std::io::Error,
     },
-    /// A file is malformed.
+    /// A file is malformed. The reason can be downcast to the fault that a parser found.
     #[error("{}: {reason}", path.display())]
-    Format { path: PathBuf, reason: String },
+    Format { path: PathBuf, reason: Cause },
     /// A truncated or corrupt recording. Everything read from it before is valid.
     #[error(
         "{}: {reason}; `svl recover {} -o OUT.mcap` keeps what is intact",
         path.display(), path.display()
     )]
-    Damaged { path: PathBuf, reason: String },
+    Damaged { path: PathBuf, reason: Cause },
     /// A matcher panicked, at this pair or an earlier one.
     #[error("svl panicked; this is a bug, and the ranger can only be closed")]
     Panicked,
@@ -100,7 +103,7 @@ pub enum Error {
     Invalid(String),
     /// A failure that another package knows, such as a camera's.
     #[error(transparent)]
-    Other(Box<dyn std::error::Error + Send + Sync>),
+    Other(Cause),
 }
 
 impl Error {
@@ -116,22 +119,18 @@ impl Error {
 
     /// An I/O error at `path`.
     pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
-        Self::Io {
-            path: path.into(),
-            cause,
-        }
+        let path = path.into();
+        Self::Io { path, cause }
     }
 
     /// A malformed file at `path`.
-    pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
-        Self::Format {
-            path: path.into(),
-            reason: reason.into(),
-        }
+    pub fn format(path: impl Into<PathBuf>, reason: impl Into<Cause>) -> Self {
+        let (path, reason) = (path.into(), reason.into());
+        Self::Format { path, reason }
     }
 
     /// A failure that another package knows.
-    pub fn other(failure: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+    pub fn other(failure: impl Into<Cause>) -> Self {
         Self::Other(failure.into())
     }
 
@@ -144,19 +143,16 @@ impl Error {
     }
 
     /// A recording at `path` that is valid only up to here.
-    pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
-        Self::Damaged {
-            path: path.into(),
-            reason: reason.into(),
-        }
+    pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<Cause>) -> Self {
+        let (path, reason) = (path.into(), reason.into());
+        Self::Damaged { path, reason }
     }
 }
 
 fn stderr_note(stderr: &str) -> String {
-    if stderr.is_empty() {
-        String::new()
-    } else {
-        format!("; it said: {stderr}")
+    match stderr {
+        "" => String::new(),
+        said => format!("; it said: {said}"),
     }
 }
 
@@ -193,10 +189,9 @@ pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
 }
 
 fn hint(similar: &[String]) -> String {
-    if similar.is_empty() {
-        String::new()
-    } else {
-        format!(" (did you mean {}?)", alternatives(similar))
+    match similar {
+        [] => String::new(),
+        names => format!(" (did you mean {}?)", alternatives(names)),
     }
 }
 

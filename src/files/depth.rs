@@ -77,9 +77,8 @@ pub fn read_points(path: &Path) -> Result<Vec<Point3<f64>>> {
     }
     let points = bytes.chunks_exact(POINT).map(|point| {
         let number = |at: usize| {
-            point[at..]
-                .first_chunk()
-                .map_or(f32::NAN, |b| f32::from_le_bytes(*b))
+            let bytes = point[at..].first_chunk();
+            bytes.map_or(f32::NAN, |b| f32::from_le_bytes(*b))
         };
         Point3::from([0, 4, 8].map(|at| f64::from(number(at))))
     });

@@ -82,17 +82,9 @@ pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
         Some("pfm") => write_pfm(path, map.disparity()),
         Some("png") => {
             let (width, height) = map.size();
-            let values = map
-                .disparity()
-                .pixels()
-                .map(kitti)
-                .collect::<Option<Vec<u16>>>()
-                .ok_or_else(|| {
-                    Error::format(
-                        path,
-                        "a 16-bit PNG stores only disparities in 0..256; write .pfm instead",
-                    )
-                })?;
+            let cure = "a 16-bit PNG stores only disparities in 0..256; write .pfm instead";
+            let values: Option<Vec<u16>> = map.disparity().pixels().map(kitti).collect();
+            let values = values.ok_or_else(|| Error::format(path, cure))?;
             // The encoder of `image` expects native byte order and writes big-endian.
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
             let png = encode(width, height, &bytes, ExtendedColorType::L16)?;

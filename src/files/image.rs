@@ -1,6 +1,6 @@
 //! Image files: PNG, JPEG, PNM, TIFF, BMP, WebP.
 
-use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
+use super::{BitDepth, DecodedImage, ImageFault, MAX_BYTES, jpeg, read_bounded};
 use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat,
     ImageReader, codecs::png::PngEncoder, metadata::Orientation,
@@ -43,11 +43,14 @@ pub fn read_image(path: &Path) -> Result<DecodedImage> {
 }
 
 /// Decodes the image of a file in memory; it is turned as its EXIF orientation says.
-pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+///
+/// # Errors
+/// The reason why it cannot be read.
+pub fn decode_bytes(bytes: &[u8]) -> Result<DynamicImage, ImageFault> {
     decode_named("an image", bytes)
 }
 
-fn decode_named(name: &str, bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+fn decode_named(name: &str, bytes: &[u8]) -> Result<DynamicImage, ImageFault> {
     /// The orientations that were told.
     static TOLD: AtomicU16 = AtomicU16::new(0);
     let (mut image, orientation) = decode_unturned(bytes)?;
@@ -84,19 +87,14 @@ fn unscaled(bytes: &[u8]) -> Option<Vec<u8>> {
     is_other.then(|| [&bytes[..start], b"65535", &bytes[end..]].concat())
 }
 
-fn decode_unturned(bytes: &[u8]) -> std::result::Result<(DynamicImage, Orientation), String> {
+fn decode_unturned(bytes: &[u8]) -> Result<(DynamicImage, Orientation), ImageFault> {
     let unscaled = unscaled(bytes);
     let bytes = unscaled.as_deref().unwrap_or(bytes);
-    if HEIC
-        .iter()
-        .any(|kind| bytes.get(4..).is_some_and(|rest| rest.starts_with(kind)))
-    {
-        let cure = "`heif-convert IN OUT.png` converts it (Debian: libheif-examples)";
-        return Err(format!("a HEIC, which svl does not read; {cure}"));
+    let kind = bytes.get(4..).unwrap_or_default();
+    if HEIC.iter().any(|heic| kind.starts_with(heic)) {
+        return Err(ImageFault::Heic);
     }
-    let mut reader = ImageReader::new(Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| e.to_string())?;
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
     // `image` accepts truncated JPEGs and invents the missing part.
     if reader.format() == Some(ImageFormat::Jpeg) {
         return jpeg::decode(bytes);
@@ -106,12 +104,10 @@ fn decode_unturned(bytes: &[u8]) -> std::result::Result<(DynamicImage, Orientati
     limits.max_image_width = Some(MAX_SIDE as u32);
     limits.max_image_height = Some(MAX_SIDE as u32);
     reader.limits(limits.clone());
-    let decoded = reader.into_decoder().and_then(|mut decoder| {
-        limits.reserve(decoder.total_bytes())?;
-        let orientation = decoder.orientation()?;
-        Ok((DynamicImage::from_decoder(decoder)?, orientation))
-    });
-    decoded.map_err(|e| e.to_string())
+    let mut decoder = reader.into_decoder()?;
+    limits.reserve(decoder.total_bytes())?;
+    let orientation = decoder.orientation()?;
+    Ok((DynamicImage::from_decoder(decoder)?, orientation))
 }
 
 /// Reads an image as 8-bit grey: grey unchanged (the upper 8 of 16 bits), colour by
@@ -153,15 +149,8 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
 pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     let image = decode(path)?.into_luma16();
     let (width, height) = (image.width() as usize, image.height() as usize);
-    Plane::from_vec(
-        width,
-        height,
-        image
-            .into_raw()
-            .into_iter()
-            .map(|object| object > 0)
-            .collect(),
-    )
+    let objects = image.into_raw().into_iter().map(|object| object > 0);
+    Plane::from_vec(width, height, objects.collect())
 }
 
 /// A PNG from interleaved `rgb` (3 bytes per pixel) or grey (1 byte), `width` x `height`.
@@ -212,8 +201,8 @@ mod tests {
     use super::*;
     use crate::encode_jpeg;
 
-    fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
-        gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
+    fn gray_of(bytes: &[u8]) -> Result<Gray, ImageFault> {
+        Ok(gray(decode_bytes(bytes)?)?)
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! Strict JPEG decoding: an image with missing data is an error.
 
+use super::ImageFault;
 use image::{DynamicImage, GrayImage, RgbImage, metadata::Orientation};
 use svl_core::stereo::MAX_SIDE;
+use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
-use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
 
 /// Markers: the first two bytes of an image, and the second ones of others.
 const BEGIN: [u8; 2] = [0xFF, 0xD8];
@@ -31,29 +32,21 @@ const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
 type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 
 /// The image and its EXIF orientation; grey is kept, colours become RGB.
-pub(super) fn decode(jpeg: &[u8]) -> Result<(DynamicImage, Orientation), String> {
+pub(super) fn decode(jpeg: &[u8]) -> Result<(DynamicImage, Orientation), ImageFault> {
     let (mut decoder, (width, height)) = open(jpeg)?;
     let exif = decoder.exif().map(Vec::as_slice);
     let orientation = exif.and_then(Orientation::from_exif_chunk);
     let orientation = orientation.unwrap_or(Orientation::NoTransforms);
     let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
-    let pixels = pixels(
-        &mut decoder,
-        if grey {
-            ColorSpace::Luma
-        } else {
-            ColorSpace::RGB
-        },
-    )?;
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
-    let (width, height) = (width as u32, height as u32);
+    let [w, h] = [width, height].map(|side| side as u32);
     let image = if grey {
-        GrayImage::from_raw(width, height, pixels).map(DynamicImage::from)
+        GrayImage::from_raw(w, h, pixels(&mut decoder, ColorSpace::Luma)?).map(DynamicImage::from)
     } else {
-        RgbImage::from_raw(width, height, pixels).map(DynamicImage::from)
+        RgbImage::from_raw(w, h, pixels(&mut decoder, ColorSpace::RGB)?).map(DynamicImage::from)
     };
     let image = image.map(|image| (image, orientation));
-    image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
+    image.ok_or_else(|| ImageFault::Pixels(width, height, " with fewer than these".to_owned()))
 }
 
 /// The luma of a camera's image, or a short error, also for a different size.
@@ -61,46 +54,36 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<(DynamicImage, Orientation), String>
 pub fn brightness(
     jpeg: &[u8],
     (width, height): (usize, usize),
-) -> Result<svl_core::stereo::Gray, String> {
-    match open(jpeg)? {
-        (mut decoder, size) if size == (width, height) => {
-            let pixels = pixels(&mut decoder, ColorSpace::Luma)?;
-            svl_core::stereo::Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
-        }
-        (_, (w, h)) => Err(format!("a JPEG of {w}x{h} pixels, not {width}x{height}")),
+) -> Result<svl_core::stereo::Gray, ImageFault> {
+    let (mut decoder, (w, h)) = open(jpeg)?;
+    if (w, h) != (width, height) {
+        return Err(ImageFault::Pixels(w, h, format!(", not {width}x{height}")));
     }
+    let pixels = pixels(&mut decoder, ColorSpace::Luma)?;
+    Ok(svl_core::stereo::Gray::from_vec(width, height, pixels)?)
 }
 
 /// A decoder that has read the headers, and the size of the image.
-fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
+fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), ImageFault> {
     let options = DecoderOptions::default()
         .set_strict_mode(true)
         .set_max_width(MAX_SIDE)
         .set_max_height(MAX_SIDE);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
-    decoder.decode_headers().map_err(|e| broken(&e))?;
+    decoder.decode_headers()?;
     let (width, height) = decoder.dimensions().unwrap_or_default();
     // A block of 8x8 pixels takes at least a bit: memory is allocated for what the file can
     // contain, not for what it claims.
     if width * height > 64 * 8 * jpeg.len() {
-        return Err(format!(
-            "a JPEG of {width}x{height} pixels in {} bytes",
-            jpeg.len()
-        ));
+        let wrong = format!(" in {} bytes", jpeg.len());
+        return Err(ImageFault::Pixels(width, height, wrong));
     }
     Ok((decoder, (width, height)))
 }
 
-fn pixels(decoder: &mut Decoder, colours: ColorSpace) -> Result<Vec<u8>, String> {
+fn pixels(decoder: &mut Decoder, colours: ColorSpace) -> Result<Vec<u8>, ImageFault> {
     decoder.set_options(decoder.options().jpeg_set_out_colorspace(colours));
-    decoder.decode().map_err(|e| broken(&e))
-}
-
-fn broken(error: &DecodeErrors) -> String {
-    format!(
-        "a JPEG whose data are broken or end early: {}",
-        error.to_string().trim_matches('"')
-    )
+    Ok(decoder.decode()?)
 }
 
 /// The image up to its end marker, with ones inserted before each marker that ends coded data
@@ -111,15 +94,10 @@ fn broken(error: &DecodeErrors) -> String {
 /// consists of ones (ITU-T T.81, annex C), so a decoder that continues to read fails at them.
 /// Between the scans of an image none are inserted: there the decoder expects the marker right
 /// after the last code.
-fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
-    let cut = || {
-        format!(
-            "a JPEG that is cut off: it has no end marker, {} bytes",
-            jpeg.len()
-        )
-    };
+fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, ImageFault> {
+    let cut = || ImageFault::Cut(jpeg.len());
     if !jpeg.starts_with(&BEGIN) {
-        return Err(format!("no JPEG, {} bytes", jpeg.len()));
+        return Err(ImageFault::NoJpeg(jpeg.len()));
     }
     let mut guarded = [&BEGIN, MOTION_JPEG].concat();
     let (mut taken, mut at) = (BEGIN.len(), BEGIN.len());
@@ -138,19 +116,14 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
         match jpeg[marker + 1] {
             RESTART_0..=RESTART_7 => {
                 if guarded.len() > marker + ONES.len() * MAX_BLOCKS {
-                    return Err("a JPEG with more restarts than blocks".to_owned());
+                    return Err(ImageFault::Restarts);
                 }
                 guarded.extend([&jpeg[taken..marker], &ONES].concat());
                 (taken, at) = (marker, marker + 2);
             }
             END => {
-                return Ok([
-                    &guarded,
-                    &jpeg[taken..marker],
-                    &ONES,
-                    &jpeg[marker..marker + 2],
-                ]
-                .concat());
+                let (last, end) = (&jpeg[taken..marker], &jpeg[marker..marker + 2]);
+                return Ok([&guarded, last, &ONES, end].concat());
             }
             // A segment with its length; markers inside, such as those of a thumbnail, are ignored.
             kind => {
@@ -179,7 +152,7 @@ mod tests {
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, load_from_memory};
 
-    fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
+    fn decode(jpeg: &[u8]) -> Result<DynamicImage, ImageFault> {
         super::decode(jpeg).map(|(image, _)| image)
     }
 
@@ -245,7 +218,8 @@ mod tests {
             if jpeg == PROGRESSIVE {
                 assert!(cut.iter().all(Result::is_err));
             } else {
-                assert!(cut.into_iter().all(|cut| cut == decode(&jpeg)));
+                let whole = decode(&jpeg).unwrap();
+                assert!(cut.into_iter().all(|cut| cut.unwrap() == whole));
             }
         }
     }
@@ -296,10 +270,7 @@ mod tests {
         let mut jpeg = encoded(64, 48, ExtendedColorType::L8, noise());
         let size = jpeg.windows(2).position(|two| two == [0xFF, 0xC0]).unwrap() + 5;
         jpeg[size..size + 4].copy_from_slice(&[0x3F, 0xFF, 0x3F, 0xFF]);
-        assert!(
-            decode(&jpeg)
-                .unwrap_err()
-                .contains("a JPEG of 16383x16383 pixels in")
-        );
+        let error = decode(&jpeg).unwrap_err().to_string();
+        assert!(error.contains("a JPEG of 16383x16383 pixels in"), "{error}");
     }
 }

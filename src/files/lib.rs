@@ -6,6 +6,7 @@ mod columns;
 mod decoded;
 mod depth;
 mod disparity;
+mod fault;
 pub mod ffmpeg;
 mod image;
 mod jpeg;
@@ -24,6 +25,7 @@ pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide};
 pub use depth::{no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
+pub use fault::{ImageFault, MapFault};
 pub use image::{IMAGE_ENDINGS, decode_bytes, read_image};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(target_os = "linux")]

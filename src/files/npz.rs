@@ -1,6 +1,6 @@
 //! NumPy's npz, a zip archive with one array, and npy, an array: a plane of numbers.
 
-use super::{MAX_BYTES, read_bounded};
+use super::{MAX_BYTES, MapFault, read_bounded};
 use half::f16;
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -17,16 +17,16 @@ pub(super) fn archived(path: &Path) -> Result<(Plane<f32>, bool)> {
         .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
 }
 
-fn parse(bytes: Vec<u8>) -> std::result::Result<(Plane<f32>, bool), String> {
-    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+fn parse(bytes: Vec<u8>) -> Result<(Plane<f32>, bool), MapFault> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes))?;
     // With several arrays it is unknown which of them is the map.
-    if archive.len() != 1 {
-        return Err(format!(
-            "it contains {} arrays, expected one",
-            archive.len()
-        ));
+    match archive.len() {
+        1 => array(archive.by_index(0)?),
+        count => Err(MapFault::Unsupported(
+            format!("it contains {count} arrays"),
+            "one",
+        )),
     }
-    array(archive.by_index(0).map_err(|e| e.to_string())?)
 }
 
 /// The values of an array in a file of its own, and true if they are integers.
@@ -35,7 +35,7 @@ pub(super) fn alone(path: &Path) -> Result<(Plane<f32>, bool)> {
         .map_err(|reason| Error::format(path, format!("not an npy map: {reason}")))
 }
 
-fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String> {
+fn array(mut file: impl Read) -> Result<(Plane<f32>, bool), MapFault> {
     let NpyHeader {
         number,
         big_endian,
@@ -47,19 +47,15 @@ fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String>
     let item = number.bytes();
     let expected = width * height * item;
     if expected as u64 > MAX_BYTES {
-        return Err(format!(
-            "{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"
-        ));
+        let wrong = format!(", more than the {MAX_BYTES} it may have");
+        return Err(MapFault::Bytes(width, height, expected, wrong));
     }
     // One more byte, as the CRC of the archive is checked at the end of the array.
     let mut data = Vec::new();
-    file.take(expected as u64 + 1)
-        .read_to_end(&mut data)
-        .map_err(|e| e.to_string())?;
+    file.take(expected as u64 + 1).read_to_end(&mut data)?;
     if data.len() != expected {
-        return Err(format!(
-            "{width}x{height} needs {expected} bytes, the array does not have that many"
-        ));
+        let wrong = ", the array does not have that many".to_owned();
+        return Err(MapFault::Bytes(width, height, expected, wrong));
     }
     if big_endian {
         data.chunks_exact_mut(item).for_each(<[u8]>::reverse);
@@ -73,7 +69,7 @@ fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String>
         };
         number.value(&data[index * item..])
     });
-    Ok((values.map_err(|e| e.to_string())?, number.is_integer()))
+    Ok((values?, number.is_integer()))
 }
 
 /// A number of an array.
@@ -138,68 +134,60 @@ struct NpyHeader {
 }
 
 impl NpyHeader {
-    fn read(file: &mut impl Read) -> std::result::Result<Self, String> {
+    fn read(file: &mut impl Read) -> Result<Self, MapFault> {
         let mut begin = [0; 8];
-        let short = |_| "the header is truncated".to_owned();
+        let short = |_| MapFault::Malformed("the header is truncated");
         file.read_exact(&mut begin).map_err(short)?;
         let mut length = [0; 4];
         match begin {
             [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _] => file.read_exact(&mut length[..2]),
             [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _] => file.read_exact(&mut length),
-            _ => return Err("its array does not begin as NumPy's do".into()),
+            _ => {
+                return Err(MapFault::Malformed(
+                    "its array does not begin as NumPy's do",
+                ));
+            }
         }
         .map_err(short)?;
         let length = u32::from_le_bytes(length) as usize;
         // Version 2 headers may claim 4 GB.
         if length > MAX_HEADER {
-            return Err(format!(
-                "the header is {length} bytes long, more than the {MAX_HEADER} it may be"
-            ));
+            return Err(MapFault::Header(length, MAX_HEADER));
         }
         let mut text = vec![0; length];
         file.read_exact(&mut text).map_err(short)?;
-        Self::parse(std::str::from_utf8(&text).map_err(|_| "the header is not text")?)
+        let text = str::from_utf8(&text);
+        Self::parse(text.map_err(|_| MapFault::Malformed("the header is not text"))?)
     }
 
-    fn parse(text: &str) -> std::result::Result<Self, String> {
-        let field = |name: &str| {
-            let found = text
-                .split_once(&format!("'{name}':"))
-                .map(|(_, rest)| rest.trim_start());
-            found.ok_or_else(|| format!("the header has no '{name}'"))
+    fn parse(text: &str) -> Result<Self, MapFault> {
+        let field = |name| {
+            let found = text.split_once(&format!("'{name}':"));
+            let found = found.map(|(_, rest)| rest.trim_start());
+            found.ok_or(MapFault::NoEntry(name))
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
         let (order, code) = kind.split_at_checked(1).unwrap_or_default();
         let number = NpyNumber::from_code(code).filter(|_| matches!(order, "<" | ">"));
         let number = number.ok_or_else(|| {
-            format!("its values are '{kind}', expected floats or 16-bit integers")
+            MapFault::Unsupported(
+                format!("its values are '{kind}'"),
+                "floats or 16-bit integers",
+            )
         })?;
-        let shape = field("shape")?;
-        let wrong = || format!("its shape is not (rows, columns) in 1..={MAX_SIDE}");
-        let sides = shape
-            .strip_prefix('(')
-            .and_then(|s| s.split_once(')'))
-            .ok_or_else(wrong)?
-            .0;
-        let sides: Vec<usize> = sides
-            .split(',')
-            .map(|s| s.trim().parse().unwrap_or(0))
-            .collect();
+        let shape = field("shape")?.strip_prefix('(');
+        let sides = shape.and_then(|sides| sides.split_once(')'));
+        let sides = sides.map_or("", |(sides, _)| sides).split(',');
+        let sides: Vec<usize> = sides.map(|s| s.trim().parse().unwrap_or(0)).collect();
         match sides[..] {
-            [height, width]
-                if [height, width]
-                    .iter()
-                    .all(|side| (1..=MAX_SIDE).contains(side)) =>
-            {
-                Ok(Self {
-                    number,
-                    big_endian: order == ">",
-                    fortran: field("fortran_order")?.starts_with("True"),
-                    width,
-                    height,
-                })
-            }
-            _ => Err(wrong()),
+            [height @ 1..=MAX_SIDE, width @ 1..=MAX_SIDE] => Ok(Self {
+                number,
+                big_endian: order == ">",
+                fortran: field("fortran_order")?.starts_with("True"),
+                width,
+                height,
+            }),
+            _ => Err(MapFault::Sides("its shape is not (rows, columns)")),
         }
     }
 }
@@ -316,7 +304,7 @@ mod tests {
             (one(&HEADER.replace("<f4", "|O")), "'|O'"),
             (one("{}"), "no 'descr'"),
         ] {
-            let error = parse(bytes).unwrap_err();
+            let error = parse(bytes).unwrap_err().to_string();
             assert!(error.contains(words), "{words}: {error}");
         }
     }
@@ -329,7 +317,8 @@ mod tests {
             .position(|w| w == 7f32.to_le_bytes())
             .unwrap();
         bytes[at] ^= 1;
-        assert!(parse(bytes).unwrap_err().contains("checksum"));
+        let error = parse(bytes).unwrap_err().to_string();
+        assert!(error.contains("checksum"), "{error}");
     }
 
     proptest! {

@@ -484,8 +484,7 @@ pub fn write_with_page(path: &Path, toml: &str, markdown: &str) -> Result<String
 
 /// Writes a file of a report as JSON.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
-    let json =
-        serde_json::to_string_pretty(value).map_err(|e| Error::format(path, e.to_string()))?;
+    let json = serde_json::to_string_pretty(value).map_err(|e| Error::format(path, e))?;
     write(path, json + "\n")
 }
 

@@ -1,6 +1,6 @@
 //! PFM, the float maps of Middlebury and ETH3D: a `Pf` header, then rows bottom-up.
 
-use super::{MAX_BYTES, known, read_bounded};
+use super::{MAX_BYTES, MapFault, known, read_bounded};
 use std::borrow::Cow;
 use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
@@ -22,40 +22,43 @@ pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
         .map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
 }
 
-fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
+fn parse(bytes: &[u8]) -> Result<Plane<f32>, MapFault> {
     let mut rest = bytes;
-    let mut word = || -> std::result::Result<&str, String> {
-        let start = rest
-            .iter()
-            .position(|b| !b.is_ascii_whitespace())
-            .ok_or("the header is truncated")?;
-        let length = rest[start..]
-            .iter()
-            // No number is longer; without a limit a binary file would be searched to its end.
-            .take(32)
-            .position(|b| b.is_ascii_whitespace())
-            .ok_or("the header is truncated")?;
-        let word = std::str::from_utf8(&rest[start..start + length])
-            .map_err(|_| "the header is not text")?;
+    let mut word = || -> Result<&str, MapFault> {
+        let short = MapFault::Malformed("the header is truncated");
+        let begin = rest.trim_ascii_start();
+        // No number is longer; without a limit a binary file would be searched to its end.
+        let length = begin.iter().take(32).position(u8::is_ascii_whitespace);
+        let length = length.ok_or(short)?;
+        let word = str::from_utf8(&begin[..length]);
+        let word = word.map_err(|_| MapFault::Malformed("the header is not text"))?;
         // One whitespace after the scale, then pixels, whose first byte may look like whitespace.
-        rest = &rest[start + length + 1..];
+        rest = &begin[length + 1..];
         Ok(word)
     };
     match word()? {
         "Pf" => {}
-        "PF" => return Err("it has three channels (PF), expected one (Pf)".into()),
-        other => return Err(format!("it begins with '{other}', expected 'Pf'")),
+        "PF" => {
+            let found = "it has three channels (PF)".to_owned();
+            return Err(MapFault::Unsupported(found, "one (Pf)"));
+        }
+        other => {
+            return Err(MapFault::Unsupported(
+                format!("it begins with '{other}'"),
+                "'Pf'",
+            ));
+        }
     }
-    let mut side = |name| match word()?.parse::<usize>() {
-        Ok(v) if (1..=MAX_SIDE).contains(&v) => Ok(v),
-        _ => Err(format!("the {name} is not a number in 1..={MAX_SIDE}")),
+    let mut side = |wrong| match word()?.parse() {
+        Ok(side @ 1..=MAX_SIDE) => Ok(side),
+        _ => Err(MapFault::Sides(wrong)),
     };
-    let (width, height) = (side("width")?, side("height")?);
-    let scale: f32 = word()?.parse().map_err(|_| "the scale is not a number")?;
+    let width = side("the width is not a number")?;
+    let height = side("the height is not a number")?;
+    let scale = word()?.parse::<f32>();
+    let scale = scale.map_err(|_| MapFault::Malformed("the scale is not a number"))?;
     if scale == 0.0 || !scale.is_finite() {
-        return Err(format!(
-            "the scale is {scale}, its sign should give the byte order"
-        ));
+        return Err(MapFault::Scale(scale));
     }
     let expected = width * height * 4;
     let of_windows = bytes[bytes.len() - rest.len() - 1..].strip_prefix(b"\r\n");
@@ -71,17 +74,15 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
         } else {
             ""
         };
-        return Err(format!(
-            "{width}x{height} needs {expected} bytes of pixels, got {}{channels}",
-            pixels.len()
-        ));
+        let wrong = format!(" of pixels, got {}{channels}", pixels.len());
+        return Err(MapFault::Bytes(width, height, expected, wrong));
     }
     let read = if scale < 0.0 {
         f32::from_le_bytes
     } else {
         f32::from_be_bytes
     };
-    let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
+    let mut plane = Plane::filled(width, height, f32::INFINITY)?;
     for (i, row) in pixels.chunks_exact(width * 4).enumerate() {
         for (pixel, bytes) in plane
             // PFM stores rows bottom-up.
@@ -155,12 +156,8 @@ mod tests {
         let pixels: Vec<u8> = little(&[f32::from_le_bytes(*b"\r\n\r\n"), 9e-33, 7.5]);
         let read = |pixels: &[u8]| {
             let file = [b"Pf\r\n3 1\r\n-1\r\n", pixels].concat();
-            parse(&file).map(|plane| {
-                plane
-                    .pixels()
-                    .flat_map(f32::to_le_bytes)
-                    .collect::<Vec<_>>()
-            })
+            let plane = parse(&file).map_err(|fault| fault.to_string())?;
+            Ok::<Vec<_>, String>(plane.pixels().flat_map(f32::to_le_bytes).collect())
         };
         assert_eq!(read(&pixels).as_ref(), Ok(&pixels), "the header alone");
         let text = pixels.iter().flat_map(|byte| match byte {
@@ -206,7 +203,7 @@ mod tests {
             (b"Pf\n1 1\n0\nabcd", "scale"),
             (b"Pf\n1", "truncated"),
         ] {
-            let error = parse(bytes).unwrap_err();
+            let error = parse(bytes).unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
         }
     }

@@ -111,7 +111,8 @@ pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
 /// [`Error::Invalid`] with the message of the encoder or the decoder.
 pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
     let file = jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), 0, quality)?;
-    let decoded = super::jpeg::decode(&file).map_err(Error::Invalid)?.0;
+    let decoded = super::jpeg::decode(&file);
+    let (decoded, _) = decoded.map_err(|fault| Error::Invalid(fault.to_string()))?;
     let (width, height) = image.size();
     Gray::from_vec(width, height, decoded.into_luma8().into_raw())
 }

@@ -49,10 +49,10 @@ impl Correlated {
         let range = DisparityRange::new(0, 80)?;
         let (left, right) = (smoothed(pair.left())?, smoothed(pair.right())?);
         let left_textured = textured(&dog_texture(), &left)?;
-        let blocks = |image: &Gray| {
+        let blocks = |image: &Gray| -> Result<Blocks> {
             let mut blocks = Blocks::new(width, height)?;
             blocks.load(isa, image);
-            Result::Ok(blocks)
+            Ok(blocks)
         };
         let blocks = [blocks(&left)?, blocks(&right)?];
         let mut matches = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?;

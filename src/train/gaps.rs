@@ -144,7 +144,7 @@ impl LearnedGaps {
             interrupted: fit.interrupted,
         };
         Ok(LearnedNetwork {
-            weights: GapWeights::rounded(&fit.weights).map_err(Error::Invalid)?,
+            weights: GapWeights::rounded(&fit.weights).map_err(Error::other)?,
             fitted: self.register.fitted(|run| !is_held(run)),
             facts: training.facts(settings),
             training,

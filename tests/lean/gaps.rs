@@ -27,7 +27,7 @@ fn network(seed: u64, folder: &tempfile::TempDir) -> (String, Vec<i32>) {
     };
     let path = folder.path().join(format!("{seed}.safetensors"));
     let bytes = model.to_bytes();
-    assert_eq!(V5Model::from_bytes(&bytes), Ok(model));
+    assert_eq!(V5Model::from_bytes(&bytes).unwrap(), model);
     let tensors = &bytes[bytes.len() - 4 * GAP_WEIGHTS..];
     let weights = tensors
         .as_chunks()

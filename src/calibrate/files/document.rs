@@ -4,6 +4,7 @@ use super::markup;
 use crate::yaml::{self, YamlNode as Node};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use svl_core::bounded::read_text;
 use svl_core::stereo::{self, MAX_SIDE};
@@ -56,7 +57,7 @@ impl Document {
             Syntax::Markup if text.trim_start().starts_with('<') => markup::parse(text),
             Syntax::Markup => yaml::parse(text),
         };
-        let root = root.map_err(|reason| Error::format(path, reason))?;
+        let root = root.map_err(|fault| Error::format(path, fault))?;
         Ok(Self {
             path: path.to_owned(),
             title,
@@ -65,8 +66,13 @@ impl Document {
     }
 
     /// An error that names this file.
-    pub(super) fn error(&self, reason: impl std::fmt::Display) -> Error {
+    pub(super) fn error(&self, reason: impl Display) -> Error {
         Error::format(&self.path, reason.to_string())
+    }
+
+    /// The result of the values under `key`, which its error names.
+    pub(super) fn keyed<T, E: Display>(&self, key: &str, read: Result<T, E>) -> Result<T> {
+        read.map_err(|e| self.error(format_args!("'{key}': {e}")))
     }
 
     /// Adds the entries of the other file that this one lacks.
@@ -120,22 +126,15 @@ impl Document {
     pub(super) fn numbers(&self, key: &str) -> Result<Vec<f64>> {
         let number = |word: &str| {
             let value = word.parse().ok().filter(|v: &f64| v.is_finite());
-            value.ok_or_else(|| {
-                self.error(format!(
-                    "'{key}' is '{}', expected a finite number",
-                    short(word)
-                ))
-            })
+            let found = || format!("'{key}' is '{}', expected a finite number", short(word));
+            value.ok_or_else(|| self.error(found()))
         };
         let separator = |c: char| c.is_whitespace() || ",;[]".contains(c);
-        let words = |text: &str| {
-            text.split(separator)
-                .filter(|w| !w.is_empty())
-                .map(number)
-                .collect::<Result<_>>()
-        };
         match self.node(key)? {
-            Node::Value(text) => words(text),
+            Node::Value(text) => {
+                let words = text.split(separator).filter(|word| !word.is_empty());
+                words.map(number).collect()
+            }
             // OpenCV and ROS nest the numbers of a matrix under `data`.
             Node::Table(_) => self.numbers(&format!("{key}.data").replace('|', ".data|")),
             Node::List(list) => list
@@ -222,7 +221,7 @@ impl Document {
     /// # Errors
     /// The errors of [`Document::array`], and if the matrix is not a rotation.
     pub(super) fn rotation(&self, key: &str) -> Result<Rotation3<f64>> {
-        stereo::rotation(&self.matrix(key)?).map_err(|e| self.error(format!("'{key}': {e}")))
+        self.keyed(key, stereo::rotation(&self.matrix(key)?))
     }
 }
 

@@ -47,13 +47,9 @@ fn camera(document: &Document, hints: &Hints) -> Result<Intrinsics> {
     let model = stated_model(document, "distortion_model", hints)?;
     let [fx, fy, cx, cy] = document.array("intrinsics")?;
     let distortion = read_distortion(document, "distortion_coefficients", model)?;
-    Intrinsics::new(
-        document.size_of("resolution")?,
-        (fx, fy),
-        (cx, cy),
-        distortion,
-    )
-    .map_err(|e| document.error(format!("'intrinsics': {e}")))
+    let size = document.size_of("resolution")?;
+    let camera = Intrinsics::new(size, (fx, fy), (cx, cy), distortion);
+    document.keyed("intrinsics", camera)
 }
 
 fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
@@ -62,5 +58,5 @@ fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
         pose.fixed_view::<3, 3>(0, 0).into(),
         pose.fixed_view::<3, 1>(0, 3).into(),
     );
-    motion(&rotation, translation).map_err(|e| document.error(format!("'T_BS': {e}")))
+    document.keyed("T_BS", motion(&rotation, translation))
 }

@@ -74,8 +74,52 @@ impl Written {
     }
 }
 
+/// Cameras that svl or the format of a file cannot have.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum GeometryFault {
+    #[error("a skew of {0}, which svl's cameras do not have; calibrate without")]
+    Skew(f64),
+    #[error("is not a camera matrix: expected fx 0 cx, 0 fy cy, 0 0 1")]
+    NoMatrix,
+    #[error("the cameras are mounted one above the other; svl matches those side by side")]
+    Vertical,
+    #[error("rectified cameras have one focal length, along x and along y")]
+    Focals,
+    #[error(
+        "contains only rectified cameras, and this calibration has no rectification; compute one \
+         with `svl calibrate convert --rectify`"
+    )]
+    NotRectified,
+    #[error(
+        "contains extrinsics only as a rectification, and this calibration has none; compute one \
+         with `svl calibrate convert --rectify`"
+    )]
+    NoExtrinsics,
+    #[error(
+        "contains one image size, and this calibration has others before and after rectification"
+    )]
+    Sizes,
+    #[error(
+        "is in metres and this calibration in squares of its board; give their size with --unit \
+         squares=SIDE_IN_METRES"
+    )]
+    Squares,
+    /// A camera, its distortion model and the number of coefficients.
+    #[error(
+        "has radtan k1 k2 p1 p2 and equidistant, and {0} has {1} with {2} coefficients; choose \
+         opencv with --to"
+    )]
+    Distortion(String, DistortionModel, usize),
+    #[error("has a camera whose matrix cannot be inverted")]
+    Singular,
+    #[error("is read only; choose another with --to")]
+    ReadOnly,
+    #[error(transparent)]
+    Other(#[from] Error),
+}
+
 /// The texts, or the reason why the format cannot represent the calibration.
-pub(super) type Writing = std::result::Result<Written, String>;
+pub(super) type Writing = Result<Written, GeometryFault>;
 
 impl CalibrationFormat {
     /// True if svl can write it; it reads all formats.

@@ -1,7 +1,7 @@
 //! Cameras from the matrices of a file, with consistency checks.
 
 use super::document::Document;
-use super::format::{CalibrationFormat, Hints, LoadedCalibration};
+use super::format::{CalibrationFormat, GeometryFault, Hints, LoadedCalibration};
 use super::unit::FileUnit;
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 use svl_core::Result;
@@ -81,14 +81,9 @@ impl StereoParameters {
             )));
         }
         let rig = rectification.rig;
-        let rig = Rig::in_unit(
-            rig.focal_px(),
-            rig.center_px(),
-            rig.baseline_m() * scale,
-            rig.doffs_px(),
-            unit,
-        )
-        .map_err(error)?;
+        let (focal, center, doffs) = (rig.focal_px(), rig.center_px(), rig.doffs_px());
+        let rig = Rig::in_unit(focal, center, rig.baseline_m() * scale, doffs, unit);
+        let rig = rig.map_err(error)?;
         Ok(calibration.with_rectification(Rectification {
             rig,
             ..rectification
@@ -106,8 +101,7 @@ pub(super) fn camera(
     size: (usize, usize),
     distortion: impl Into<Distortion>,
 ) -> Result<Intrinsics> {
-    let k = document.matrix(key)?;
-    pinhole(size, &k, distortion).map_err(|reason| document.error(format!("'{key}': {reason}")))
+    document.keyed(key, pinhole(size, &document.matrix(key)?, distortion))
 }
 
 /// The camera of a matrix K and its distortion.
@@ -115,18 +109,15 @@ pub(super) fn pinhole(
     size: (usize, usize),
     k: &Matrix3<f64>,
     distortion: impl Into<Distortion>,
-) -> std::result::Result<Intrinsics, String> {
+) -> Result<Intrinsics, GeometryFault> {
     if k[(0, 1)].abs() > SAME * k[(0, 0)].abs() {
-        return Err(format!(
-            "a skew of {}, which svl's cameras do not have; calibrate without",
-            k[(0, 1)]
-        ));
+        return Err(GeometryFault::Skew(k[(0, 1)]));
     }
     if [k[(1, 0)], k[(2, 0)], k[(2, 1)]] != [0.0; 3] || k[(2, 2)] != 1.0 {
-        return Err("is not a camera matrix: expected fx 0 cx, 0 fy cy, 0 0 1".into());
+        return Err(GeometryFault::NoMatrix);
     }
     let (focal, center) = ((k[(0, 0)], k[(1, 1)]), (k[(0, 2)], k[(1, 2)]));
-    Intrinsics::new(size, focal, center, distortion).map_err(|e| e.to_string())
+    Ok(Intrinsics::new(size, focal, center, distortion)?)
 }
 
 /// The image size that a file states, else the one that the user named.
@@ -160,9 +151,7 @@ pub(super) fn stated_model(
     hints: &Hints,
 ) -> Result<DistortionModel> {
     let stated = document.text(key)?;
-    let model = stated
-        .parse::<DistortionModel>()
-        .map_err(|e| document.error(format!("'{key}': {e}")))?;
+    let model = document.keyed(key, stated.parse::<DistortionModel>())?;
     match hints.model {
         Some(named) if named != model => Err(document.error(format!(
             "states its distortion model itself, '{key}' {stated}; omit --model"
@@ -181,7 +170,7 @@ pub(super) fn read_distortion(
     model: DistortionModel,
 ) -> Result<Distortion> {
     let distortion = model.with_coefficients(&document.numbers(key)?);
-    distortion.map_err(|e| document.error(format!("'{}': {e}", key.replace('|', "' or '"))))
+    document.keyed(&key.replace('|', "' or '"), distortion)
 }
 
 /// Extrinsics from R and T.
@@ -190,7 +179,7 @@ pub(super) fn read_distortion(
 /// [`svl_core::Error::Format`] with the key.
 pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isometry3<f64>> {
     let translation = Vector3::from(document.array::<3>(t)?);
-    motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))
+    document.keyed(r, motion(&document.matrix(r)?, translation))
 }
 
 /// The rig of two projection matrices, whose baseline is in `unit`. Both are relative to one frame,
@@ -199,23 +188,27 @@ pub(super) fn rig(
     left: &Matrix3x4<f64>,
     right: &Matrix3x4<f64>,
     unit: LengthUnit,
-) -> std::result::Result<Rig, String> {
+) -> Result<Rig, GeometryFault> {
     let focal = left[(0, 0)];
     let same = |a: f64, b: f64| (a - b).abs() <= SAME * focal.abs();
     let [shift, rise] = [0, 1].map(|row| left[(row, 3)] - right[(row, 3)]);
     // A vertical pair has its baseline in the second row of the fourth column.
     if rise.abs() > shift.abs() {
-        return Err(
-            "the cameras are mounted one above the other; svl matches those side by side".into(),
-        );
+        return Err(GeometryFault::Vertical);
     }
     if !same(left[(1, 1)], focal) || !same(right[(1, 1)], focal) {
-        return Err("rectified cameras have one focal length, along x and along y".into());
+        return Err(GeometryFault::Focals);
     }
     if unit == LengthUnit::Metres {
-        check_offsets(left, right).map_err(|e| e.to_string())?;
+        check_offsets(left, right)?;
     }
-    Rig::from_projections(left, right, SAME, SAME * focal.abs(), unit).map_err(|e| e.to_string())
+    Ok(Rig::from_projections(
+        left,
+        right,
+        SAME,
+        SAME * focal.abs(),
+        unit,
+    )?)
 }
 
 /// Two cameras that are already rectified: no distortion, no rotation.
@@ -245,24 +238,17 @@ pub(super) fn rectified(
 /// The rectification, for formats that contain only rectified cameras, in metres.
 pub(super) fn only_rectified(
     calibration: &StereoCalibration,
-) -> std::result::Result<&Rectification, String> {
+) -> Result<&Rectification, GeometryFault> {
     in_metres(calibration)?;
-    calibration.rectification().ok_or_else(|| {
-        "contains only rectified cameras, and this calibration has no rectification; compute one \
-         with `svl calibrate convert --rectify`"
-            .into()
-    })
+    let rectification = calibration.rectification();
+    rectification.ok_or(GeometryFault::NotRectified)
 }
 
 /// Rejects lengths in squares, for formats in metres.
-pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<(), String> {
+pub(super) fn in_metres(calibration: &StereoCalibration) -> Result<(), GeometryFault> {
     match calibration.unit() {
         LengthUnit::Metres => Ok(()),
-        LengthUnit::Squares => Err(
-            "is in metres and this calibration in squares of its board; give their size with \
-             --unit squares=SIDE_IN_METRES"
-                .into(),
-        ),
+        LengthUnit::Squares => Err(GeometryFault::Squares),
     }
 }
 

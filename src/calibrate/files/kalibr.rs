@@ -1,7 +1,9 @@
 //! Kalibr's `camchain.yaml`: a chain of cameras, of which the first two are the pair.
 
 use super::document::{Document, Syntax};
-use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
+use super::format::{
+    CalibrationFormat, GeometryFault, Hints, LoadedCalibration, Writing, Written, one,
+};
 use super::geometry::{StereoParameters, in_metres, read_distortion, stated_model};
 use super::numbers::{listed, rows};
 use super::unit::FileUnit;
@@ -61,8 +63,8 @@ fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> 
     };
     let [fx, fy, cx, cy] = document.array(&key("intrinsics"))?;
     let size = document.size_of(&key("resolution"))?;
-    Intrinsics::new(size, (fx, fy), (cx, cy), distortion)
-        .map_err(|e| document.error(format!("'{name}.intrinsics': {e}")))
+    let camera = Intrinsics::new(size, (fx, fy), (cx, cy), distortion);
+    document.keyed(&key("intrinsics"), camera)
 }
 
 /// The motion between the cameras; without their own by those to the IMU, as in OpenVINS's files.
@@ -87,7 +89,7 @@ fn pose(document: &Document, key: &str) -> Result<Isometry3<f64>> {
     let rows = [x?, y?, z?];
     let rotation = Matrix3::from_fn(|row, column| rows[row][column]);
     let translation = Vector3::from(rows.map(|[.., shift]| shift));
-    motion(&rotation, translation).map_err(|e| document.error(format!("'{key}': {e}")))
+    document.keyed(key, motion(&rotation, translation))
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
@@ -105,21 +107,13 @@ fn write(calibration: &StereoCalibration) -> Writing {
     })
 }
 
-fn one_camera(
-    name: &str,
-    other: usize,
-    camera: &Intrinsics,
-) -> std::result::Result<String, String> {
+fn one_camera(name: &str, other: usize, camera: &Intrinsics) -> Result<String, GeometryFault> {
     let (model, coefficients) = match camera.distortion() {
         Distortion::PlumbBob([first @ .., 0.0]) => ("radtan", first),
         Distortion::Equidistant(all) => ("equidistant", all),
         other => {
-            return Err(format!(
-                "has radtan k1 k2 p1 p2 and equidistant, and {name} has {} with {} coefficients; \
-                 choose opencv with --to",
-                other.model(),
-                other.coefficients().len()
-            ));
+            let (model, count) = (other.model(), other.coefficients().len());
+            return Err(GeometryFault::Distortion(name.to_owned(), model, count));
         }
     };
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());

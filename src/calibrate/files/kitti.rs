@@ -75,7 +75,7 @@ pub fn read_scanner(scanner: &Path, cameras: &Path, projection: &str) -> Result<
         let tr = scanner.projection("Tr")?;
         let turn = tr.fixed_columns::<3>(0).into_owned();
         let motion = svl_core::stereo::motion(&turn, tr.column(3).into_owned());
-        motion.map_err(|e| scanner.error(format!("'Tr': {e}")))?
+        scanner.keyed("Tr", motion)?
     };
     let rectified = if cameras.has("R_rect_00") {
         cameras.rotation("R_rect_00")?
@@ -106,8 +106,8 @@ fn offset(cameras: &Document, projection: &str) -> Result<Translation3<f64>> {
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {
     let (p, q) = (document.projection(left)?, document.projection(right)?);
-    geometry::rig(&p, &q, LengthUnit::Metres)
-        .map_err(|reason| document.error(format!("'{left}' and '{right}': {reason}")))
+    let rig = geometry::rig(&p, &q, LengthUnit::Metres);
+    document.keyed(&format!("{left}' and '{right}"), rig)
 }
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {

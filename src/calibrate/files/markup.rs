@@ -4,7 +4,7 @@
 //! Names are not validated: the example in annex E has attributes called `x(0,0)`, which XML does
 //! not allow.
 
-use crate::yaml::{MAX_DEPTH, YamlNode as Node};
+use crate::yaml::{MAX_DEPTH, MarkupFault, YamlNode as Node};
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 use std::collections::BTreeMap;
@@ -13,20 +13,17 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// The reason, with its position in bytes.
-pub(super) fn parse(text: &str) -> Result<Node, String> {
+pub(super) fn parse(text: &str) -> Result<Node, MarkupFault> {
     let mut reader = Reader::from_str(text);
     let mut open: Vec<OpenElement> = Vec::new();
     let mut root = None;
     loop {
-        let event = reader
-            .read_event()
-            .map_err(|e| format!("byte {}: is not XML: {e}", reader.error_position()))?;
-        let at = |reason: String| format!("byte {}: {reason}", reader.buffer_position());
+        let event = reader.read_event();
+        let event = event.map_err(|e| MarkupFault::from(e).at("byte", reader.error_position()))?;
+        let at = |fault: MarkupFault| fault.at("byte", reader.buffer_position());
         let closed = match event {
             Event::Start(_) if open.len() == MAX_DEPTH => {
-                return Err(at(format!(
-                    "more than {MAX_DEPTH} levels, which no calibration has"
-                )));
+                return Err(at(MarkupFault::Depth("calibration")));
             }
             Event::Start(start) => {
                 open.push(OpenElement::new(&start).map_err(at)?);
@@ -46,17 +43,14 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
         if let Some(element) = closed {
             match open.last_mut() {
                 Some(outer) => outer.take(element),
-                None if root.is_some() => return Err(at("a second outermost element".into())),
+                None if root.is_some() => return Err(at(MarkupFault::Second("outermost element"))),
                 None => root = Some(element.node()),
             }
         }
     }
-    match open.last() {
-        Some(element) => Err(format!(
-            "ends inside <{}>; is the file complete?",
-            element.name
-        )),
-        None => root.ok_or_else(|| "contains no XML element".into()),
+    match open.pop() {
+        Some(element) => Err(MarkupFault::Open(element.name)),
+        None => root.ok_or(MarkupFault::Empty("contains no XML element")),
     }
 }
 
@@ -68,17 +62,16 @@ struct OpenElement {
 }
 
 impl OpenElement {
-    fn new(start: &BytesStart<'_>) -> Result<Self, String> {
+    fn new(start: &BytesStart<'_>) -> Result<Self, MarkupFault> {
         let name = start.name().0.to_owned();
         let mut table = BTreeMap::new();
         // The library's check for duplicate names is quadratic; the map below finds them too.
         for attribute in start.attributes().with_checks(false) {
-            let attribute =
-                attribute.map_err(|e| format!("<{name}> has attributes that are not XML: {e}"))?;
+            let attribute = attribute.map_err(|e| MarkupFault::Attributes(name.clone(), e))?;
             let key = attribute.key.0.to_owned();
             let value = Node::Value(attribute.value.into_owned());
             if table.insert(key.clone(), value).is_some() {
-                return Err(format!("<{name}> has '{key}' twice"));
+                return Err(MarkupFault::Twice(format!("<{name}> has '{key}'")));
             }
         }
         Ok(Self {
@@ -147,16 +140,13 @@ mod tests {
             ("<!-- -->", "no XML element"),
             ("<a", "not XML"),
         ] {
-            let error = parse(text).unwrap_err();
+            let error = parse(text).unwrap_err().to_string();
             assert!(
                 error.contains(word) && !error.contains('\n'),
                 "{text}: {error}"
             );
         }
-        assert!(
-            parse(&"<a>".repeat(100_000))
-                .unwrap_err()
-                .contains("levels")
-        );
+        let nested = parse(&"<a>".repeat(100_000)).unwrap_err().to_string();
+        assert!(nested.contains("levels"), "{nested}");
     }
 }

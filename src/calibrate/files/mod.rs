@@ -26,7 +26,7 @@ pub use middlebury::read_calib;
 pub use unit::FileUnit;
 
 use document::Document;
-use format::Written;
+use format::{GeometryFault, Written};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, did_you_mean, inputs, joined};
@@ -137,15 +137,12 @@ fn parse_files(
         .map(parse)
         .collect::<Result<_>>()?;
     let found = (format.read)(documents, hints)?;
-    let lens = found.calibration.left().distortion();
+    let lens = found.calibration.left().distortion().model();
     match hints.model {
-        Some(named) if named != lens.model() => Err(Error::format(
-            path,
-            format!(
-                "its distortion is {}, not {named}; omit --model",
-                lens.model()
-            ),
-        )),
+        Some(named) if named != lens => {
+            let words = format!("its distortion is {lens}, not {named}; omit --model");
+            Err(Error::format(path, words))
+        }
         _ => Ok(found),
     }
 }
@@ -202,11 +199,10 @@ pub fn write_as(
     format: &CalibrationFormat,
     calibration: &StereoCalibration,
 ) -> Result<Vec<&'static str>> {
-    let cannot = |reason: String| Error::format(path, format!("{}: {reason}", format.title));
-    let write = format
-        .write
-        .ok_or_else(|| cannot("is read only; choose another with --to".into()))?;
-    let Written { texts, left_out } = write(calibration).map_err(cannot)?;
+    let write = format.write.ok_or(GeometryFault::ReadOnly);
+    let written = write.and_then(|write| write(calibration));
+    let cannot = |fault| Error::format(path, format!("{}: {fault}", format.title));
+    let Written { texts, left_out } = written.map_err(cannot)?;
     let paths = outputs(path, format)?;
     for (path, text) in paths.iter().zip(texts) {
         std::fs::write(path, text).map_err(|e| Error::io(path, e))?;
@@ -265,6 +261,7 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// [`Error::Format`] if the format needs two files and one is named, or the reverse.
 pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> {
+    let title = format.title;
     match (two_of(path), format.single) {
         (Some(both), false) => Ok(both.into()),
         (None, true) if !path.is_dir() => {
@@ -274,7 +271,7 @@ pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> 
                 .unwrap_or_default();
             if !format.endings.contains(&ending) {
                 let endings = format.endings.join(" or .");
-                let reason = format!("{} is written as .{endings}", format.title);
+                let reason = format!("{title} is written as .{endings}");
                 return Err(Error::format(path, reason));
             }
             Ok(vec![path.to_owned()])
@@ -286,16 +283,10 @@ pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> 
             .flatten()
             .map(|name| path.join(name))
             .collect()),
-        (_, true) => Err(Error::format(
-            path,
-            format!("{} is one file; name it", format.title),
-        )),
+        (_, true) => Err(Error::format(path, format!("{title} is one file; name it"))),
         (_, false) => {
-            let reason = format!(
-                "{} is two files; name both, `left.yaml,right.yaml`, or a folder",
-                format.title
-            );
-            Err(Error::format(path, reason))
+            let cure = "is two files; name both, `left.yaml,right.yaml`, or a folder";
+            Err(Error::format(path, format!("{title} {cure}")))
         }
     }
 }

@@ -93,14 +93,11 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
                   it with `svl calibrate convert --model equidistant`";
     let remarks = (four && !is_stated).then(|| remark.to_owned());
     let loaded = cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect());
-    loaded.map_err(|e| {
-        if four && !is_stated {
-            Error::Invalid(format!(
-                "{e}; for a file of cv2.fisheye, --model equidistant"
-            ))
-        } else {
-            e
-        }
+    loaded.map_err(|e| match four && !is_stated {
+        true => Error::Invalid(format!(
+            "{e}; for a file of cv2.fisheye, --model equidistant"
+        )),
+        false => e,
     })
 }
 
@@ -124,7 +121,7 @@ fn rectification(document: &Document, size: (usize, usize)) -> Result<Rectificat
     let (p1, p2) = (document.projection("P1")?, document.projection("P2")?);
     // The unit is applied to all lengths of the file later.
     let rig = rig(&p1, &p2, LengthUnit::Squares);
-    let rig = rig.map_err(|reason| document.error(format!("'P1' and 'P2': {reason}")))?;
+    let rig = document.keyed("P1' and 'P2", rig)?;
     Ok(Rectification {
         size,
         left: document.rotation("R1")?,

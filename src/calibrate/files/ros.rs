@@ -2,7 +2,9 @@
 //! `camera_calibration`.
 
 use super::document::{Document, Syntax};
-use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, both};
+use super::format::{
+    CalibrationFormat, GeometryFault, Hints, LoadedCalibration, Writing, Written, both,
+};
 use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig, stated_model};
 use super::numbers::{listed, rows};
 use super::unit::FileUnit;
@@ -61,44 +63,23 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
 fn one(document: &Document, hints: &Hints) -> Result<Intrinsics> {
     let model = stated_model(document, "distortion_model", hints)?;
     let size = document.size("image_width", "image_height")?;
-    camera(
-        document,
-        "camera_matrix",
-        size,
-        read_distortion(document, "distortion_coefficients", model)?,
-    )
+    let distortion = read_distortion(document, "distortion_coefficients", model)?;
+    camera(document, "camera_matrix", size, distortion)
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {
     in_metres(calibration)?;
     let Some(rectification) = calibration.rectification() else {
-        return Err(
-            "contains extrinsics only as a rectification, and this calibration has none; compute \
-             one with `svl calibrate convert --rectify`"
-                .into(),
-        );
+        return Err(GeometryFault::NoExtrinsics);
     };
     if [calibration.left().size(), calibration.right().size()] != [rectification.size; 2] {
-        return Err(
-            "contains one image size, and this calibration has others before and after \
-             rectification"
-                .into(),
-        );
+        return Err(GeometryFault::Sizes);
     }
     let rig = rectification.rig;
+    let [p1, p2] = Side::BOTH.map(|side| rig.projection(side));
     let texts = vec![
-        camera_info(
-            "left",
-            calibration.left(),
-            &rectification.left,
-            &rig.projection(Side::Left),
-        ),
-        camera_info(
-            "right",
-            calibration.right(),
-            &rectification.right,
-            &rig.projection(Side::Right),
-        ),
+        camera_info("left", calibration.left(), &rectification.left, &p1),
+        camera_info("right", calibration.right(), &rectification.right, &p2),
     ];
     Ok(Written {
         texts,

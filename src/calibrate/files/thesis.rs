@@ -19,7 +19,9 @@
 //! corners rather than pure rotations of a camera, so its rectification is dropped.
 
 use super::document::{Document, Syntax};
-use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
+use super::format::{
+    CalibrationFormat, GeometryFault, Hints, LoadedCalibration, Writing, Written, one,
+};
 use super::geometry::{StereoParameters, pinhole, stated_model};
 use super::numbers::number;
 use super::unit::{self, FileUnit};
@@ -126,11 +128,10 @@ fn camera(document: &Document, i: usize, hints: &Hints) -> Result<Intrinsics> {
         return Err(document.error(format!("no '{key}.dist0', which the thesis's XML has")));
     }
     let distortion = model.with_coefficients(&coefficients);
-    let distortion = distortion.map_err(|e| document.error(format!("'{key}': {e}")))?;
+    let distortion = document.keyed(&key, distortion)?;
     let k = Matrix3::from_row_slice(&document.counted::<9>(&at("Intrinsic.intr"))?);
     let size = document.size(&at("ImageSize.x"), &at("ImageSize.y"))?;
-    pinhole(size, &k, distortion)
-        .map_err(|reason| document.error(format!("'{}': {reason}", at("Intrinsic"))))
+    document.keyed(&at("Intrinsic"), pinhole(size, &k, distortion))
 }
 
 /// The board's pose in camera `i`.
@@ -139,8 +140,8 @@ fn pose(document: &Document, i: usize) -> Result<Isometry3<f64>> {
     let rotation = Matrix3::from_row_slice(&document.counted::<9>(&at("Rotation.rot"))?);
     let [x, y, z] =
         ["x", "y", "z"].map(|axis| document.number(&at(&format!("Transaction.{axis}"))));
-    motion(&rotation, Vector3::new(x?, y?, z?))
-        .map_err(|e| document.error(format!("'{}': {e}", at("Rotation"))))
+    let motion = motion(&rotation, Vector3::new(x?, y?, z?));
+    document.keyed(&at("Rotation"), motion)
 }
 
 /// A rectifying homography, decomposed: K of the rectified image, and the rotation to it.
@@ -192,11 +193,8 @@ impl Warp {
         let k = Matrix3::new(m1.dot(&x), skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
         let rotation =
             Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, z]).transpose());
-        let sound = k
-            .iter()
-            .chain(rotation.matrix().iter())
-            .all(|v| v.is_finite())
-            && k[(0, 0)] > 0.0;
+        let mut all = k.iter().chain(rotation.matrix().iter());
+        let sound = all.all(|v| v.is_finite()) && k[(0, 0)] > 0.0;
         sound.then_some(Self { k, rotation })
     }
 }
@@ -288,14 +286,12 @@ fn element(name: &str, prefix: &str, values: &[f64]) -> String {
 fn stereo(
     cameras: [&Intrinsics; 2],
     rectification: &Rectification,
-) -> std::result::Result<String, String> {
+) -> Result<String, GeometryFault> {
     let (mut quad, mut coeffs) = (String::new(), String::new());
     let rotations = [rectification.left, rectification.right];
     for (i, (camera, side)) in cameras.into_iter().zip(Side::BOTH).enumerate() {
-        let raw = camera
-            .matrix()
-            .try_inverse()
-            .ok_or("has a camera whose matrix cannot be inverted")?;
+        let raw = camera.matrix().try_inverse();
+        let raw = raw.ok_or(GeometryFault::Singular)?;
         let homography = rectification.rig.intrinsics(side) * rotations[i].matrix() * raw;
         // The annex normalizes the last coefficient to 1.
         let homography = homography / homography[(2, 2)];

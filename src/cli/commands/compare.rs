@@ -117,7 +117,7 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
     match text.split_once(':') {
         None if text == "worse" => Ok(None),
         Some(("worse", name)) => {
-            let metric = usage::metric(name)?;
+            let metric = usage::metric(name).map_err(|fault| fault.to_string())?;
             if metric.better == Better::Neither {
                 let cure = "name one that has, as `svl columns metrics` says";
                 return Err(format!("'{name}' has no better direction; {cure}"));

@@ -116,7 +116,7 @@ fn is_refused(error: &Error) -> bool {
 fn no_pairs(error: Error, file: &Path, name: &str) -> (String, String) {
     match error {
         Error::Format { path, reason } | Error::Damaged { path, reason } if path == file => {
-            (format!("{name}: {reason}"), reason)
+            (format!("{name}: {reason}"), reason.to_string())
         }
         error => (error.to_string(), error.to_string()),
     }

@@ -14,7 +14,7 @@ use svl::alternatives;
 use svl::losses::Incomplete;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
-use svl::score::Metric;
+use svl::score::{Metric, MetricFault};
 
 /// Names of commands in other programs, and svl's commands that do the same.
 pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
@@ -176,7 +176,7 @@ pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
 }
 
 /// The metric of that name that algorithms are ranked or tested by.
-pub(crate) fn metric(name: &str) -> Result<&'static Metric, String> {
+pub(crate) fn metric(name: &str) -> Result<&'static Metric, MetricFault> {
     Metric::named(name)?.to_judge_by()
 }
 
@@ -193,24 +193,19 @@ pub(crate) fn ending_or_stdout(
         if path != Path::new(STDOUT) {
             ends_in(&path, endings)?;
         }
-        Ok::<_, String>(path)
+        Ok::<_, svl::Error>(path)
     })
 }
 
 /// Refuses the name of a file with none of these extensions.
-pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
-    if endings
-        .iter()
-        .any(|ending| path.extension().is_some_and(|e| e == *ending))
-    {
-        Ok(())
-    } else {
-        Err(format!(
-            "{}: must end in .{}",
-            path.display(),
-            endings.join(" or .")
-        ))
+pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> svl::Result<()> {
+    let has = |ending: &&str| path.extension().is_some_and(|e| e == *ending);
+    if endings.iter().any(has) {
+        return Ok(());
     }
+    let endings = endings.join(" or .");
+    let words = format!("{}: must end in .{endings}", path.display());
+    Err(svl::Error::Usage(words))
 }
 
 /// The error and its causes in one line.

@@ -16,8 +16,8 @@ mod set;
 mod spectrum;
 mod window;
 
-pub use model::FilterModel;
 pub(crate) use model::safetensors_bytes;
+pub use model::{FilterFault, FilterModel};
 #[doc(hidden)]
 pub use {
     math::{exp, logistic, tanh},

@@ -2,8 +2,7 @@
 
 use super::{Features, FilterKind, Network, Scaling};
 use crate::error::{Error, Result};
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
@@ -36,6 +35,33 @@ const HIDDEN_BIAS: &str = "hidden.bias";
 const OUTPUT_WEIGHT: &str = "output.weight";
 const OUTPUT_BIAS: &str = "output.bias";
 
+/// Fault in the file of a [`FilterModel`].
+#[derive(Debug, thiserror::Error)]
+pub enum FilterFault {
+    #[error("is not a safetensors file, or corrupt: {0}")]
+    File(#[from] SafeTensorError),
+    #[error("is not a filter of svl: its metadata has no '{0}'; `svl train filter` makes one")]
+    NoFact(&'static str),
+    #[error("is not a filter of svl: it has no tensor '{0}'")]
+    NoTensor(&'static str),
+    #[error("its range_px is not a positive number")]
+    Range,
+    #[error("its window is not an even number up to {MAX_WINDOW}")]
+    Window,
+    #[error("its scaling is neither 'amplitude' nor 'log'")]
+    Scaling,
+    #[error("'{0}' is of {1:?}, not F32")]
+    Number(&'static str, Dtype),
+    /// The shape of the weights, and the window with its number of features.
+    #[error("its '{HIDDEN_WEIGHT}' is {0:?}, but windows of {1} have {2} features")]
+    Shape(Vec<usize>, usize, usize),
+    #[error("'{OUTPUT_BIAS}' is not one number")]
+    OutputBias,
+    /// A kind of filter that svl does not know, and a network that none can be.
+    #[error(transparent)]
+    Other(#[from] Error),
+}
+
 impl FilterModel {
     /// Reads a file that `svl train filter` wrote.
     ///
@@ -50,55 +76,43 @@ impl FilterModel {
             let most = MAX_BYTES >> 20;
             return Err(Error::format(path, format!("is larger than {most} MiB")));
         }
-        Self::from_bytes(&bytes).map_err(|reason| Error::format(path, reason))
+        Self::from_bytes(&bytes).map_err(|fault| Error::format(path, fault))
     }
 
     /// Parses the bytes of such a file.
     ///
     /// # Errors
     /// The fault in them.
-    pub fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, String> {
-        let damaged = |e| format!("is not a safetensors file, or corrupt: {e}");
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
-        let said = header.metadata().iter().flatten();
-        let mut facts: ModelFacts = said
-            .map(|(key, text)| (key.clone(), text.clone()))
-            .collect();
-        let kind = take(&mut facts, "filter")?;
-        let kind: FilterKind = kind.parse().map_err(|e: Error| e.to_string())?;
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FilterFault> {
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let mut facts: ModelFacts = header.metadata().clone().into_iter().flatten().collect();
+        let kind: FilterKind = take(&mut facts, "filter")?.parse()?;
         let features = take_features(&mut facts)?;
         let range_px = match kind {
             FilterKind::Floor => None,
             FilterKind::TooClose => {
                 let range = take(&mut facts, "range_px")?.parse().ok();
                 let range = range.filter(|px: &f64| px.is_finite() && *px > 0.0);
-                Some(range.ok_or("its range_px is not a positive number")?)
+                Some(range.ok_or(FilterFault::Range)?)
             }
         };
         let weights = floats(&tensors, HIDDEN_WEIGHT)?;
-        let inputs = match weights.shape[..] {
-            [_, inputs] if inputs == features.count() => inputs,
-            _ => {
-                return Err(format!(
-                    "its '{HIDDEN_WEIGHT}' is {:?}, but windows of {} have {} features",
-                    weights.shape,
-                    features.window,
-                    features.count()
-                ));
-            }
-        };
+        let (window, inputs) = (features.window, features.count());
+        if !matches!(weights.shape[..], [_, count] if count == inputs) {
+            return Err(FilterFault::Shape(weights.shape, window, inputs));
+        }
         let bias = floats(&tensors, HIDDEN_BIAS)?.values;
         let out_weights = floats(&tensors, OUTPUT_WEIGHT)?.values;
         let out_bias = floats(&tensors, OUTPUT_BIAS)?.values;
         let [out_bias] = out_bias[..] else {
-            return Err(format!("'{OUTPUT_BIAS}' is not one number"));
+            return Err(FilterFault::OutputBias);
         };
-        let network = Network::new(inputs, &weights.values, bias, out_weights, out_bias);
+        let network = Network::new(inputs, &weights.values, bias, out_weights, out_bias)?;
         Ok(Self {
             kind,
             features,
-            network: network.map_err(|e| e.to_string())?,
+            network,
             range_px,
             facts,
         })
@@ -185,29 +199,17 @@ pub(crate) fn safetensors_bytes(
 }
 
 /// Removes a fact that every filter has.
-fn take(facts: &mut ModelFacts, key: &str) -> std::result::Result<String, String> {
-    let text = facts.remove(key);
-    text.ok_or_else(|| {
-        format!("is not a filter of svl: its metadata has no '{key}'; `svl train filter` makes one")
-    })
+fn take(facts: &mut ModelFacts, key: &'static str) -> Result<String, FilterFault> {
+    facts.remove(key).ok_or(FilterFault::NoFact(key))
 }
 
 /// Removes the facts about the features.
-fn take_features(facts: &mut ModelFacts) -> std::result::Result<Features, String> {
-    let window = take(facts, "window")?;
-    let window = window.parse().ok().filter(|side| {
-        let side: &usize = side;
-        (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
-    });
-    let window = window.ok_or(format!(
-        "its window is not an even number up to {MAX_WINDOW}"
-    ))?;
-    let scaling = take(facts, "scaling")?;
-    let scaling = Scaling::from_name(&scaling);
-    Ok(Features {
-        window,
-        scaling: scaling.ok_or("its scaling is neither 'amplitude' nor 'log'")?,
-    })
+fn take_features(facts: &mut ModelFacts) -> Result<Features, FilterFault> {
+    let window = take(facts, "window")?.parse::<usize>().ok();
+    let window = window.filter(|side| (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2));
+    let window = window.ok_or(FilterFault::Window)?;
+    let scaling = Scaling::from_name(&take(facts, "scaling")?).ok_or(FilterFault::Scaling)?;
+    Ok(Features { window, scaling })
 }
 
 struct Floats {
@@ -215,11 +217,11 @@ struct Floats {
     values: Vec<f32>,
 }
 
-fn floats(tensors: &SafeTensors<'_>, name: &str) -> std::result::Result<Floats, String> {
-    let missing = |_| format!("is not a filter of svl: it has no tensor '{name}'");
-    let tensor: TensorView<'_> = tensors.tensor(name).map_err(missing)?;
+fn floats(tensors: &SafeTensors<'_>, name: &'static str) -> Result<Floats, FilterFault> {
+    let tensor = tensors.tensor(name);
+    let tensor = tensor.map_err(|_| FilterFault::NoTensor(name))?;
     if tensor.dtype() != Dtype::F32 {
-        return Err(format!("'{name}' is of {:?}, not F32", tensor.dtype()));
+        return Err(FilterFault::Number(name, tensor.dtype()));
     }
     let values = tensor.data().as_chunks().0.iter();
     Ok(Floats {
@@ -273,7 +275,7 @@ mod tests {
             let at = bytes.windows(from.len()).position(|w| w == from.as_bytes());
             let mut bytes = bytes.clone();
             bytes[at.unwrap()..][..to.len()].copy_from_slice(to.as_bytes());
-            FilterModel::from_bytes(&bytes).unwrap_err()
+            FilterModel::from_bytes(&bytes).unwrap_err().to_string()
         };
         for (from, to, reason) in [
             (
@@ -297,7 +299,7 @@ mod tests {
         let mut nan = bytes.clone();
         let end = nan.len();
         nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-        let error = FilterModel::from_bytes(&nan).unwrap_err();
+        let error = FilterModel::from_bytes(&nan).unwrap_err().to_string();
         assert!(error.contains("not a finite number"), "{error}");
     }
 }

@@ -116,14 +116,13 @@ impl IsaKind {
 /// [`Error::Invalid`] if `SVL_ISA` names one that this CPU lacks: a measurement on another would
 /// mislead.
 pub fn isa() -> Result<Isa> {
-    static CHOSEN: OnceLock<std::result::Result<Isa, String>> = OnceLock::new();
-    CHOSEN
-        .get_or_init(|| match std::env::var("SVL_ISA") {
-            Ok(name) => Isa::named(&name).map_err(|e| format!("SVL_ISA: {e}")),
-            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::BASELINE)),
-        })
-        .clone()
-        .map_err(Error::Invalid)
+    static CHOSEN: OnceLock<Result<Isa>> = OnceLock::new();
+    let chosen = CHOSEN.get_or_init(|| match std::env::var("SVL_ISA") {
+        Ok(name) => Isa::named(&name),
+        Err(_) => Ok(Isa::available().next().unwrap_or(Isa::BASELINE)),
+    });
+    let chosen = chosen.as_ref().copied();
+    chosen.map_err(|e| Error::Invalid(format!("SVL_ISA: {e}")))
 }
 
 #[cfg(test)]

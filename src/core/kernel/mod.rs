@@ -40,8 +40,8 @@ pub use dense::LANES;
 pub use descent::AdamStep;
 pub use filter::PREFILTER_CAP;
 pub use gaps::{
-    GAP_TENSORS, GAP_WEIGHTS, GapCandidates, GapNetwork, GapVotes, HYPOTHESES, HYPOTHESIS_FEATURES,
-    PIXEL_FEATURES,
+    GAP_TENSORS, GAP_WEIGHTS, GapCandidates, GapFault, GapNetwork, GapVotes, HYPOTHESES,
+    HYPOTHESIS_FEATURES, PIXEL_FEATURES,
 };
 #[cfg(feature = "internal")]
 pub use gaps::{GapPass, GapSamples};

@@ -29,7 +29,7 @@ pub use {
     parameter::{Parameter, ParameterFile, Parameters, Range, Value},
     program::ProgramRecord,
     recorded::{MapPlace, MapRequest},
-    v5::{GapSampler, GapWeights, V5Model, has_small_cells},
+    v5::{GapSampler, GapWeights, V5Fault, V5Model, has_small_cells},
 };
 
 use crate::depth::decision::SafeChoice;

@@ -63,6 +63,14 @@ pub struct FittedTo {
     pairs: Vec<u64>,
 }
 
+/// A list of pairs that no [`FittedTo`] has.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "its '{}' is not a sorted list of {SHORT_DIGITS} hexadecimal digits each",
+    FittedTo::PAIRS
+)]
+pub struct UnsortedPairs;
+
 impl FittedTo {
     /// Keys of the facts in the files of learned numbers.
     pub const RUNS: &str = "fitted_runs";
@@ -104,34 +112,24 @@ impl FittedTo {
         }
     }
 
-    /// From the facts of a file; empty where it has none.
+    /// From the facts of a network, with its runs in lines; empty where it has none.
     ///
     /// # Errors
-    /// The fault in the list of pairs.
-    pub fn parse<'a>(runs: impl Iterator<Item = &'a str>, pairs: &str) -> Result<Self, String> {
-        let (chunks, rest) = pairs.as_bytes().as_chunks::<SHORT_DIGITS>();
+    /// A list of pairs that is damaged.
+    pub(crate) fn from_facts(facts: &BTreeMap<String, String>) -> Result<Self, UnsortedPairs> {
+        let fact = |key: &str| facts.get(key).map_or("", String::as_str);
+        let (chunks, rest) = fact(Self::PAIRS).as_bytes().as_chunks::<SHORT_DIGITS>();
         let short = |digits: &[u8; SHORT_DIGITS]| {
             let text = std::str::from_utf8(digits).ok()?;
             u64::from_str_radix(text, 16).ok()
         };
         let pairs: Option<Vec<_>> = chunks.iter().map(short).collect();
         let pairs = pairs.filter(|pairs| rest.is_empty() && pairs.is_sorted());
-        let wrong = || {
-            format!(
-                "its '{}' is not a sorted list of {SHORT_DIGITS} hexadecimal digits each",
-                Self::PAIRS
-            )
-        };
+        let runs = fact(Self::RUNS).lines();
         Ok(Self {
             runs: runs.map(|run| Cow::Owned(run.to_owned())).collect(),
-            pairs: pairs.ok_or_else(wrong)?,
+            pairs: pairs.ok_or(UnsortedPairs)?,
         })
-    }
-
-    /// From the facts of a network, with its runs in lines.
-    pub(crate) fn from_facts(facts: &BTreeMap<String, String>) -> Result<Self, String> {
-        let fact = |key: &str| facts.get(key).map_or("", String::as_str);
-        Self::parse(fact(Self::RUNS).lines(), fact(Self::PAIRS))
     }
 
     /// Facts of a network that say what it was fitted to.
@@ -204,7 +202,8 @@ mod tests {
         // Other pairs of a run are no test, either.
         assert!(fitted.has(id(50, 0, None), ["arena seed 4"]));
         for wrong in ["0", "000000000g", "00000000020000000001"] {
-            assert!(FittedTo::parse([].into_iter(), wrong).is_err(), "{wrong}");
+            let facts = [(FittedTo::PAIRS.to_owned(), wrong.to_owned())].into();
+            assert_eq!(FittedTo::from_facts(&facts), Err(UnsortedPairs), "{wrong}");
         }
     }
 

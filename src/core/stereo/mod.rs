@@ -51,7 +51,7 @@ pub use {
         TruthKind, TruthOrigin, Visibility,
     },
     grid::{CellEvidence, LevelCell, LevelVerdict},
-    identity::{FittedTo, PairId, hash_words, parse_hash},
+    identity::{FittedTo, PairId, UnsortedPairs, hash_words, parse_hash},
     image::{MAX_SIDE, buffer, reserve},
     limits::{check_doffs, check_offsets, check_size},
     occlusion::cross_check,

@@ -81,8 +81,8 @@ pub(crate) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
 /// The names of a bag's files, from its metadata.
 fn names(metadata: &Path) -> Result<Vec<String>> {
     let wrong = |reason: String| Error::format(metadata, reason);
-    let YamlNode::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)?
-    else {
+    let text = yaml::parse(&read_text(metadata, MAX_BYTES)?);
+    let YamlNode::Table(mut root) = text.map_err(|fault| Error::format(metadata, fault))? else {
         return Err(wrong("is not that of a ROS 2 bag".to_owned()));
     };
     let Some(YamlNode::Table(bag)) = root.remove(BAG) else {

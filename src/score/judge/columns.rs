@@ -1,6 +1,6 @@
 //! The choice of metrics that tables show.
 
-use super::{METRICS, Metric, MetricLevel, TruthLevel};
+use super::{METRICS, Metric, MetricFault, MetricLevel, TruthLevel};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -37,42 +37,39 @@ impl ColumnChoice {
         }
     }
 
-    fn from_names(names: &[&str]) -> Result<Self, String> {
+    fn from_names(names: &[&str]) -> Result<Self, MetricFault> {
         if names == ["all"] {
             return Ok(Self::All);
         }
         if names.contains(&"all") {
-            return Err("'all' stands alone: it names every column".to_owned());
+            return Err(MetricFault::All);
         }
-        let metrics = names
-            .iter()
-            .map(|name| Metric::named(name))
-            .collect::<Result<Vec<_>, _>>()?;
+        let metrics = names.iter().map(|name| Metric::named(name));
+        let metrics = metrics.collect::<Result<Vec<_>, _>>()?;
         let is_repeated = |i: usize| metrics[..i].contains(&metrics[i]);
         if let Some(i) = (0..metrics.len()).find(|&i| is_repeated(i)) {
-            return Err(format!("the column {} is named twice", names[i]));
+            return Err(MetricFault::Twice(names[i].to_owned()));
         }
-        if metrics.is_empty() {
-            Ok(Self::Headline)
-        } else {
-            Ok(Self::Named(metrics))
+        match metrics.is_empty() {
+            true => Ok(Self::Headline),
+            false => Ok(Self::Named(metrics)),
         }
     }
 }
 
 impl FromStr for ColumnChoice {
-    type Err = String;
+    type Err = MetricFault;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, MetricFault> {
         let names: Vec<_> = text.split(',').map(str::trim).collect();
         Self::from_names(&names)
     }
 }
 
 impl TryFrom<Vec<String>> for ColumnChoice {
-    type Error = String;
+    type Error = MetricFault;
 
-    fn try_from(names: Vec<String>) -> Result<Self, String> {
+    fn try_from(names: Vec<String>) -> Result<Self, MetricFault> {
         let names: Vec<_> = names.iter().map(String::as_str).collect();
         Self::from_names(&names)
     }
@@ -83,10 +80,7 @@ impl From<ColumnChoice> for Vec<String> {
         match choice {
             ColumnChoice::Headline => Vec::new(),
             ColumnChoice::All => vec!["all".to_owned()],
-            ColumnChoice::Named(metrics) => metrics
-                .iter()
-                .map(|metric| metric.name.to_owned())
-                .collect(),
+            ColumnChoice::Named(metrics) => metrics.iter().map(|m| m.name.to_owned()).collect(),
         }
     }
 }

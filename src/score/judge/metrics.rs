@@ -902,6 +902,23 @@ pub const METRICS: &[Metric] = &[
         .headline(&[Courses]),
 ];
 
+/// Why a name is that of no metric, of none to judge by, or of no choice of metrics.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MetricFault {
+    /// The name, and a hint at the nearest one.
+    #[error("there is no metric '{0}'{1}; `svl columns metrics` lists them")]
+    Unknown(String, String),
+    /// A heading, and the metrics that share it.
+    #[error("'{0}' heads several columns; which of {1}?")]
+    Shared(String, String),
+    #[error("{0} is measured at each level of a perturbation: the table of --stress alone has it")]
+    Perturbed(&'static str),
+    #[error("'all' stands alone: it names every column")]
+    All,
+    #[error("the column {0} is named twice")]
+    Twice(String),
+}
+
 impl Metric {
     pub fn find(name: &str) -> Option<&'static Self> {
         METRICS.iter().find(|metric| metric.name == name)
@@ -910,32 +927,24 @@ impl Metric {
     /// The metric, for gates, orders and comparisons.
     ///
     /// # Errors
-    /// One line for a metric that is measured at levels of stress alone.
-    pub fn to_judge_by(&'static self) -> Result<&'static Self, String> {
-        if self.group == PERTURBED {
-            return Err(format!(
-                "{} is measured at each level of a perturbation: the table of --stress alone has \
-                 it",
-                self.name
-            ));
-        }
-        Ok(self)
+    /// A metric that is measured at levels of stress alone.
+    pub fn to_judge_by(&'static self) -> Result<&'static Self, MetricFault> {
+        let is_one = self.group != PERTURBED;
+        is_one
+            .then_some(self)
+            .ok_or(MetricFault::Perturbed(self.name))
     }
 
     /// The metric of that name, or of that heading in a table, `%` or not.
     ///
     /// # Errors
     /// One line with the nearest name, or those of the metrics that share the heading.
-    pub fn named(name: &str) -> Result<&'static Self, String> {
+    pub fn named(name: &str) -> Result<&'static Self, MetricFault> {
         let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
         let is_headed = |metric: &&Self| {
             let has = |head: &str| plain(head) == plain(name);
             // The median time has the percentiles beside it.
             has(metric.head) || metric.name == "time" && has("p99")
-        };
-        let names = |metrics: &[&Self]| {
-            let names: Vec<_> = metrics.iter().map(|metric| metric.name).collect();
-            names.join(", ")
         };
         if let Some(found) = Self::find(name) {
             return Ok(found);
@@ -949,17 +958,17 @@ impl Metric {
         match headed[..] {
             [found] => Ok(found),
             [] => Err(Self::unknown(name)),
-            _ => Err(format!(
-                "'{name}' heads several columns; which of {}?",
-                names(&headed)
-            )),
+            _ => {
+                let names: Vec<_> = headed.iter().map(|metric| metric.name).collect();
+                Err(MetricFault::Shared(name.to_owned(), names.join(", ")))
+            }
         }
     }
 
     /// The error for a name of no metric.
-    pub fn unknown(name: &str) -> String {
+    pub fn unknown(name: &str) -> MetricFault {
         let hint = did_you_mean(name, METRICS.iter().map(|metric| metric.name));
-        format!("there is no metric '{name}'{hint}; `svl columns metrics` lists them")
+        MetricFault::Unknown(name.to_owned(), hint)
     }
 
     /// Column in rows and summary, with the aggregation; `None` if the metric is not per frame.
@@ -1336,7 +1345,7 @@ mod tests {
         assert_eq!(found.map(|metric| metric.unwrap().name), expected);
         let unknown = "there is no metric 'rigth' (did you mean 'right'?); `svl columns metrics` \
                        lists them";
-        assert_eq!(named("rigth"), Err(unknown.to_owned()));
+        assert_eq!(named("rigth").unwrap_err().to_string(), unknown);
     }
 
     #[test]

@@ -21,8 +21,8 @@ pub use cells::{
     CellJudgement, CellTallies, CellTally, NearJudgement, Verdict, is_right, judge_cells,
 };
 pub use checkpoint::{
-    CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
-    ExpectedCell, FrameOrigin, LabelledPair,
+    CellExpectation, CellFinding, Checkpoint, CheckpointFault, CheckpointFrame, CheckpointPlace,
+    CheckpointTally, ExpectedCell, FrameOrigin, LabelledPair,
 };
 pub use columns::ColumnChoice;
 pub use disparity::DisparityScore;
@@ -30,8 +30,8 @@ pub use filtered::FilterTally;
 pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use measured::{CaseKind, Cases, Measured, Minimum};
 pub use metrics::{
-    Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel,
-    MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
+    Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricFault,
+    MetricLevel, MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
 };
 pub use support::agreed_cells;
 pub use truth::{CellTruth, NearTruth, TrueCells};

@@ -353,9 +353,8 @@ impl SourceOptions {
             let takers = ScenarioKind::ALL.into_iter().filter(takes);
             let takers: Vec<_> = takers.map(|kind| format!("\"{}\"", kind.name())).collect();
             let takers = takers.join(" or ");
-            return Err(Error::Invalid(format!(
-                "source.{key} belongs to kind = {takers}"
-            )));
+            let words = format!("source.{key} belongs to kind = {takers}");
+            return Err(Error::Invalid(words));
         }
         let key = |key: &str| format!("source.{key}");
         if kind == ScenarioKind::Recording
@@ -365,15 +364,14 @@ impl SourceOptions {
             return Err(Error::Invalid(format!("source.files: {expected}")));
         }
         if kind == ScenarioKind::Dataset && self.scenes.is_empty() {
-            return Err(Error::Invalid(
-                "kind = \"dataset\" needs source.scenes, at least one".into(),
-            ));
+            let needs = "kind = \"dataset\" needs source.scenes, at least one";
+            return Err(Error::Invalid(needs.into()));
         }
         if self.left.is_some() != self.right.is_some() {
             let both = "source.left and source.right belong together: name both";
             return Err(Error::Invalid(both.into()));
         }
-        self.check_named(&key).map_err(Error::Invalid)
+        self.check_named(&key, Error::Invalid)
     }
 
     /// Checks the options of a single source.
@@ -381,12 +379,12 @@ impl SourceOptions {
     /// # Errors
     /// [`Error::Usage`] for options that contradict each other, and for an empty selection.
     pub fn check(&self) -> Result<()> {
-        self.check_named(&flag).map_err(Error::Usage)
+        self.check_named(&flag, Error::Usage)
     }
 
-    /// The fault, with the names of the options.
-    fn check_named(&self, name: &dyn Fn(&str) -> String) -> std::result::Result<(), String> {
-        let needs = |key: &str, other: &str| Err(format!("{} is for {}", name(key), name(other)));
+    /// The fault, with the names of the options, as an error of that kind.
+    fn check_named(&self, name: &dyn Fn(&str) -> String, wrong: fn(String) -> Error) -> Result<()> {
+        let needs = |key, other| Err(wrong(format!("{} is for {}", name(key), name(other))));
         if self.truth_skew_ms.is_some() && self.truth.is_none() {
             return needs("truth_skew_ms", "truth");
         }
@@ -394,9 +392,8 @@ impl SourceOptions {
             return needs("alpha", "calib");
         }
         let outside = |value: Option<f64>, range: RangeInclusive<f64>| {
-            value
-                .is_some_and(|value| !range.contains(&value))
-                .then_some(range)
+            let is_outside = value.is_some_and(|value| !range.contains(&value));
+            is_outside.then_some(range)
         };
         let bits = f64::from(*BITS.start())..=f64::from(*BITS.end());
         for (key, outside) in [
@@ -411,20 +408,14 @@ impl SourceOptions {
             ("alpha", outside(self.alpha, 0.0..=1.0)),
         ] {
             if let Some(range) = outside {
-                return Err(format!(
-                    "{}: {} to {}",
-                    name(key),
-                    range.start(),
-                    range.end()
-                ));
+                let (key, first, last) = (name(key), range.start(), range.end());
+                return Err(wrong(format!("{key}: {first} to {last}")));
             }
         }
-        let checked = self
-            .range()
-            .validate()
-            .and_then(|()| self.window().validate());
+        let checked = self.range().validate();
+        let checked = checked.and_then(|()| self.window().validate());
         let checked = checked.and_then(|()| self.references().map(drop));
-        checked.map_err(|error| error.to_string())
+        checked.map_err(|error| wrong(error.to_string()))
     }
 
     /// Resolves paths relative to a folder: those of calibrations, data sets and algorithms, which

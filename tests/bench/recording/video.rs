@@ -103,7 +103,7 @@ fn numbers(path: &Path) -> (Vec<u64>, Vec<String>) {
                 numbers.push(number);
             }
             Ok(None) => return (numbers, reasons),
-            Err(Error::Format { reason, .. }) => reasons.push(reason),
+            Err(Error::Format { reason, .. }) => reasons.push(reason.to_string()),
             Err(error) => panic!("{error}"),
         }
     }

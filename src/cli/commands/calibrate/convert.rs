@@ -111,8 +111,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let endings = &["xml", "yaml", "yml", "txt"];
     outputs
         .iter()
-        .try_for_each(|output| usage::ends_in(output, endings))
-        .map_err(usage::wrong)?;
+        .try_for_each(|output| usage::ends_in(output, endings))?;
     let hints = Hints {
         format: args.from,
         unit: args.unit,

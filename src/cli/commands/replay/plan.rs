@@ -166,17 +166,14 @@ impl<'a> Plan<'a> {
             },
         });
         let viewer = self.rerun()?;
-        let recording = |path: &PathBuf| {
-            let writer = self.opened.writer(path, ImageFormat::Raw, &self.manifest)?;
-            svl::Result::Ok(writer)
-        };
+        let write = |path| self.opened.writer(path, ImageFormat::Raw, &self.manifest);
         Ok(Sinks::open(SinkRequest {
             rows: args.rows.as_deref(),
             cells: args.cells.as_deref(),
             newest_rows: self.opened.is_live.then_some(LIVE_ROWS),
             viewer,
             publish,
-            recording: args.output.as_ref().map(recording).transpose()?,
+            recording: args.output.as_deref().map(write).transpose()?,
             ..SinkRequest::default()
         })?)
     }

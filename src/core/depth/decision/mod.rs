@@ -18,7 +18,7 @@ mod tolerance;
 pub use fill::{fill_empty_rows, fill_row};
 pub use levels::{DECIDES, LevelRule};
 pub use map::safe_grid;
-pub use steps::Steps;
+pub use steps::{Steps, TableFault};
 pub use table::{Feature, VerdictTable, cell, least_score, probability, reported_depth};
 pub use time::{CellPast, Past, TimeTable, follows};
 pub use tolerance::Tolerance;

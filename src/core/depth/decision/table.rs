@@ -1,6 +1,6 @@
 //! Decision on a cell: what to report, and the log odds that it is right.
 
-use super::steps::{MAX_NUMBER, Steps};
+use super::steps::{MAX_NUMBER, Steps, TableFault};
 use super::{BINS_PER_PX, CellPixels, TimeTable, Tolerance};
 use crate::stereo::{Cell, CellDepth, CellEvidence, Reason, Rig};
 use serde::{Deserialize, Serialize};
@@ -107,9 +107,9 @@ impl VerdictTable {
     /// feature a list of `[above, score]`.
     ///
     /// # Errors
-    /// The fault in the text, in one line.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let table: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    /// The fault in the text.
+    pub fn parse(text: &str) -> Result<Self, TableFault> {
+        let table: Self = serde_json::from_str(text)?;
         for (name, number, range) in [
             ("rank", table.rank, 1..=99),
             ("slack", table.slack, 0..=1000),
@@ -117,13 +117,11 @@ impl VerdictTable {
             ("least_score", table.least_score, -MAX_NUMBER..=MAX_NUMBER),
         ] {
             if !range.contains(&number) {
-                let (first, last) = range.into_inner();
-                return Err(format!("{name} is {number}, outside {first}..={last}"));
+                return Err(TableFault::Range(name, number, range));
             }
         }
         for (feature, steps) in Feature::ALL.into_iter().zip(&table.steps) {
-            let wrong = |why| format!("steps.{}: {why}", feature.name());
-            steps.validate().map_err(wrong)?;
+            steps.validate(&format!("steps.{}", feature.name()))?;
         }
         if let Some(time) = &table.time {
             time.validate()?;
@@ -316,7 +314,7 @@ mod tests {
                 ..table()
             },
         ] {
-            assert_eq!(VerdictTable::parse(&table.to_json()), Ok(table));
+            assert_eq!(VerdictTable::parse(&table.to_json()).unwrap(), table);
         }
     }
 
@@ -338,7 +336,8 @@ mod tests {
         ];
         for (from, to, expected) in cases {
             assert!(text.contains(from), "{from}");
-            let error = VerdictTable::parse(&text.replacen(from, to, 1)).unwrap_err();
+            let error = VerdictTable::parse(&text.replacen(from, to, 1));
+            let error = error.unwrap_err().to_string();
             assert!(error.contains(expected) && !error.contains('\n'), "{error}");
         }
     }

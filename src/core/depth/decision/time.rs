@@ -4,7 +4,7 @@
 //! The state of a cell is its last report and the trust in it. Trust is made of scores of single
 //! pairs alone, so it cannot feed itself.
 
-use super::steps::{MAX_NUMBER, Steps};
+use super::steps::{MAX_NUMBER, Steps, TableFault};
 use serde::{Deserialize, Serialize};
 
 /// Greatest trust, thousandths of log odds.
@@ -112,24 +112,20 @@ impl TimeTable {
 
     /// # Errors
     /// The fault, with its key: steps of agreement that fall, or others that rise.
-    pub(super) fn validate(&self) -> Result<(), String> {
+    pub(super) fn validate(&self) -> Result<(), TableFault> {
         if self.least_score.unsigned_abs() > MAX_NUMBER.unsigned_abs() {
-            return Err(format!("time.least_score is beyond {MAX_NUMBER}"));
+            return Err(TableFault::LeastScore);
         }
-        for (name, steps, sign) in [
-            ("agrees", &self.agrees, 1),
-            ("farther", &self.farther, -1),
-            ("nearer", &self.nearer, -1),
+        for (key, steps, sign) in [
+            ("time.agrees", &self.agrees, 1),
+            ("time.farther", &self.farther, -1),
+            ("time.nearer", &self.nearer, -1),
         ] {
-            steps
-                .validate()
-                .map_err(|why| format!("time.{name}: {why}"))?;
+            steps.validate(key)?;
             let scores = std::iter::once(0).chain(steps.0.iter().map(|(_, score)| sign * score));
             if !scores.is_sorted() {
-                let expected = if sign > 0 { "fall" } else { "rise" };
-                return Err(format!(
-                    "time.{name}: its scores must begin at 0 and never {expected}"
-                ));
+                let wrong = if sign > 0 { "fall" } else { "rise" };
+                return Err(TableFault::Scores(key, wrong));
             }
         }
         Ok(())

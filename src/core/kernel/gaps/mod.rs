@@ -10,7 +10,7 @@ pub(super) mod network;
 pub(super) mod training;
 
 pub use features::GapCandidates;
-pub use network::{GapNetwork, GapVotes};
+pub use network::{GapFault, GapNetwork, GapVotes};
 #[cfg(feature = "internal")]
 pub use training::{GapPass, GapSamples};
 

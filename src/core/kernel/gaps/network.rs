@@ -54,9 +54,20 @@ fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [PairRow<N>; ROWS
     std::array::from_fn(|row| std::array::from_fn(|i| [at(row, 2 * i), at(row, 2 * i + 1)]))
 }
 
-/// Checks the greatest sums of a layer: inputs at their limits, all of one sign.
-fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Result<(), String> {
-    for output in 0..outputs {
+/// Weights that no [`GapNetwork`] can have.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum GapFault {
+    #[error("a weight is not a finite number")]
+    NotFinite,
+    #[error("'{0}' has a weight beyond 16 bits")]
+    Wide(&'static str),
+    #[error("the sums of '{0}' could overflow")]
+    Overflow(&'static str),
+}
+
+/// True if the greatest sums of a layer fit: inputs at their limits, all of one sign.
+fn fits(bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> bool {
+    (0..outputs).all(|output| {
         let max_part = |(weights, most): &(&[i32], i64)| {
             let inputs = weights.len() / outputs;
             let row = &weights[output * inputs..][..inputs];
@@ -65,24 +76,23 @@ fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Re
         let max_bias = bias[output..].iter().step_by(outputs);
         let max_bias = max_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
         // Half a unit is added for rounding.
-        if parts.iter().map(max_part).sum::<i64>() + max_bias + 128 > i32::MAX.into() {
-            return Err(format!("the sums of '{name}' could overflow"));
-        }
-    }
-    Ok(())
+        parts.iter().map(max_part).sum::<i64>() + max_bias + 128 <= i32::MAX.into()
+    })
 }
 
 /// Checks that no layer's sums can overflow.
-fn check_sums(tensors: &GapTensors<&[i32]>) -> Result<(), String> {
+fn check_sums(tensors: &GapTensors<&[i32]>) -> Result<(), GapFault> {
     let most = i64::from(MAX_ACTIVATION);
     let mean = (HYPOTHESES as i64 * most) >> MEAN;
-    fits("pixel", tensors.pixel_bias, PIXEL, &[(tensors.pixel, 127)])?;
+    let check = |name, fits: bool| fits.then_some(()).ok_or(GapFault::Overflow(name));
+    let parts = [(tensors.pixel, 127)];
+    check("pixel", fits(tensors.pixel_bias, PIXEL, &parts))?;
     let parts = [(tensors.hypothesis, 127), (tensors.hypothesis_pixel, most)];
-    fits("hypothesis", tensors.hypothesis_bias, HIDDEN, &parts)?;
+    check("hypothesis", fits(tensors.hypothesis_bias, HIDDEN, &parts))?;
     let parts = [(tensors.choice, most), (tensors.choice_mean, mean)];
-    fits("choice", tensors.choice_bias, CHOICE, &parts)?;
+    check("choice", fits(tensors.choice_bias, CHOICE, &parts))?;
     let parts = [(tensors.none_mean, mean), (tensors.none_pixel, most)];
-    fits("none", tensors.none_bias, 1, &parts)
+    check("none", fits(tensors.none_bias, 1, &parts))
 }
 
 impl GapNetwork {
@@ -90,14 +100,14 @@ impl GapNetwork {
     ///
     /// # Errors
     /// A weight beyond 16 bits, and weights whose sums could overflow 32 bits.
-    pub fn new(weights: &[i32; GAP_WEIGHTS]) -> Result<Self, String> {
+    pub fn new(weights: &[i32; GAP_WEIGHTS]) -> Result<Self, GapFault> {
         let tensors = gap_tensors(&weights[..]);
         let mut named = tensors.iter().zip(&GAP_TENSORS);
         let is_wide = |weight: &i32| i16::try_from(*weight).is_err();
         let wide =
             named.find(|(tensor, (name, _))| !name.ends_with("bias") && tensor.iter().any(is_wide));
         if let Some((_, (name, _))) = wide {
-            return Err(format!("'{name}' has a weight beyond 16 bits"));
+            return Err(GapFault::Wide(name));
         }
         let tensors = GapTensors::from(tensors);
         check_sums(&tensors)?;

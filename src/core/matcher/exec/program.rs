@@ -1,11 +1,12 @@
 //! A child process that matches pairs. Threads write to it and read from it, so that it can neither
 //! block svl nor be blocked by a full pipe of its standard error.
 
-use super::protocol::{Hello, Question, Reply, one_line, read_reply};
+use super::protocol::{Hello, Question, Reply, ReplyFault, one_line, read_reply};
 use crate::error::Error;
 use crate::interrupt;
 use parking_lot::Mutex;
 use std::collections::VecDeque;
+use std::fmt::Display;
 use std::io::{BufReader, ErrorKind, Read, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::Arc;
@@ -65,7 +66,7 @@ impl ProgramFailure {
 }
 
 enum ProgramEvent {
-    Answered(Result<Reply, String>),
+    Answered(Result<Reply, ReplyFault>),
     /// The program does not accept its input.
     Refused(std::io::Error),
 }
@@ -201,17 +202,15 @@ impl Program {
         };
         match event {
             Ok(ProgramEvent::Answered(Ok(reply))) => Ok(reply),
-            Ok(ProgramEvent::Answered(Err(reason))) => Err(self.failed(reason)),
+            Ok(ProgramEvent::Answered(Err(fault))) => Err(self.failed(&fault)),
             Ok(ProgramEvent::Refused(error)) => {
-                Err(self.failed(format!("does not read its input: {error}")))
+                Err(self.failed(&format_args!("does not read its input: {error}")))
             }
             Err(RecvTimeoutError::Timeout) => {
+                let expected = width * height * 4;
                 let received = match self.received.load(Ordering::Relaxed) {
                     0 => "nothing received".to_owned(),
-                    bytes => format!(
-                        "{bytes} bytes received, its line and {} expected",
-                        width * height * 4
-                    ),
+                    bytes => format!("{bytes} bytes received, its line and {expected} expected"),
                 };
                 let reason = format!("timed out after {timeout:?}: {received}");
                 Err(ProgramFailure {
@@ -219,14 +218,12 @@ impl Program {
                     ..ProgramFailure::new(reason)
                 })
             }
-            Err(RecvTimeoutError::Disconnected) => {
-                Err(self.failed("closed its input and output".to_owned()))
-            }
+            Err(RecvTimeoutError::Disconnected) => Err(self.failed(&"closed its input and output")),
         }
     }
 
     /// The failure: first of all that the program exited, if it did.
-    fn failed(&mut self, reason: String) -> ProgramFailure {
+    fn failed(&mut self, reason: &dyn Display) -> ProgramFailure {
         let deadline = Instant::now() + GRACE;
         let mut ended: Option<ExitStatus> = None;
         // Polled, as `wait` would block on a program that closed its output but keeps running.
@@ -239,7 +236,7 @@ impl Program {
                 format!("ended ({status}) before it answered")
             }
             Some(status) => format!("ended ({status}): it {reason}"),
-            None => reason,
+            None => reason.to_string(),
         };
         // The program's remaining output arrives once it is gone.
         self.kill();

@@ -1,5 +1,6 @@
 //! Requests to the program and its replies.
 
+use crate::error::Cause;
 use crate::matcher::MatchContext;
 use crate::matcher::stage::DisparityRange;
 use crate::stereo::{Gray, Rig, StereoPair};
@@ -50,14 +51,38 @@ pub(super) struct Hello {
     pub(super) model: Option<String>,
 }
 
+/// Violation of the protocol, worded as something the program did.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ReplyFault {
+    #[error("cannot be read from: {0}")]
+    Unreadable(#[from] std::io::Error),
+    #[error("closed its output before it answered")]
+    Closed,
+    /// A line that is no reply's, in quotes, and the reason.
+    #[error("answered {0} where a reply's line was expected: {1}")]
+    Line(String, #[source] Cause),
+    #[error("wants {0} pairs at once; at most {LARGEST_BATCH}")]
+    Batch(usize),
+    #[error("gave {0} cells, but the grid has {1}: columns times rows, row by row")]
+    Cells(usize, usize),
+    #[error("gave cell {0} no finite disparity_px")]
+    CellDisparity(usize),
+    #[error("gave cell {0} a probability that is not 0 to 1")]
+    CellProbability(usize),
+    #[error("closed its output after {0} bytes of disparities; {1}x{2} pixels are {3}")]
+    Short(usize, usize, usize, usize),
+    /// A disparity at a pixel.
+    #[error("gave the disparity {0} at ({1}, {2}): none is +inf")]
+    Disparity(f32, usize, usize),
+    #[error("wrote {0} bytes and perhaps more after its reply for {1}x{2} pixels")]
+    Surplus(usize, usize, usize),
+}
+
 impl Hello {
     /// The same with every text limited to one line; an error if no run can meet its request.
-    fn checked(self) -> Result<Self, String> {
+    fn checked(self) -> Result<Self, ReplyFault> {
         if self.batch > LARGEST_BATCH {
-            let batch = self.batch;
-            return Err(format!(
-                "wants {batch} pairs at once; at most {LARGEST_BATCH}"
-            ));
+            return Err(ReplyFault::Batch(self.batch));
         }
         let line = |text: Option<String>| text.map(|text| one_line(&text));
         Ok(Self {
@@ -179,89 +204,65 @@ pub(super) fn request(
 /// Reads the reply to a question; its disparities go into the given buffer.
 ///
 /// # Errors
-/// The violation of the protocol, worded as something the program did.
+/// The violation of the protocol.
 pub(super) fn read_reply(
     from: &mut BufReader<impl Read>,
     question: Question,
     memory: Vec<u8>,
-) -> Result<Reply, String> {
+) -> Result<Reply, ReplyFault> {
     let (seq, (width, height)) = (question.seq, question.size);
-    let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
-    from.by_ref()
-        // A program that never ends its line must not fill the memory.
-        .take(LONGEST_LINE)
-        .read_until(b'\n', &mut line)
-        .map_err(broken)?;
+    // A program that never ends its line must not fill the memory.
+    let mut limited = from.by_ref().take(LONGEST_LINE);
+    limited.read_until(b'\n', &mut line)?;
     if line.is_empty() {
-        return Err("closed its output before it answered".to_owned());
+        return Err(ReplyFault::Closed);
     }
-    let garbage = |why: &str| {
-        format!(
-            "answered {} where a reply's line was expected: {why}",
-            quoted(&line)
-        )
-    };
+    let garbage = |why: Cause| ReplyFault::Line(quoted(&line), why);
     if line.last() != Some(&b'\n') {
-        return Err(garbage(&format!(
-            "no end of line within {} bytes",
-            line.len()
-        )));
+        let why = format!("no end of line within {} bytes", line.len());
+        return Err(garbage(why.into()));
     }
-    let reply: ReplyLine =
-        serde_json::from_slice(&line).map_err(|error| garbage(&error.to_string()))?;
+    let reply = serde_json::from_slice::<ReplyLine>(&line).map_err(|e| garbage(e.into()))?;
     if reply.hello.is_none() && reply.seq != seq {
-        return Err(garbage(&format!("it was asked for seq {seq}")));
+        return Err(garbage(format!("it was asked for seq {seq}").into()));
     }
-    let reply = match reply {
-        ReplyLine {
-            hello: Some(hello), ..
-        } => Reply::Hello(hello.checked()?),
-        ReplyLine {
-            error: Some(why), ..
-        } => Reply::Refused(one_line(&why)),
-        ReplyLine {
-            millis: Some(millis),
-            cells,
-            ..
-        } if (0.0..1e9).contains(&millis) => {
-            check_cells(cells.as_deref(), question.cells)?;
+    let reply = match (reply.hello, reply.error, reply.millis) {
+        (Some(hello), ..) => Reply::Hello(hello.checked()?),
+        (_, Some(why), _) => Reply::Refused(one_line(&why)),
+        (.., Some(millis)) if (0.0..1e9).contains(&millis) => {
+            check_cells(reply.cells.as_deref(), question.cells)?;
             let disparities = read_disparities(from, question.size, memory)?;
             check_disparities(&disparities, width)?;
             Reply::Matched {
                 millis,
                 disparities,
-                cells,
+                cells: reply.cells,
             }
         }
-        _ => return Err(garbage("neither millis, 0 or more, nor error")),
+        _ => return Err(garbage("neither millis, 0 or more, nor error".into())),
     };
     // Any surplus would be read as the reply to the next pair.
     match from.buffer().len() {
         0 => Ok(reply),
         _ if question.followers > 0 => Ok(reply),
-        more => Err(format!(
-            "wrote {more} bytes and perhaps more after its reply for {width}x{height} pixels"
-        )),
+        more => Err(ReplyFault::Surplus(more, width, height)),
     }
 }
 
 /// Rejects cells that do not fit a grid of that many cells.
-fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(), String> {
+fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(), ReplyFault> {
     let Some(cells) = cells else { return Ok(()) };
     if cells.len() != expected {
-        let given = cells.len();
-        return Err(format!(
-            "gave {given} cells, but the grid has {expected}: columns times rows, row by row"
-        ));
+        return Err(ReplyFault::Cells(cells.len(), expected));
     }
     for (i, cell) in cells.iter().enumerate() {
         let Some(cell) = cell else { continue };
         if !cell.disparity_px.is_finite() {
-            return Err(format!("gave cell {i} no finite disparity_px"));
+            return Err(ReplyFault::CellDisparity(i));
         }
         if cell.probability.is_some_and(|p| !(0.0..=1.0).contains(&p)) {
-            return Err(format!("gave cell {i} a probability that is not 0 to 1"));
+            return Err(ReplyFault::CellProbability(i));
         }
     }
     Ok(())
@@ -271,21 +272,16 @@ fn read_disparities(
     from: &mut impl Read,
     (width, height): (usize, usize),
     mut bytes: Vec<u8>,
-) -> Result<Vec<u8>, String> {
+) -> Result<Vec<u8>, ReplyFault> {
     let expected = width * height * 4;
     bytes.resize(expected, 0);
     let mut filled = 0;
     while filled < expected {
         match from.read(&mut bytes[filled..]) {
-            Ok(0) => {
-                return Err(format!(
-                    "closed its output after {filled} bytes of disparities; {width}x{height} \
-                     pixels are {expected}"
-                ));
-            }
+            Ok(0) => return Err(ReplyFault::Short(filled, width, height, expected)),
             Ok(read) => filled += read,
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(format!("cannot be read from: {error}")),
+            Err(error) => return Err(error.into()),
         }
     }
     Ok(bytes)
@@ -297,7 +293,7 @@ pub(super) fn disparities(bytes: &[u8]) -> impl Iterator<Item = f32> {
     values.iter().map(|&value| f32::from_le_bytes(value))
 }
 
-fn check_disparities(bytes: &[u8], width: usize) -> Result<(), String> {
+fn check_disparities(bytes: &[u8], width: usize) -> Result<(), ReplyFault> {
     let is_wrong = |d: f32| d.is_nan() || d == f32::NEG_INFINITY;
     // Without a branch for each, which is several times faster.
     if !disparities(bytes).fold(false, |any, d| any | is_wrong(d)) {
@@ -305,11 +301,7 @@ fn check_disparities(bytes: &[u8], width: usize) -> Result<(), String> {
     }
     let wrong = disparities(bytes).enumerate().find(|(_, d)| is_wrong(*d));
     let (i, disparity) = wrong.unwrap_or_default();
-    Err(format!(
-        "gave the disparity {disparity} at ({}, {}): none is +inf",
-        i % width,
-        i / width
-    ))
+    Err(ReplyFault::Disparity(disparity, i % width, i / width))
 }
 
 /// The beginning of `bytes` in quotes, as part of one line.

@@ -31,7 +31,7 @@ use levels::{LevelPlan, Levels};
 use past::CellPasts;
 
 pub use levels::has_small_cells;
-pub use model::{GapWeights, V5Model};
+pub use model::{GapWeights, V5Fault, V5Model};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v5",

@@ -1,10 +1,10 @@
 //! The file of a model: safetensors of the network's whole numbers, with the tables as metadata.
 
-use crate::depth::decision::{LevelTables, VerdictTable};
+use crate::depth::decision::{LevelTables, TableFault, VerdictTable};
 use crate::filter::{ModelFacts, safetensors_bytes};
-use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
-use crate::stereo::{FittedTo, hash_words};
-use safetensors::{Dtype, SafeTensors};
+use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapFault, GapNetwork};
+use crate::stereo::{FittedTo, UnsortedPairs, hash_words};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
 /// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +36,33 @@ const CHECKSUM: &str = "checksum";
 
 const CURE: &str = "`svl train v5` makes one";
 
+/// Fault in the file of a [`V5Model`], with its cure, in one line.
+#[derive(Debug, thiserror::Error)]
+pub enum V5Fault {
+    #[error("is not a safetensors file, or corrupt: {0}; {CURE}")]
+    File(#[from] SafeTensorError),
+    #[error("is a model of v5 of version '{0}', and this svl reads version {VERSION}; {CURE}")]
+    Version(String),
+    #[error("is not a model of v5: its metadata has no '{KEY}'; {CURE}")]
+    NoVersion,
+    #[error("its metadata has no '{0}'; {CURE}")]
+    NoTable(&'static str),
+    #[error("'{0}': {1}; {CURE}")]
+    Table(&'static str, #[source] TableFault),
+    #[error("'near': has no use for 'time'; {CURE}")]
+    Time,
+    #[error("has no tensor '{0}'; {CURE}")]
+    NoTensor(&'static str),
+    #[error("its '{0}' is {1:?} {2:?}; expected I32 {3:?}; {CURE}")]
+    Tensor(&'static str, Dtype, Vec<usize>, [usize; 2]),
+    #[error("{0}; {CURE}")]
+    Weights(#[from] GapFault),
+    #[error(transparent)]
+    Fitted(#[from] UnsortedPairs),
+    #[error("is damaged, by its checksum: copy it again, or {CURE}")]
+    Checksum,
+}
+
 /// Units of a weight and of a bias: 256ths, and 64ths of them.
 const WEIGHT: f32 = 256.0;
 const BIAS: f32 = 64.0 * WEIGHT;
@@ -45,7 +72,7 @@ impl GapWeights {
     ///
     /// # Errors
     /// Weights that are too large, or not finite.
-    pub fn rounded(weights: &[f32; GAP_WEIGHTS]) -> Result<Self, String> {
+    pub fn rounded(weights: &[f32; GAP_WEIGHTS]) -> Result<Self, GapFault> {
         let mut rounded = Box::new([0; GAP_WEIGHTS]);
         let units = GAP_TENSORS.iter().flat_map(|(name, [rows, inputs])| {
             let is_bias = name.ends_with("bias");
@@ -53,7 +80,7 @@ impl GapWeights {
         });
         for ((to, weight), unit) in rounded.iter_mut().zip(weights).zip(units) {
             if !weight.is_finite() {
-                return Err("a weight is not a finite number".into());
+                return Err(GapFault::NotFinite);
             }
             *to = (weight * unit).round() as i32;
         }
@@ -67,7 +94,7 @@ impl GapWeights {
     }
 
     /// The weights in a file; none if it has no tensors.
-    fn read(tensors: &SafeTensors<'_>) -> Result<Option<Self>, String> {
+    fn read(tensors: &SafeTensors<'_>) -> Result<Option<Self>, V5Fault> {
         if tensors.is_empty() {
             return Ok(None);
         }
@@ -75,13 +102,10 @@ impl GapWeights {
         let mut rest = &mut weights[..];
         for (name, shape) in GAP_TENSORS {
             let tensor = tensors.tensor(name);
-            let tensor = tensor.map_err(|_| format!("has no tensor '{name}'"))?;
-            if tensor.dtype() != Dtype::I32 || tensor.shape() != shape {
-                return Err(format!(
-                    "its '{name}' is {:?} {:?}; expected I32 {shape:?}",
-                    tensor.dtype(),
-                    tensor.shape()
-                ));
+            let tensor = tensor.map_err(|_| V5Fault::NoTensor(name))?;
+            let (dtype, found) = (tensor.dtype(), tensor.shape());
+            if dtype != Dtype::I32 || found != shape {
+                return Err(V5Fault::Tensor(name, dtype, found.to_vec(), shape));
             }
             let (to, others) = rest.split_at_mut(shape[0] * shape[1]);
             rest = others;
@@ -106,51 +130,30 @@ impl V5Model {
     /// Parses the bytes of a file.
     ///
     /// # Errors
-    /// The fault in them, with its cure, in one line.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+    /// The fault in them.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, V5Fault> {
         let model = Self::parse(bytes)?;
-        if model.to_bytes() == bytes {
-            Ok(model)
-        } else {
-            Err(format!(
-                "is damaged, by its checksum: copy it again, or {CURE}"
-            ))
-        }
+        let is_whole = model.to_bytes() == bytes;
+        is_whole.then_some(model).ok_or(V5Fault::Checksum)
     }
 
     /// The model of bytes that may be damaged.
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let damaged = |e| format!("is not a safetensors file, or corrupt: {e}; {CURE}");
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
-        let facts = header.metadata().iter().flatten();
-        let mut facts: ModelFacts = facts.map(|(k, v)| (k.clone(), v.clone())).collect();
-        match facts.remove(KEY).as_deref() {
-            Some(VERSION) => {}
-            Some(other) => {
-                return Err(format!(
-                    "is a model of v5 of version '{other}', and this svl reads version {VERSION}; \
-                     {CURE}"
-                ));
-            }
-            None => {
-                return Err(format!(
-                    "is not a model of v5: its metadata has no '{KEY}'; {CURE}"
-                ));
-            }
+    fn parse(bytes: &[u8]) -> Result<Self, V5Fault> {
+        let (_, header) = SafeTensors::read_metadata(bytes)?;
+        let tensors = SafeTensors::deserialize(bytes)?;
+        let mut facts: ModelFacts = header.metadata().clone().into_iter().flatten().collect();
+        match facts.remove(KEY) {
+            Some(version) if version == VERSION => {}
+            Some(other) => return Err(V5Fault::Version(other)),
+            None => return Err(V5Fault::NoVersion),
         }
-        let mut table = |name: &str, rank: i64| {
-            let text = facts.remove(name);
-            let text = text.ok_or_else(|| format!("its metadata has no '{name}'; {CURE}"))?;
-            let table =
-                VerdictTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
-            if table.rank != rank {
-                let found = table.rank;
-                return Err(format!(
-                    "'{name}': rank is {found}, expected {rank}; {CURE}"
-                ));
+        let mut table = |name, rank: i64| {
+            let text = facts.remove(name).ok_or(V5Fault::NoTable(name))?;
+            match VerdictTable::parse(&text) {
+                Ok(table) if table.rank == rank => Ok(table),
+                Ok(other) => Err(V5Fault::Table(name, TableFault::Rank(other.rank, rank))),
+                Err(fault) => Err(V5Fault::Table(name, fault)),
             }
-            Ok(table)
         };
         let (median, near) = (table("median", 50)?, table("near", 75)?);
         let levels = LevelTables {
@@ -160,9 +163,9 @@ impl V5Model {
             small: table("small", 50)?,
         };
         if near.time.is_some() {
-            return Err(format!("'near': has no use for 'time'; {CURE}"));
+            return Err(V5Fault::Time);
         }
-        let network = GapWeights::read(&tensors).map_err(|why| format!("{why}; {CURE}"))?;
+        let network = GapWeights::read(&tensors)?;
         let fitted = FittedTo::from_facts(&facts)?;
         let others = [FittedTo::RUNS, FittedTo::PAIRS, CHECKSUM];
         facts.retain(|key, _| !others.contains(&key.as_str()));
@@ -223,6 +226,6 @@ mod tests {
         let mut weight = bytes.to_vec();
         *weight.last_mut().unwrap() ^= 1;
         let error = V5Model::from_bytes(&weight).unwrap_err();
-        assert!(error.starts_with("is damaged, by its checksum"), "{error}");
+        assert!(matches!(error, V5Fault::Checksum), "{error}");
     }
 }

@@ -70,7 +70,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     }
 
     /// Warns of the first damaged image; all are counted.
-    fn damaged(&mut self, reason: &str) -> Taken {
+    fn damaged(&mut self, reason: impl std::fmt::Display) -> Taken {
         if !std::mem::replace(&mut self.has_damaged, true) {
             tracing::warn!(
                 "{}: an image arrived damaged ({reason}); others like it are only counted",
@@ -137,7 +137,7 @@ impl<D: VideoStream> Camera for V4l2Camera<D> {
         {
             Ok(None) => return Ok(None),
             Ok(Some((Ok(image), stamp))) => (image, stamp),
-            Ok(Some((Err(reason), _))) => return Ok(Some(self.damaged(&reason))),
+            Ok(Some((Err(fault), _))) => return Ok(Some(self.damaged(fault))),
             Err(Fault::Buffer(reason)) => return Ok(Some(self.damaged(reason))),
             Err(Fault::Stream(errno)) => return Err(self.error(errno)),
         };

@@ -2,7 +2,7 @@
 
 use super::mode::PixelFormat;
 use svl_core::stereo::Gray;
-use svl_files::{brightness, every_byte, strided_rows};
+use svl_files::{ImageFault, brightness, every_byte, strided_rows};
 
 /// Layout of an image in a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,8 +15,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The luma of an image, or a short description of its damage.
-    pub(super) fn read(&self, data: &[u8]) -> Result<Gray, String> {
+    /// The luma of an image, or its damage.
+    pub(super) fn read(&self, data: &[u8]) -> Result<Gray, ImageFault> {
         match self.format {
             PixelFormat::Grey | PixelFormat::Yuyv => self.unpack(data, 0),
             PixelFormat::Uyvy => self.unpack(data, 1),
@@ -25,7 +25,7 @@ impl Layout {
     }
 
     /// Byte `luma` of each pixel.
-    fn unpack(&self, data: &[u8], luma: usize) -> Result<Gray, String> {
+    fn unpack(&self, data: &[u8], luma: usize) -> Result<Gray, ImageFault> {
         let Self {
             width,
             height,
@@ -34,9 +34,9 @@ impl Layout {
         } = *self;
         let step = format.bytes();
         let rows = strided_rows(data, width * step, height, stride)
-            .map_err(|expected| format!("{} of {expected} bytes", data.len()))?;
+            .map_err(|expected| ImageFault::Short(data.len(), expected))?;
         let pixels = every_byte(rows, step, luma);
-        Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
+        Ok(Gray::from_vec(width, height, pixels)?)
     }
 }
 
@@ -104,7 +104,7 @@ mod tests {
         let error = layout(PixelFormat::Grey, 80)
             .read(&data[..data.len() - 17])
             .unwrap_err();
-        assert_eq!(error, "3823 of 3824 bytes");
+        assert_eq!(error.to_string(), "3823 of 3824 bytes");
         assert!(layout(PixelFormat::Grey, 80).read(&[]).is_err());
     }
 

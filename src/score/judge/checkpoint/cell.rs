@@ -1,5 +1,6 @@
 //! Expectation of a cell, as measured or estimated by eye by a person.
 
+use super::CheckpointFault;
 use crate::judge::Verdict;
 use svl_core::stereo::{Cell, CellRule};
 
@@ -49,9 +50,9 @@ struct CellTable {
 }
 
 impl TryFrom<CellTable> for ExpectedCell {
-    type Error = String;
+    type Error = CheckpointFault;
 
-    fn try_from(table: CellTable) -> Result<Self, String> {
+    fn try_from(table: CellTable) -> Result<Self, CheckpointFault> {
         let CellTable {
             at,
             tolerance_m,
@@ -59,7 +60,7 @@ impl TryFrom<CellTable> for ExpectedCell {
             ..
         } = table;
         let [column, row] = at;
-        let wrong = |what: &str| Err(format!("cell [{column}, {row}]: {what}"));
+        let wrong = |what| Err(CheckpointFault::Cell(column, row, what));
         let found = [
             table
                 .distance_m
@@ -112,7 +113,7 @@ impl From<ExpectedCell> for CellTable {
 }
 
 impl ExpectedCell {
-    pub(super) fn validate(&self) -> Result<(), String> {
+    pub(super) fn validate(&self) -> Result<(), CheckpointFault> {
         let [column, row] = self.at;
         let (limit_m, tolerances) = match self.expectation {
             CellExpectation::Distance {
@@ -124,13 +125,10 @@ impl ExpectedCell {
             CellExpectation::Free => return Ok(()),
         };
         let mut numbers = tolerances.into_iter().flatten().chain([limit_m]);
-        if numbers.all(|v| v.is_finite() && v > 0.0) {
-            Ok(())
-        } else {
-            Err(format!(
-                "cell [{column}, {row}]: distances and tolerances must be positive numbers"
-            ))
-        }
+        let what = "distances and tolerances must be positive numbers";
+        let are_positive = numbers.all(|v| v.is_finite() && v > 0.0);
+        let fault = CheckpointFault::Cell(column, row, what);
+        are_positive.then_some(()).ok_or(fault)
     }
 
     /// The measured distance.
@@ -203,10 +201,11 @@ mod tests {
     use Verdict::{Right, Unknown, Wrong};
     use svl_core::stereo::{CellDepth, Rig};
 
-    fn cell(toml: &str) -> Result<ExpectedCell, String> {
-        let cell: ExpectedCell =
-            toml::from_str(&format!("at = [1, 0]\n{toml}")).map_err(|e| e.message().to_owned())?;
-        cell.validate().map(|()| cell)
+    fn cell(toml: &str) -> svl_core::Result<ExpectedCell> {
+        let cell = toml::from_str(&format!("at = [1, 0]\n{toml}"));
+        let cell: ExpectedCell = cell.map_err(svl_core::Error::other)?;
+        cell.validate().map_err(svl_core::Error::other)?;
+        Ok(cell)
     }
 
     /// At 1.4 m, 0.6 m, at infinity, unknown.
@@ -271,7 +270,7 @@ mod tests {
             ("farther_m = inf", "positive"),
             ("farther = 1", "unknown field"),
         ] {
-            let error = cell(toml).unwrap_err();
+            let error = cell(toml).unwrap_err().to_string();
             assert!(error.contains(words), "{toml}: {error}");
         }
     }

@@ -6,11 +6,12 @@ mod place;
 mod tally;
 
 pub use cell::{CellExpectation, ExpectedCell};
-pub use place::{CheckpointPlace, FrameOrigin};
+pub use place::{CheckpointFault, CheckpointPlace, FrameOrigin};
 pub use tally::CheckpointTally;
 
 use super::{CellJudgement, Verdict};
 use std::cmp::Ordering;
+use std::fmt::Display;
 use svl_core::counted;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape, hash_words};
 use svl_core::{Error, Result};
@@ -113,18 +114,12 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             let frames = || pairs.iter().map(|pair| pair.frame);
             Some([frames().min()?, frames().max()?])
         };
-        let place = CheckpointPlace::new(
-            table.at_m,
-            [
-                table.radius_m,
-                table.heading_deg,
-                table.heading_tolerance_deg,
-            ],
-            table.frames.or_else(|| labelled().filter(|_| !has_place)),
-            table.seconds,
-        );
-        let place = place
-            .map_err(|what| Error::Invalid(format!("checkpoint {number} ({name}): {what}")))?;
+        let frames = table.frames.or_else(|| labelled().filter(|_| !has_place));
+        let tolerance_deg = table.heading_tolerance_deg;
+        let angles = [table.radius_m, table.heading_deg, tolerance_deg];
+        let place = CheckpointPlace::new(table.at_m, angles, frames, table.seconds);
+        let wrong = |what| Error::Invalid(format!("checkpoint {number} ({name}): {what}"));
+        let place = place.map_err(wrong)?;
         Ok(Self {
             number: table.number,
             name: table.name,
@@ -221,14 +216,13 @@ impl Checkpoint {
         }
         if self.must.is_empty() && self.order.is_empty() && self.expected.is_empty() {
             return self.wrong(
-                "names no cell in must, order or [[checkpoint.cell]], so nothing would be tested"
-                    .into(),
+                "names no cell in must, order or [[checkpoint.cell]], so nothing would be tested",
             );
         }
         Ok(())
     }
 
-    fn wrong<T>(&self, what: String) -> Result<T> {
+    fn wrong<T>(&self, what: impl Display) -> Result<T> {
         let Self { number, name, .. } = self;
         Err(Error::Invalid(format!(
             "checkpoint {number} ({name}): {what}"

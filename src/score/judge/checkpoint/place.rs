@@ -44,6 +44,22 @@ impl FrameOrigin {
     }
 }
 
+/// A contradiction in a checkpoint.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointFault {
+    #[error("{0}")]
+    Place(&'static str),
+    #[error("at_m and heading_deg must be numbers, radius_m and heading_tolerance_deg positive")]
+    Pose,
+    #[error("frames = [{0}, {1}]: the first is after the last")]
+    Frames(u64, u64),
+    #[error("seconds = [{0}, {1}]: expected two times, 0 or more, in order")]
+    Seconds(f64, f64),
+    /// Column and row of a cell, and what is wrong with it.
+    #[error("cell [{0}, {1}]: {2}")]
+    Cell(usize, usize, &'static str),
+}
+
 impl CheckpointPlace {
     /// The place with these entries in a file; `angles`: radius, heading and its tolerance.
     pub(super) fn new(
@@ -51,7 +67,8 @@ impl CheckpointPlace {
         angles: [Option<f64>; 3],
         frames: Option<[u64; 2]>,
         seconds: Option<[f64; 2]>,
-    ) -> Result<Self, &'static str> {
+    ) -> Result<Self, CheckpointFault> {
+        let wrong = |what| Err(CheckpointFault::Place(what));
         match (at_m, frames, seconds) {
             (Some(at_m), None, None) => match angles {
                 [
@@ -64,19 +81,19 @@ impl CheckpointPlace {
                     heading_deg,
                     heading_tolerance_deg,
                 }),
-                _ => Err("at_m needs radius_m, heading_deg and heading_tolerance_deg"),
+                _ => wrong("at_m needs radius_m, heading_deg and heading_tolerance_deg"),
             },
             (None, ..) if angles.iter().any(Option::is_some) => {
-                Err("radius_m, heading_deg and heading_tolerance_deg belong to at_m")
+                wrong("radius_m, heading_deg and heading_tolerance_deg belong to at_m")
             }
             (None, Some(frames), None) => Ok(Self::Frames(frames)),
             (None, None, Some(seconds)) => Ok(Self::Seconds(seconds)),
-            (None, None, None) => Err("give one of at_m, frames, seconds and pair"),
-            _ => Err("give only one of at_m, frames and seconds"),
+            (None, None, None) => wrong("give one of at_m, frames, seconds and pair"),
+            _ => wrong("give only one of at_m, frames and seconds"),
         }
     }
 
-    pub(super) fn validate(&self) -> Result<(), String> {
+    pub(super) fn validate(&self) -> Result<(), CheckpointFault> {
         match *self {
             Self::Pose {
                 at_m: [x, y],
@@ -86,20 +103,13 @@ impl CheckpointPlace {
             } => {
                 let numbers = [x, y, radius_m, heading_deg, heading_tolerance_deg];
                 let finite = numbers.iter().all(|v| v.is_finite());
-                if finite && radius_m > 0.0 && heading_tolerance_deg > 0.0 {
-                    Ok(())
-                } else {
-                    Err("at_m and heading_deg must be numbers, radius_m and \
-                                  heading_tolerance_deg positive"
-                        .into())
-                }
+                let is_pose = finite && radius_m > 0.0 && heading_tolerance_deg > 0.0;
+                is_pose.then_some(()).ok_or(CheckpointFault::Pose)
             }
-            Self::Frames([a, b]) if a > b => {
-                Err(format!("frames = [{a}, {b}]: the first is after the last"))
+            Self::Frames([a, b]) if a > b => Err(CheckpointFault::Frames(a, b)),
+            Self::Seconds([a, b]) if !(a >= 0.0 && b >= a && b.is_finite()) => {
+                Err(CheckpointFault::Seconds(a, b))
             }
-            Self::Seconds([a, b]) if !(a >= 0.0 && b >= a && b.is_finite()) => Err(format!(
-                "seconds = [{a}, {b}]: expected two times, 0 or more, in order"
-            )),
             _ => Ok(()),
         }
     }

@@ -34,6 +34,27 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Columns of the table.
 const HEAD: [&str; 4] = ["sequence", "window", "label", "pair_hash"];
 
+/// Fault in a line of the table.
+#[derive(Debug, thiserror::Error)]
+enum LabelFault {
+    #[error("it has {0} of {count} fields", count = HEAD.len())]
+    Fields(usize),
+    #[error("its sequence is not a frame number")]
+    Sequence,
+    /// A name, and that of the last window.
+    #[error("there is no window '{0}', the last is {1}")]
+    Window(String, String),
+    /// A word, and those of the categories.
+    #[error("'{0}' is neither '{1}' nor '{2}'")]
+    Label(String, &'static str, &'static str),
+    #[error("'{0}' is not a pair_hash: h and 32 digits")]
+    Hash(String),
+    #[error("frame {0}, window {1} is '{2}', and not in an earlier line; keep one")]
+    Twice(u64, String, String),
+    #[error("frame {0} has another pair_hash in an earlier line; keep the labels of one recording")]
+    Pairs(u64),
+}
+
 impl FrameLabels {
     pub fn new(path: &Path, kind: FilterKind) -> Self {
         Self {
@@ -82,64 +103,48 @@ impl FrameLabels {
         let mut rows = csv::ReaderBuilder::new();
         let rows = rows.trim(csv::Trim::All).flexible(true);
         let mut rows = rows.from_reader(text.as_bytes());
-        let head = rows
-            .headers()
-            .map_err(|e| Error::format(path, e.to_string()))?;
+        let head = rows.headers().map_err(|e| Error::format(path, e))?;
         if head.iter().ne(HEAD) {
             let expected = HEAD.join(",");
-            return Err(Error::format(
-                path,
-                format!("its first line is not '{expected}'"),
-            ));
+            let words = format!("its first line is not '{expected}'");
+            return Err(Error::format(path, words));
         }
         let (mut labels, lines) = (Self::new(path, kind), text.lines().count() as u64);
         for row in rows.records() {
-            let row = row.map_err(|e| Error::format(path, e.to_string()))?;
+            let row = row.map_err(|e| Error::format(path, e))?;
             let line = row.position().map_or(0, csv::Position::line);
             let fields: Vec<_> = row.iter().collect();
             let added = match fields[..] {
                 [sequence, window, label, hash] => labels.add([sequence, window, label, hash]),
-                _ => Err(format!("it has {} of {} fields", fields.len(), HEAD.len())),
+                _ => Err(LabelFault::Fields(fields.len())),
             };
             let is_cut = line == lines && !text.ends_with('\n');
-            added.map_err(|reason| {
-                Error::format(
-                    path,
-                    if is_cut {
-                        format!("line {line}: it is cut off; remove it ({reason})")
-                    } else {
-                        format!("line {line}: {reason}")
-                    },
-                )
-            })?;
+            let at_line = |fault| match is_cut {
+                true => format!("line {line}: it is cut off; remove it ({fault})"),
+                false => format!("line {line}: {fault}"),
+            };
+            added.map_err(|fault| Error::format(path, at_line(fault)))?;
         }
         Ok(labels)
     }
 
     /// Adds the fields of a line.
-    fn add(
-        &mut self,
-        [sequence, window, label, pair_hash]: [&str; 4],
-    ) -> std::result::Result<(), String> {
-        let kind = self.kind;
-        let name = window;
-        let sequence = sequence
-            .parse()
-            .map_err(|_| "its sequence is not a frame number")?;
+    fn add(&mut self, [sequence, window, label, pair_hash]: [&str; 4]) -> Result<(), LabelFault> {
+        let (kind, name) = (self.kind, window);
+        let sequence = sequence.parse().map_err(|_| LabelFault::Sequence)?;
         let window = parse_window(kind, name)?;
         let is = parse_label(kind, label)?;
-        let pair_hash = parse_hash(pair_hash)
-            .ok_or_else(|| format!("'{pair_hash}' is not a pair_hash: h and 32 digits"))?;
+        let pair_hash =
+            parse_hash(pair_hash).ok_or_else(|| LabelFault::Hash(pair_hash.to_owned()))?;
         if self.set(sequence, window, Some(is)) == Some(!is) {
-            return Err(format!(
-                "frame {sequence}, window {name} is '{label}', and not in an earlier line; keep one"
+            return Err(LabelFault::Twice(
+                sequence,
+                name.to_owned(),
+                label.to_owned(),
             ));
         }
         match self.tie(sequence, pair_hash) {
-            Some(before) if before != pair_hash => Err(format!(
-                "frame {sequence} has another pair_hash in an earlier line; keep the labels of one \
-                 recording"
-            )),
+            Some(before) if before != pair_hash => Err(LabelFault::Pairs(sequence)),
             _ => Ok(()),
         }
     }
@@ -225,22 +230,20 @@ impl FrameLabels {
 }
 
 /// The number of the window with that name.
-fn parse_window(kind: FilterKind, name: &str) -> std::result::Result<usize, String> {
+fn parse_window(kind: FilterKind, name: &str) -> Result<usize, LabelFault> {
     let mut windows = 0..FrameLabels::windows(kind);
     let found = windows.find(|&window| FrameLabels::window_name(kind, window) == name);
-    found.ok_or_else(|| {
-        let last = FrameLabels::window_name(kind, FrameLabels::windows(kind) - 1);
-        format!("there is no window '{name}', the last is {last}")
-    })
+    let last = FrameLabels::window_name(kind, FrameLabels::windows(kind) - 1);
+    found.ok_or_else(|| LabelFault::Window(name.to_owned(), last))
 }
 
 /// True if the word says that the filter's object is there.
-fn parse_label(kind: FilterKind, label: &str) -> std::result::Result<bool, String> {
+fn parse_label(kind: FilterKind, label: &str) -> Result<bool, LabelFault> {
     let [is, is_not] = kind.spec().categories;
     match label {
         label if label == is => Ok(true),
         label if label == is_not => Ok(false),
-        _ => Err(format!("'{label}' is neither '{is}' nor '{is_not}'")),
+        _ => Err(LabelFault::Label(label.to_owned(), is, is_not)),
     }
 }
 
@@ -258,11 +261,11 @@ fn shape(kind: FilterKind) -> GridShape {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> std::result::Result<FrameLabels, String> {
+    fn read(text: &str) -> Result<FrameLabels> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.floor.csv");
         std::fs::write(&path, text).unwrap();
-        FrameLabels::read(&path, FilterKind::Floor).map_err(|e| e.to_string())
+        FrameLabels::read(&path, FilterKind::Floor)
     }
 
     #[test]
@@ -353,11 +356,12 @@ mod tests {
             ),
         ] {
             let error = read(&format!("{}\n{lines}", HEAD.join(","))).unwrap_err();
+            let error = error.to_string();
             assert!(error.contains(reason), "{error}");
         }
         // A last line that lacks only its end is complete.
         read(&format!("{}\n1,0x0,floor,{a}", HEAD.join(","))).unwrap();
-        let error = read("sequence,label\n").unwrap_err();
+        let error = read("sequence,label\n").unwrap_err().to_string();
         assert!(error.contains("first line"), "{error}");
     }
 }

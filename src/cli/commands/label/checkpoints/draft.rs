@@ -75,12 +75,9 @@ impl Draft {
     ///
     /// # Errors
     /// It would be behind the last one.
-    pub(super) fn begin(&mut self, frame: u64) -> Result<(), String> {
+    pub(super) fn begin(&mut self, frame: u64) -> Result<(), RangeFault> {
         if let Some(last) = self.last.filter(|last| *last < frame) {
-            let cure = "move that with ] first";
-            return Err(format!(
-                "frame {frame} is behind the last one, {last}; {cure}"
-            ));
+            return Err(RangeFault::Begin(frame, last));
         }
         self.first = Some(frame);
         Ok(())
@@ -90,16 +87,22 @@ impl Draft {
     ///
     /// # Errors
     /// It would be before the first one.
-    pub(super) fn end(&mut self, frame: u64) -> Result<(), String> {
+    pub(super) fn end(&mut self, frame: u64) -> Result<(), RangeFault> {
         if let Some(first) = self.first.filter(|first| frame < *first) {
-            let cure = "move that with [ first";
-            return Err(format!(
-                "frame {frame} is before the first one, {first}; {cure}"
-            ));
+            return Err(RangeFault::End(frame, first));
         }
         self.last = Some(frame);
         Ok(())
     }
+}
+
+/// A frame that cannot begin or end a draft.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum RangeFault {
+    #[error("frame {0} is behind the last one, {1}; move that with ] first")]
+    Begin(u64, u64),
+    #[error("frame {0} is before the first one, {1}; move that with [ first")]
+    End(u64, u64),
 }
 
 /// The file of a draft.
@@ -322,19 +325,11 @@ mod tests {
     fn the_ends_cannot_be_reversed() {
         let mut draft = Draft::default();
         draft.begin(10).unwrap();
-        assert!(
-            draft
-                .end(9)
-                .unwrap_err()
-                .contains("before the first one, 10")
-        );
+        let error = draft.end(9).unwrap_err().to_string();
+        assert!(error.contains("before the first one, 10"), "{error}");
         draft.end(10).unwrap();
-        assert!(
-            draft
-                .begin(11)
-                .unwrap_err()
-                .contains("behind the last one, 10")
-        );
+        let error = draft.begin(11).unwrap_err().to_string();
+        assert!(error.contains("behind the last one, 10"), "{error}");
         assert_eq!(draft.frames(0), [10, 10]);
     }
 }

@@ -237,7 +237,7 @@ impl Labelling {
                     _ => self.draft.end(frame),
                 };
                 if let Err(why) = set {
-                    stepper.say(why);
+                    stepper.say(why.to_string());
                 }
             }
             Key::Char('w') | Key::Enter => self.write(stepper)?,

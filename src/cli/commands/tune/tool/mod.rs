@@ -316,7 +316,7 @@ impl Tuner {
             env!("CARGO_PKG_VERSION")
         );
         let markdown = self.markdown(stepper.name());
-        usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
+        usage::ends_in(path, &["toml"])?;
         let words = outputs::write_with_page(path, &(head + &toml), &markdown)?;
         self.written.push(words.clone());
         Ok(format!("{words} written"))
