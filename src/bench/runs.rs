@@ -24,10 +24,7 @@ use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
 /// # Errors
 /// For an option that is for none of them, and for options that contradict each other.
 pub fn change(scenarios: &mut [Scenario], given: &SourceOptions, named: &str) -> Result<()> {
-    let kinds: Vec<_> = scenarios
-        .iter()
-        .map(|scenario| scenario.options.kind)
-        .collect();
+    let kinds: Vec<_> = scenarios.iter().map(|own| own.options.kind).collect();
     given
         .refuse_others(&kinds)
         .map_err(|why| Error::Usage(format!("{named}: {why}")))?;
@@ -186,20 +183,19 @@ fn count(scenario: &Scenario) -> Result<usize> {
 
 /// The run at index `place`.
 pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Result<ScoredSource> {
+    let name = &scenario.name;
     let mut run = match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),
         ScenarioSource::Drive { .. } => {
             return Err(Error::Usage(format!(
-                "scenario '{}' is driven: `svl score` runs it",
-                scenario.name
+                "scenario '{name}' is driven: `svl score` runs it"
             )));
         }
         ScenarioSource::Dataset { scenes } => {
             let Some(data) = data_folder(scenario.options.data.as_deref()) else {
                 return Err(Error::Invalid(format!(
-                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR \
-                     or SVL_DATASETS",
-                    scenario.name
+                    "scenario '{name}' reads scenes of data sets: name their folder with --data \
+                     DIR or SVL_DATASETS"
                 )));
             };
             let scenes = Scene::find_all(&data, scenes)?;
@@ -234,12 +230,8 @@ pub fn cached_run(
         _ => None,
     };
     let kind = scenario.kind();
-    let mut watch = Watch::new(
-        console,
-        &format!("record {kind}, seed {seed}"),
-        pairs,
-        table,
-    );
+    let work = format!("record {kind}, seed {seed}");
+    let mut watch = Watch::new(console, &work, pairs, table);
     let cached = record::cached_run(folder, scenario, seed, &mut watch);
     if interrupt::requested() {
         return Err(Error::Invalid(format!(
@@ -295,9 +287,8 @@ fn noted(opened: Opened, console: &dyn Console) -> Result<Opened> {
 /// The folder of the data sets: the one named, or that of `SVL_DATASETS`.
 pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
     let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
-    named
-        .map(Path::to_owned)
-        .or_else(|| variable().map(PathBuf::from))
+    let named = named.map(Path::to_owned);
+    named.or_else(|| variable().map(PathBuf::from))
 }
 
 /// Refuses algorithms that report maps which others computed, where pairs have none.

@@ -38,10 +38,10 @@ impl Resizer {
         let [x, y, w, h] = window;
         let fits = |at: usize, size: usize, all| at.checked_add(size).is_some_and(|end| end <= all);
         if !fits(x, w, width) || !fits(y, h, height) {
+            let pair = frame.sequence;
             return Err(Error::Invalid(format!(
-                "{source}: pair {}: crop = [{x}, {y}, {w}, {h}] is not inside its image of \
-                 {width}x{height}",
-                frame.sequence
+                "{source}: pair {pair}: crop = [{x}, {y}, {w}, {h}] is not inside its image of \
+                 {width}x{height}"
             )));
         }
         let [left, right] = frame.pair.into_images();
@@ -50,6 +50,8 @@ impl Resizer {
             let image = |image: &Rgb| shrunk_color(&cropped(image, window)?, self.scale);
             Ok([image(left)?, image(right)?])
         };
+        let truth = frame.truth.map(|truth| self.truth(&truth, window));
+        let maps = frame.maps.into_iter().map(|map| self.map(map, window));
         Ok(Frame {
             color: frame.color.as_ref().map(color).transpose()?,
             pair: StereoPair::new(image(&left)?, image(&right)?)?,
@@ -59,15 +61,8 @@ impl Resizer {
                 }
                 other => other,
             },
-            truth: frame
-                .truth
-                .map(|truth| self.truth(&truth, window))
-                .transpose()?,
-            maps: frame
-                .maps
-                .into_iter()
-                .map(|map| self.map(map, window))
-                .collect::<Result<_>>()?,
+            truth: truth.transpose()?,
+            maps: maps.collect::<Result<_>>()?,
             ..frame
         })
     }

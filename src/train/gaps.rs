@@ -172,29 +172,21 @@ impl std::fmt::Display for GapTraining {
         let Some(last) = self.epochs.last() else {
             return write!(f, "no epoch");
         };
-        let runs = counted(self.runs as u64, "run");
-        writeln!(
-            f,
-            "{} pixels of gaps, {runs}",
-            self.pixels + self.pixels_held_out
-        )?;
-        writeln!(
-            f,
-            "held out: {} of {}",
-            counted(self.pixels_held_out as u64, "pixel"),
-            counted(self.runs_held_out as u64, "run"),
-        )?;
+        let (pixels, runs) = (self.pixels + self.pixels_held_out, self.runs as u64);
+        writeln!(f, "{pixels} pixels of gaps, {}", counted(runs, "run"))?;
+        let pixels = counted(self.pixels_held_out as u64, "pixel");
+        let runs = counted(self.runs_held_out as u64, "run");
+        writeln!(f, "held out: {pixels} of {runs}")?;
         let epochs = counted(self.epochs.len() as u64, "epoch");
+        let (training, held_out) = (last.training, last.held_out);
         writeln!(
             f,
-            "loss after {epochs}: {:.4}, held out {:.4}",
-            last.training, last.held_out
+            "loss after {epochs}: {training:.4}, held out {held_out:.4}"
         )?;
+        let (right, filled) = (100.0 * last.held_out_right, 100.0 * self.filled_right);
         write!(
             f,
-            "within 2 px, held out: {:.1} %; filled along rows: {:.1} %",
-            100.0 * last.held_out_right,
-            100.0 * self.filled_right
+            "within 2 px, held out: {right:.1} %; filled along rows: {filled:.1} %"
         )
     }
 }

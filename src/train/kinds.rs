@@ -145,14 +145,13 @@ impl KindCells {
         };
         let points = 1..=if is_held_out { POINTS } else { 0 };
         let points = points.map(|point| ranked.len() * point / POINTS);
+        let curve = points.map(|known| (known as f64 / all as f64, wrong_share(known)));
         Self {
             name: name.to_owned(),
             cells: all,
             held_out,
             present,
-            curve: points
-                .map(|known| (known as f64 / all as f64, wrong_share(known)))
-                .collect(),
+            curve: curve.collect(),
         }
     }
 
@@ -234,10 +233,10 @@ impl TableFigures {
         let known = reportable.iter().filter(|cell| is_known(cell));
         let wrong = known.clone().filter(|cell| !cell.sample.right).count();
         let known = known.count();
-        let scored = reportable
-            .iter()
-            .map(|cell| (score(cell), cell.sample.right));
-        let scored: Vec<_> = scored.collect();
+        let scored = reportable.iter();
+        let scored: Vec<_> = scored
+            .map(|cell| (score(cell), cell.sample.right))
+            .collect();
         let errors = reliability(&scored)
             .into_iter()
             .map(|bin| bin.cells as f64 * (bin.predicted - bin.right).abs());

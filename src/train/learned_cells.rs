@@ -3,6 +3,7 @@
 use crate::fit::{
     CellFit, CellSample, CellSequence, CellTarget, PairCell, PairCells, fit_cells, pair_cells,
 };
+use std::collections::BTreeSet;
 use std::path::Path;
 use svl_bench::console::{Console, Watch};
 use svl_bench::pass::{Matchers, frames_through};
@@ -199,9 +200,8 @@ impl LearnedCells {
             });
             let start = PassStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is not another scene.
-            let seed_name = run
-                .seed
-                .map(|seed| format!("{} seed {seed}", scenario.kind()));
+            let kind = scenario.kind();
+            let seed_name = run.seed.map(|seed| format!("{kind} seed {seed}"));
             let recording = run.record.as_ref().map(|record| record.path.clone());
             let name = seed_name.or(recording).unwrap_or_else(|| run.name());
             let title = format!("learn {}, {name}", scenario.name);
@@ -228,10 +228,10 @@ impl LearnedCells {
         }
         let mut samples = self.cells[before..].iter().flat_map(|cell| &cell.levels);
         if !samples.any(|sample| sample.is_some_and(|sample| sample.is_reportable())) {
+            let path = path.display();
             return Err(Error::Invalid(format!(
-                "{}: has no cells to learn from: frames need a truth, and of three runs or scenes \
-                 one is for the tables; take six, or keep the network with --tables-only",
-                path.display()
+                "{path}: has no cells to learn from: frames need a truth, and of three runs or \
+                 scenes one is for the tables; take six, or keep the network with --tables-only"
             )));
         }
         let near = self.near.0.len() - before_near;
@@ -386,13 +386,9 @@ impl TableSamples {
 
     /// The kinds of the scenes that are fitted to.
     pub(super) fn kinds(&self) -> Vec<&str> {
-        let mut kinds: Vec<_> = self
-            .fitted_scenarios()
-            .map(|scenario| scenario.kind.as_str())
-            .collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        kinds
+        let scenarios = self.fitted_scenarios();
+        let kinds: BTreeSet<_> = scenarios.map(|own| own.kind.as_str()).collect();
+        kinds.into_iter().collect()
     }
 }
 

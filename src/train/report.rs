@@ -231,10 +231,11 @@ impl Display for FilterTraining {
     /// Lines of at most 80 columns.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let [is, is_not] = self.categories;
+        let (filter, hidden) = (&self.filter, self.hidden);
+        let (window, scaling) = (&self.window, &self.scaling);
         writeln!(
             f,
-            "filter {}: {} hidden neurons, windows of {}, {}",
-            self.filter, self.hidden, self.window, self.scaling
+            "filter {filter}: {hidden} hidden neurons, windows of {window}, {scaling}"
         )?;
         let parts = SamplePart::deal(self.recordings);
         for part in SamplePart::ALL {
@@ -249,24 +250,11 @@ impl Display for FilterTraining {
         } else {
             ""
         };
-        writeln!(
-            f,
-            "{:<18}{} of {}{ended}",
-            "best epoch",
-            self.best_epoch,
-            self.epochs.len()
-        )?;
-        writeln!(
-            f,
-            "{:<18}{}",
-            "false acceptance", self.errors.false_acceptance
-        )?;
-        writeln!(
-            f,
-            "{:<18}{}",
-            "false rejection", self.errors.false_rejection
-        )?;
-        write!(f, "{:<18}{:.4}", "area of the ROC", self.roc.area)?;
+        let (best, epochs) = (self.best_epoch, self.epochs.len());
+        writeln!(f, "best epoch        {best} of {epochs}{ended}")?;
+        writeln!(f, "false acceptance  {}", self.errors.false_acceptance)?;
+        writeln!(f, "false rejection   {}", self.errors.false_rejection)?;
+        write!(f, "area of the ROC   {:.4}", self.roc.area)?;
         let by_hidden = self.by_hidden();
         if by_hidden.len() > 1 {
             let heads = ["false accepted, %", "false rejected, %"];

@@ -47,11 +47,8 @@ fn model(
     if let Some(path) = &filter.file {
         let model = FilterModel::read(path)?;
         if model.kind != kind {
-            return Err(Error::Invalid(format!(
-                "{}: detects {}, not {kind}",
-                path.display(),
-                model.kind
-            )));
+            let (path, own) = (path.display(), model.kind);
+            return Err(Error::Invalid(format!("{path}: detects {own}, not {kind}")));
         }
         return Ok(model);
     }
@@ -71,9 +68,8 @@ fn model(
     if path.exists() {
         return FilterModel::read(&path);
     }
-    let runs = training
-        .into_iter()
-        .map(|training| LabelledInputs::open(training, None, console));
+    let training = training.into_iter();
+    let runs = training.map(|training| LabelledInputs::open(training, None, console));
     let runs = runs.collect::<Result<_>>()?;
     let (mut samples, fitted) = windows(kind, settings.range_px, runs, console)?;
     let (model, training) = train(&mut samples, &fitted, &settings, console)?;

@@ -82,9 +82,8 @@ pub fn train_v5(
     let mut model = base;
     // The tables are fitted to pairs alone.
     let time = model.median.time.take();
-    let least_with_past = time
-        .as_ref()
-        .map_or(model.median.least_score, |time| time.least_score);
+    let least = time.as_ref().map(|time| time.least_score);
+    let least_with_past = least.unwrap_or(model.median.least_score);
     model.facts = ModelFacts::from([("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
     let share = match &network {
         Some(network) => {
@@ -98,18 +97,13 @@ pub fn train_v5(
     let algorithms = with(&model)?;
     let mut learned = LearnedCells::default();
     for scenario in scenarios {
-        let share = if scenario.tested {
-            TrainingPart::All
-        } else {
-            share
-        };
-        learned.learn(
-            scenario.scenario,
-            &scenario.path,
-            &algorithms,
-            (share, scenario.tested),
-            console,
-        )?;
+        let TrainingScenario {
+            path,
+            scenario,
+            tested,
+        } = scenario;
+        let share = if tested { TrainingPart::All } else { share };
+        learned.learn(scenario, &path, &algorithms, (share, tested), console)?;
     }
     let bar = console.bar("fit", Unit::Pairs, None);
     let step = || {
@@ -117,9 +111,8 @@ pub fn train_v5(
         !interrupt::requested()
     };
     let tables = fit_tables(&learned, &mut model, step)?;
-    let near = learned
-        .fit_near(&model.near, step)
-        .ok_or(Error::Interrupted)?;
+    let near = learned.fit_near(&model.near, step);
+    let near = near.ok_or(Error::Interrupted)?;
     drop(bar);
     let least = model.near.least_score;
     let near = near.map(|(fit, samples)| {
@@ -128,10 +121,8 @@ pub fn train_v5(
     });
     model.fitted = model.fitted.and(&learned.fitted_to());
     let single = tables.iter().any(|table| table.table == TableRole::Single);
-    let least = least_with_past;
-    let fit = single
-        .then(|| fit_time(&learned.runs, &model.median, least))
-        .flatten();
+    let fit = single.then(|| fit_time(&learned.runs, &model.median, least_with_past));
+    let fit = fit.flatten();
     // Cells with a past are held to more only if it says something.
     let is_empty = |table: &TimeTable| {
         let steps = [&table.agrees, &table.farther, &table.nearer];
@@ -229,10 +220,8 @@ fn learn_network(
 /// [`Error::Invalid`] for cells that no table can be fitted to.
 fn check(samples: &[CellSample]) -> Result<()> {
     let count = |right: bool| {
-        let own = samples
-            .iter()
-            .filter(|sample| sample.is_reportable() && sample.right == right);
-        own.count()
+        let reportable = samples.iter().filter(|sample| sample.is_reportable());
+        reportable.filter(|sample| sample.right == right).count()
     };
     let [right, wrong] = [true, false].map(count);
     if right.min(wrong) < MIN_CELLS {
@@ -241,10 +230,8 @@ fn check(samples: &[CellSample]) -> Result<()> {
              more runs, scenes or scenarios"
         )));
     }
-    if samples
-        .iter()
-        .all(|sample| sample.group == samples[0].group)
-    {
+    let first = samples[0].group;
+    if samples.iter().all(|sample| sample.group == first) {
         let cure = "take more seeds, scenes or recordings";
         let message = format!("one run cannot be held out of itself; {cure}");
         return Err(Error::Invalid(message));
@@ -255,9 +242,9 @@ fn check(samples: &[CellSample]) -> Result<()> {
 impl NearTraining {
     fn new(samples: &[CellSample], held_out: &[i64], least_score: i64) -> Self {
         let scored = samples.iter().zip(held_out);
-        let known: Vec<_> = scored
-            .filter(|(sample, score)| sample.is_reportable() && **score >= least_score)
-            .collect();
+        let known =
+            scored.filter(|(sample, score)| sample.is_reportable() && **score >= least_score);
+        let known: Vec<_> = known.collect();
         let right = known.iter().filter(|(sample, _)| sample.right).count();
         Self {
             cells: samples.len(),
@@ -276,24 +263,22 @@ impl V5Training {
         let tables = self.tables.iter().map(|table| table.terminal(style));
         let tables = tables.collect::<Vec<_>>().join("\n");
         let near = self.near.as_ref().map_or_else(String::new, |near| {
+            let (known, right) = (100.0 * near.known, 100.0 * near.right);
+            let (cells, least) = (counted(near.cells as u64, "cell"), near.confidence);
             format!(
-                "\nnearest quarter, held out: {:.1} % of {} from {:.2} on;\n{:.2} % of them right",
-                100.0 * near.known,
-                counted(near.cells as u64, "cell"),
-                near.confidence,
-                100.0 * near.right
+                "\nnearest quarter, held out: {known:.1} % of {cells} from {least:.2} on;\n\
+                 {right:.2} % of them right"
             )
         });
         let time = match &self.time {
             None => "the table of earlier reports is kept".to_owned(),
             Some(time) => {
                 let [agrees, farther, nearer] = time.relations;
+                let cells = counted(time.cells as u64, "cell");
+                let (loss, alone) = (time.loss, time.loss_alone);
                 format!(
-                    "earlier reports of {}: {agrees} agree, {farther} farther,\n{nearer} nearer; \
-                     held-out loss {:.4} for {:.4}",
-                    counted(time.cells as u64, "cell"),
-                    time.loss,
-                    time.loss_alone
+                    "earlier reports of {cells}: {agrees} agree, {farther} farther,\n{nearer} \
+                     nearer; held-out loss {loss:.4} for {alone:.4}"
                 )
             }
         };

@@ -68,10 +68,10 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12916),
+    ("bench", 12827),
     ("c", 470),
     ("calibrate", 4917),
-    ("cli", 11672),
+    ("cli", 11244),
     ("core", 18799),
     ("files", 2249),
     ("grab", 5156),
@@ -79,10 +79,10 @@ const LINES: [(&str, usize); 16] = [
     ("python", 323),
     ("recording", 13833),
     ("report", 12583),
-    ("score", 8196),
+    ("score", 7892),
     ("sim", 3534),
     ("thesis", 2877),
-    ("train", 3468),
+    ("train", 3399),
     ("viewer", 1731),
 ];
 

@@ -106,11 +106,8 @@ impl Course {
             line("route", &mut self.route()),
             line("goal", &mut goal.into_iter()),
         ];
-        self.outlines()
-            .into_iter()
-            .map(obstacle)
-            .chain(lines)
-            .collect()
+        let obstacles = self.outlines().into_iter().map(obstacle);
+        obstacles.chain(lines).collect()
     }
 
     /// `y` of the goal line, metres.
@@ -327,12 +324,8 @@ fn slanted_wall(things: &mut Things, from_m: f64) {
     let rise = 0.5 * length_m * angle.sin();
     let y = from_m + 0.1 + rise;
     let heading = if is_left { angle } else { -angle };
-    things.block(
-        "slanted wall",
-        [x, y],
-        [length_m, 0.04, 0.2],
-        heading.to_degrees(),
-    );
+    let size_m = [length_m, 0.04, 0.2];
+    things.block("slanted wall", [x, y], size_m, heading.to_degrees());
 }
 
 /// Two pillars with a deck, and walls beside them.

@@ -5,7 +5,7 @@ use super::course::Course;
 use super::source::Drive;
 use serde_json::Value;
 use svl_core::depth::{GridSettings, grid};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 use svl_score::drive::{DriveEvent, RobotState};
 use svl_score::scenario::{DriveConfig, Scenario, ScenarioSource};
 use svl_sim::arena::ArenaConfig;
@@ -75,11 +75,8 @@ impl CourseOptions {
                 return Ok(format!("with {name} = {usual} in place of {found} one can"));
             }
         }
-        let keys: Vec<_> = changed.iter().map(|pointer| key(pointer)).collect();
-        Ok(format!(
-            "several of these together are the cause: {}",
-            keys.join(", ")
-        ))
+        let keys = joined(changed.iter().map(|pointer| key(pointer)));
+        Ok(format!("several of these together are the cause: {keys}"))
     }
 }
 

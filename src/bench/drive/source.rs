@@ -250,11 +250,7 @@ impl Drive {
         } else if clearance_m >= config.near_miss_m {
             // The near miss is over, and nothing was touched.
             event = self.near_miss();
-        } else if self
-            .near
-            .as_ref()
-            .is_none_or(|(least_m, _)| clearance_m < *least_m)
-        {
+        } else if self.near.as_ref().is_none_or(|near| clearance_m < near.0) {
             let to = name.to_owned();
             self.near = Some((clearance_m, DriveEvent::NearMiss { to, at_m }));
         }

@@ -129,16 +129,12 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         config,
     } = &scenario.source
     else {
-        return Err(Error::Invalid(format!(
-            "scenario '{}' has no drives",
-            scenario.name
-        )));
+        let name = &scenario.name;
+        return Err(Error::Invalid(format!("scenario '{name}' has no drives")));
     };
     refuse_recorded(&scenario.algorithms)?;
-    let (size, rig) = (
-        (config.rig.width_px, config.rig.height_px),
-        config.rig.rectified()?,
-    );
+    let size = (config.rig.width_px, config.rig.height_px);
+    let rig = config.rig.rectified()?;
     Matchers::new(&scenario.algorithms)?.warn_of_ranges(size, &rig, &scenario.judge());
     let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
@@ -165,6 +161,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         });
     }
     session.write(&session.manifest())?;
+    let title = format!("score {}", scenario.name);
     let work = DriveWork {
         scenario,
         seeds,
@@ -173,11 +170,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         session: &session,
         folder: plan.folder,
         keep: plan.keep_drives,
-        bar: console.bar(
-            &format!("score {}", scenario.name),
-            Unit::Drives,
-            Some(todo.len() as u64),
-        ),
+        bar: console.bar(&title, Unit::Drives, Some(todo.len() as u64)),
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };

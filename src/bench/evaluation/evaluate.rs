@@ -48,10 +48,8 @@ impl EvaluationPlan<'_> {
         let _lock = self.shard.and_then(|_| units.lock());
         session.finish()?;
         if self.prune {
-            units.prune(
-                &session.list.runs,
-                session.runs.iter().flat_map(RunUnits::all),
-            )?;
+            let kept = session.runs.iter().flat_map(RunUnits::all);
+            units.prune(&session.list.runs, kept)?;
         }
         self.note_others(&session, console)?;
         let report = match self.shard {
@@ -91,10 +89,9 @@ impl EvaluationPlan<'_> {
         let runs = (runs > 0).then(|| format!("{} of other options", counted(runs, "run")));
         let others: Vec<_> = earlier.iter().copied().chain(runs.as_deref()).collect();
         if !others.is_empty() {
+            let (folder, others) = (self.folder.display(), joined(others));
             console.note(&format!(
-                "{}: also in the folder, not asked for: {}; --prune removes them",
-                self.folder.display(),
-                joined(others)
+                "{folder}: also in the folder, not asked for: {others}; --prune removes them"
             ));
         }
         Ok(())

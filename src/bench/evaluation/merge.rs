@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::remove_file;
 use svl_report::units::{ReportPlan, RunUnits, Units};
 use svl_score::manifest::{Manifest, Purpose};
@@ -87,27 +87,21 @@ impl Parts {
     fn check_run(&self) -> Result<()> {
         let first = &self.0[0];
         for found in &self.0[1..] {
-            let mut differences = first
-                .manifest
-                .differences(&found.manifest, Purpose::Merge)?;
+            let (own, other) = (&first.manifest, &found.manifest);
+            let mut differences = own.differences(other, Purpose::Merge)?;
             if differences.is_empty() && first.plan.digest() != found.plan.digest() {
                 differences.push("its options".to_owned());
             }
             if !differences.is_empty() {
+                let (folder, other) = (found.folder.display(), first.folder.display());
+                let differences = differences.join("; ");
                 return Err(Error::Invalid(format!(
-                    "{}: is not of the same run as {}: {}",
-                    found.folder.display(),
-                    first.folder.display(),
-                    differences.join("; ")
+                    "{folder}: is not of the same run as {other}: {differences}"
                 )));
             }
         }
-        for record in first
-            .manifest
-            .algorithms
-            .iter()
-            .filter(|_| self.0.len() > 1)
-        {
+        let algorithms = first.manifest.algorithms.iter();
+        for record in algorithms.filter(|_| self.0.len() > 1) {
             let is_unknown = |own: &ProgramRecord| own.version.is_none() && own.model.is_none();
             if record.program.as_ref().is_some_and(is_unknown) {
                 let text = "its program reports no version and no model, so the parts may have run \
@@ -125,12 +119,11 @@ impl Parts {
             for (own, other) in first.runs.iter().zip(&found.runs) {
                 let are_read = own.is_read() && other.is_read();
                 if are_read && own.facts.inputs() != other.facts.inputs() {
+                    let (folder, other) = (found.folder.display(), first.folder.display());
+                    let run = own.run.words();
                     return Err(Error::Invalid(format!(
-                        "{}: is not of the same run as {}: the pairs, calibration or truth of {} \
-                         differ; score both parts again",
-                        found.folder.display(),
-                        first.folder.display(),
-                        own.run.words()
+                        "{folder}: is not of the same run as {other}: the pairs, calibration or \
+                         truth of {run} differ; score both parts again"
                     )));
                 }
             }
@@ -158,17 +151,12 @@ impl Parts {
         let Some(first) = partial.first() else {
             return Ok(());
         };
-        let shards: Vec<_> = self.0.iter().flat_map(|part| &part.sessions).collect();
-        let shards = shards.into_iter();
-        let shards = shards.filter_map(|session| session.shard.clone());
-        let mut shards: Vec<_> = shards.collect();
-        shards.sort();
-        shards.dedup();
+        let sessions = self.0.iter().flat_map(|part| &part.sessions);
+        let shards: BTreeSet<_> = sessions.filter_map(|own| own.shard.as_deref()).collect();
+        let (runs, shards) = (counted(partial.len() as u64, "run"), joined(shards));
         Err(Error::Invalid(format!(
-            "{} incomplete, from {first} on: the parts have shard {}; run the others, or these \
-             again",
-            counted(partial.len() as u64, "run"),
-            shards.join(", ")
+            "{runs} incomplete, from {first} on: the parts have shard {shards}; run the others, \
+             or these again"
         )))
     }
 }
@@ -183,15 +171,12 @@ impl FoundPart {
         }
         let (plan, sessions) = (units.plan()?, units.sessions()?);
         let mut damaged = None;
-        let runs = plan
-            .runs
-            .iter()
-            .map(|run| RunUnits::read(&units, &plan, run, &sessions, |file| damaged = Some(file)));
-        let runs = runs.collect::<Result<Vec<_>>>()?;
+        let read = |run| RunUnits::read(&units, &plan, run, &sessions, |file| damaged = Some(file));
+        let runs = plan.runs.iter().map(read).collect::<Result<Vec<_>>>()?;
         if let Some(file) = damaged {
+            let file = file.display();
             return Err(Error::Invalid(format!(
-                "{}: was changed after it was written; copy or run the part again",
-                file.display()
+                "{file}: was changed after it was written; copy or run the part again"
             )));
         }
         if let Some(error) = runs.iter().find_map(|run| run.facts.error.as_ref()) {
@@ -221,9 +206,6 @@ impl FoundPart {
 fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let paths = entries.flatten().map(|entry| entry.path());
-    let is_recording = |path: &PathBuf| {
-        path.extension()
-            .is_some_and(|extension| extension == "mcap")
-    };
+    let is_recording = |path: &PathBuf| path.extension().is_some_and(|own| own == "mcap");
     Ok(paths.filter(is_recording).collect())
 }

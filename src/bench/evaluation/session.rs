@@ -98,10 +98,8 @@ impl EvaluationSession {
             session.runs.push(session.kept(found));
         }
         for file in &session.unusable {
-            tracing::warn!(
-                "{}: was cut or edited: its pairs are matched again",
-                file.display()
-            );
+            let file = file.display();
+            tracing::warn!("{file}: was cut or edited: its pairs are matched again");
         }
         if session.shard.is_none() {
             let unusable = session.units.unusable(&session.sessions)?;
@@ -303,10 +301,10 @@ fn refused(plan: &EvaluationPlan<'_>, known: &ReportPlan, own: &ReportPlan) -> R
     if differences.is_empty() {
         differences.push("its options".to_owned());
     }
+    let (folder, differences) = (plan.folder.display(), differences.join("; "));
     Ok(Error::Invalid(format!(
-        "{}: has another run ({}); use the same options for all shards, another -o, or --force",
-        plan.folder.display(),
-        differences.join("; ")
+        "{folder}: has another run ({differences}); use the same options for all shards, another \
+         -o, or --force"
     )))
 }
 

@@ -21,25 +21,20 @@ pub(super) struct MatchedFrame {
 /// Completes the estimates of a frame with their grids and scores them.
 pub(super) fn judged(judge: &Judge, frame: Frame, matches: MatchedFrame) -> Judged {
     let estimate = |matched: Matched| {
-        let Matched {
-            algorithm,
-            output,
-            range_px,
-            times,
-        } = matched;
+        let output = matched.output;
         let disparity = output.disparity;
         let own_grid = output.grid.is_some();
         let grid = output.grid.or(output.decided);
         let grid =
             grid.unwrap_or_else(|| depth::grid(disparity.disparity(), judge.grid, frame.rig()));
         Estimate {
-            algorithm,
+            algorithm: matched.algorithm,
             disparity,
             grid,
             own_grid,
             unfiltered: output.unfiltered,
-            range_px,
-            times,
+            range_px: matched.range_px,
+            times: matched.times,
         }
     };
     let estimates = matches.matched.into_iter().map(estimate).collect();
@@ -112,9 +107,8 @@ impl<'a> Matching<'a> {
                 .warn_of_ranges(frame.pair.size(), rig, self.judge);
         }
         let entries = self.matchers.0.iter_mut();
-        let mut matching: Vec<_> = entries
-            .filter(|entry| is_wanted(wanted, place, entry))
-            .collect();
+        let matching = entries.filter(|entry| is_wanted(wanted, place, entry));
+        let mut matching: Vec<_> = matching.collect();
         if matching.is_empty() {
             // A recording of raw pairs needs no rectified ones.
             return Ok(MatchedFrame::default());
@@ -125,10 +119,8 @@ impl<'a> Matching<'a> {
             warm_up(&mut matching, pair, &context);
         }
         let rounds = in_rounds(&mut matching, pair, &context, self.rounds.unwrap_or(1));
-        if rounds
-            .iter()
-            .any(|outputs| matches!(outputs, Err(Error::Interrupted)))
-        {
+        let is_interrupted = |own: &Result<_>| matches!(own, Err(Error::Interrupted));
+        if rounds.iter().any(is_interrupted) {
             return Err(Error::Interrupted);
         }
         let mut matches = MatchedFrame::default();
@@ -261,10 +253,10 @@ impl Matchers {
         short.sort_by(|a, b| a.1.total_cmp(&b.1));
         for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
             let labels = equal.iter().map(|(label, _)| label.as_str());
+            let nearest_m = equal[0].1;
             let text = format!(
-                "max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
-                 about {px} px",
-                equal[0].1
+                "max_disparity sees nothing nearer than {nearest_m:.2} m; obstacles at \
+                 {obstacle_m} m need about {px} px"
             );
             Notice::new(labels, text).warn();
         }

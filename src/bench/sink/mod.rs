@@ -182,11 +182,7 @@ impl PublishRequest<'_> {
 
     #[cfg(not(feature = "ros2"))]
     fn sink(&self) -> Result<Box<dyn Sink>> {
-        let Self {
-            address,
-            options: _,
-        } = self;
-        Err(crate::source::without_ros2(address))
+        Err(crate::source::without_ros2(self.address))
     }
 }
 
@@ -212,30 +208,20 @@ impl Sinks {
             }
             Some(report) => {
                 let units = Units::for_report(report.folder);
-                let UnitRequest {
-                    plan,
-                    session,
-                    pairs,
-                    ..
-                } = report;
-                sinks.push(Box::new(UnitSink::new(&units, plan, session, pairs)));
+                let (plan, session) = (report.plan, report.session);
+                sinks.push(Box::new(UnitSink::new(&units, plan, session, report.pairs)));
             }
         }
-        if let Some(ViewerRequest {
-            viewer,
-            target,
-            detail,
-            info,
-        }) = request.viewer
-        {
+        if let Some(own) = request.viewer {
             // It is finished after the units are sealed.
             let verdicts = request.report.map(|report| {
                 let folder = report.folder.to_owned();
-                let verdicts: Verdicts = Box::new(move || checkpoint_results(&folder).ok());
-                verdicts
+                Box::new(move || checkpoint_results(&folder).ok()) as Verdicts
             });
             let has_report = verdicts.is_some();
-            let sink = viewer.run(target, detail, &info, verdicts)?;
+            let sink = own
+                .viewer
+                .run(own.target, own.detail, &own.info, verdicts)?;
             sinks.push(if has_report {
                 Box::new(MatchedSink(sink))
             } else {
@@ -308,10 +294,8 @@ impl Sink for MatchedSink {
 /// # Errors
 /// The first of them.
 pub fn finish(sinks: Vec<Box<dyn Sink>>) -> Result<()> {
-    sinks
-        .into_iter()
-        .map(Sink::finish)
-        .fold(Ok(()), Result::and)
+    let finished = sinks.into_iter().map(Sink::finish);
+    finished.fold(Ok(()), Result::and)
 }
 
 /// Results of a finished sink, for its maker and for the sinks that finish after it.

@@ -15,6 +15,7 @@ const MAX_SHOWN: usize = 12;
 #[derive(Clone, Default)]
 pub struct RunningTable(Arc<Mutex<Vec<LiveLine>>>);
 
+#[derive(Default)]
 struct LiveLine {
     algorithm: String,
     pairs: u32,
@@ -45,10 +46,8 @@ impl LiveLine {
     fn words(&self) -> String {
         let mut text = String::new();
         let judged = ["right", "wrong"].map(|name| (name, self.share(name)));
-        let known = self
-            .sums
-            .get("known")
-            .map(|sum| sum / f64::from(self.pairs));
+        let known = self.sums.get("known");
+        let known = known.map(|sum| sum / f64::from(self.pairs));
         let shown = match judged[0].1 {
             Some(_) => &judged[..],
             None => &[("known", known)],
@@ -80,9 +79,7 @@ impl Sink for RunningTable {
                 None => {
                     lines.push(LiveLine {
                         algorithm: algorithm.clone(),
-                        pairs: 0,
-                        sums: MetricValues::default(),
-                        time: None,
+                        ..LiveLine::default()
                     });
                     lines.len() - 1
                 }

@@ -4,7 +4,7 @@ use super::{Outbox, PassStart, Sink};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
-use svl_core::stereo::hash_words;
+use svl_core::stereo::{Cell, hash_words};
 use svl_core::timing::Stage;
 use svl_report::{CellRow, FailureRow, Row, TableWriter};
 use svl_score::judge::{Judged, JudgedEstimate, MatchFailure};
@@ -102,14 +102,13 @@ pub(crate) struct RowIdentity {
 
 impl RowIdentity {
     pub(crate) fn new(start: &PassStart<'_>) -> Self {
+        let run = &start.judge.run;
         Self {
             session: start.manifest.run_id.clone(),
             scenario: start.manifest.scenario.clone(),
             seed: start.seed,
-            run: Some(&start.judge.run.name)
-                .filter(|name| !name.is_empty())
-                .cloned(),
-            stress: start.judge.run.stress.clone(),
+            run: (!run.name.is_empty()).then(|| run.name.clone()),
+            stress: run.stress.clone(),
             algorithms: start.manifest.algorithms.clone(),
         }
     }
@@ -117,10 +116,9 @@ impl RowIdentity {
     /// An estimate as a row.
     pub(crate) fn row(&self, judged: &Judged, scored: &JudgedEstimate) -> Row {
         let (frame, estimate) = (&judged.frame, &scored.estimate);
-        let algorithm = self
-            .algorithms
-            .iter()
-            .find(|algorithm| algorithm.label == estimate.algorithm);
+        let mut algorithms = self.algorithms.iter();
+        let algorithm = algorithms.find(|own| own.label == estimate.algorithm);
+        let (truth, unfiltered) = (frame.truth.as_ref(), estimate.unfiltered.as_ref());
         let (width, height) = frame.pair.size();
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| estimate.times.map(|times| us(times.get(stage)));
@@ -145,15 +143,9 @@ impl RowIdentity {
             total_us: estimate.times.map(|times| us(times.total())),
             metrics: scored.metrics,
             result_hash: hash_words(scored.hash),
-            truth: frame
-                .truth
-                .as_ref()
-                .map(|truth| truth.kind.origin.to_string()),
+            truth: truth.map(|truth| truth.kind.origin.to_string()),
             run: self.run.clone(),
-            filters_us: estimate
-                .unfiltered
-                .as_ref()
-                .and_then(|_| stage(Stage::Filters)),
+            filters_us: unfiltered.and_then(|_| stage(Stage::Filters)),
             stress: self.stress.clone(),
         }
     }
@@ -179,36 +171,35 @@ impl RowIdentity {
             let cells = scored.cells.as_ref();
             cells.map(|cells| cells[i]).unwrap_or_default()
         };
-        let row =
-            |(i, ((column, row), cell)): (usize, ((usize, usize), &svl_core::stereo::Cell))| {
-                let judgement = judgement(i);
-                CellRow {
-                    scenario: self.scenario.clone(),
-                    sequence: judged.frame.sequence,
-                    seed: self.seed,
-                    algorithm: estimate.algorithm.clone(),
-                    column: column as u32,
-                    row: row as u32,
-                    valid_share: cell.valid_share,
-                    median_px: cell.depth.map(|d| d.median_px.into()),
-                    p20_px: cell.depth.map(|d| d.p20_px.into()),
-                    p80_px: cell.depth.map(|d| d.p80_px.into()),
-                    distance_m: cell.depth.and_then(|d| d.distance_m),
-                    true_median_px: judgement.true_px,
-                    true_distance_m: judgement.true_m,
-                    verdict: judgement.verdict,
-                    area: judgement.area,
-                    missed: judgement.near.missed,
-                    r#false: judgement.near.falsely,
-                    run: self.run.clone(),
-                    state: Some(cell.state()),
-                    probability: cell.probability,
-                    near_probability: cell.near,
-                    stress: self.stress.clone(),
-                    true_points: judgement.points.map(|points| points as u64),
-                    level: cell.level.into(),
-                }
-            };
+        let row = |(i, ((column, row), cell)): (usize, ((usize, usize), &Cell))| {
+            let judgement = judgement(i);
+            CellRow {
+                scenario: self.scenario.clone(),
+                sequence: judged.frame.sequence,
+                seed: self.seed,
+                algorithm: estimate.algorithm.clone(),
+                column: column as u32,
+                row: row as u32,
+                valid_share: cell.valid_share,
+                median_px: cell.depth.map(|d| d.median_px.into()),
+                p20_px: cell.depth.map(|d| d.p20_px.into()),
+                p80_px: cell.depth.map(|d| d.p80_px.into()),
+                distance_m: cell.depth.and_then(|d| d.distance_m),
+                true_median_px: judgement.true_px,
+                true_distance_m: judgement.true_m,
+                verdict: judgement.verdict,
+                area: judgement.area,
+                missed: judgement.near.missed,
+                r#false: judgement.near.falsely,
+                run: self.run.clone(),
+                state: Some(cell.state()),
+                probability: cell.probability,
+                near_probability: cell.near,
+                stress: self.stress.clone(),
+                true_points: judgement.points.map(|points| points as u64),
+                level: cell.level.into(),
+            }
+        };
         estimate.grid.iter().enumerate().map(row).collect()
     }
 }

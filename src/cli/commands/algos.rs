@@ -87,10 +87,9 @@ impl AlgorithmEntry {
                 }
                 Range::File | Range::Topic | Range::Pattern => Default::default(),
             };
-            let options = if let Range::Choice { options, .. } = p.range {
-                options
-            } else {
-                &[]
+            let options = match p.range {
+                Range::Choice { options, .. } => options,
+                _ => &[],
             };
             ParameterEntry {
                 name: p.name,
@@ -124,12 +123,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .name
         .map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);
     if args.json {
-        return print_json(
-            &specs
-                .iter()
-                .map(|spec| AlgorithmEntry::new(spec))
-                .collect::<Vec<_>>(),
-        );
+        let entries: Vec<_> = specs.iter().map(|spec| AlgorithmEntry::new(spec)).collect();
+        return print_json(&entries);
     }
     let last = width();
     let mut text: String = specs.iter().map(|spec| describe(spec, last)).collect();
@@ -137,12 +132,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         text += &wrapped("", 0, spec.about, last);
         text.push('\n');
     }
-    text += &wrapped(
-        "",
-        0,
-        "Use as NAME:key=value,key=value, for instance --algo v3:max_disparity=64",
-        last,
-    );
+    let usage = "Use as NAME:key=value,key=value, for instance --algo v3:max_disparity=64";
+    text += &wrapped("", 0, usage, last);
     print(&text)
 }
 

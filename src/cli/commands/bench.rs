@@ -85,24 +85,22 @@ struct Figures {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let algorithms = match &args.algo[..] {
         // Programs are measured only when they are named.
-        [] => MATCHERS
-            .iter()
-            .filter(|spec| spec.matches_images())
-            .map(|spec| algorithm(spec.name))
-            .collect::<Result<_, _>>()?,
+        [] => {
+            let matching = MATCHERS.iter().filter(|spec| spec.matches_images());
+            matching
+                .map(|spec| algorithm(spec.name))
+                .collect::<Result<_, _>>()?
+        }
         named => named.to_vec(),
     };
-    let algorithms = algorithms
-        .into_iter()
-        .map(|(algorithm, has_own_range)| {
-            refuse_recorded(std::slice::from_ref(&algorithm))?;
-            if has_own_range {
-                Ok(algorithm)
-            } else {
-                with_range(algorithm, args.max_disparity)
-            }
-        })
-        .collect::<svl::Result<Vec<_>>>()?;
+    let algorithms = algorithms.into_iter().map(|(algorithm, has_own_range)| {
+        refuse_recorded(std::slice::from_ref(&algorithm))?;
+        if has_own_range {
+            return Ok(algorithm);
+        }
+        with_range(algorithm, args.max_disparity)
+    });
+    let algorithms = algorithms.collect::<svl::Result<Vec<_>>>()?;
     let algorithms = with_filters(algorithms, &args.filters.models()?);
     let pair = pair(args.size)?;
     let figures = measure(&algorithms, &pair)?;
@@ -183,12 +181,8 @@ fn figures(
     mut times: Vec<Duration>,
 ) -> Figures {
     times.sort_unstable();
-    let rank = |share| {
-        nearest_rank(&times, share)
-            .unwrap_or_default()
-            .as_secs_f64()
-            * 1e3
-    };
+    let rank = |share| nearest_rank(&times, share).unwrap_or_default();
+    let ms = |share| rank(share).as_secs_f64() * 1e3;
     let disparities = algorithm.disparities().unwrap_or(1);
     Figures {
         algo: algorithm.label().to_owned(),
@@ -198,11 +192,11 @@ fn figures(
         threads: rayon::current_num_threads(),
         isa,
         runs: times.len(),
-        min_ms: rank(0.0),
-        median_ms: rank(0.5),
-        p95_ms: rank(0.95),
-        p99_ms: rank(0.99),
-        mde_per_s: (width * height) as f64 * f64::from(disparities) / rank(0.5) / 1e3,
+        min_ms: ms(0.0),
+        median_ms: ms(0.5),
+        p95_ms: ms(0.95),
+        p99_ms: ms(0.99),
+        mde_per_s: (width * height) as f64 * f64::from(disparities) / ms(0.5) / 1e3,
     }
 }
 
@@ -210,9 +204,7 @@ fn text(figures: &[Figures], style: TerminalStyle) -> String {
     let Some(first) = figures.first() else {
         return String::new();
     };
-    let Figures {
-        width, height, isa, ..
-    } = first;
+    let (width, height, isa) = (first.width, first.height, first.isa);
     let threads = counted(first.threads as u64, "thread");
     let mut text = format!("{width}x{height}, {threads}, {isa}\n");
     if let Some(words) = slow_profile(BuildInfo::current().profile) {

@@ -43,19 +43,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let last = width();
     for table in tables {
         let mut text = format!("{}: a row is {}\n\n", table.name, table.about);
-        for ColumnDescription {
-            name,
-            kind,
-            unit,
-            heading,
-            about,
-            ..
-        } in (table.columns)()
-        {
-            let facts = [Some(kind), heading.as_deref(), unit];
+        for column in (table.columns)() {
+            let facts = [Some(column.kind), column.heading.as_deref(), column.unit];
             let facts: Vec<_> = facts.into_iter().flatten().collect();
-            text += &format!("{name}  ({})\n", facts.join("; "));
-            text += &wrapped("", 4, &about, last);
+            text += &format!("{}  ({})\n", column.name, facts.join("; "));
+            text += &wrapped("", 4, &column.about, last);
         }
         print(&format!("{text}\n"))?;
     }
@@ -75,10 +67,8 @@ fn page() -> String {
     let mut page = include_str!("columns.md").to_owned();
     for table in listed() {
         let text = table.table().markdown();
-        page.push_str(&format!(
-            "\n## {}\n\nA row is {}.\n\n{text}",
-            table.name, table.about
-        ));
+        let (name, about) = (table.name, table.about);
+        page += &format!("\n## {name}\n\nA row is {about}.\n\n{text}");
     }
     page + &perturbations()
 }
@@ -95,15 +85,10 @@ The kinds of `--stress`, on grey values *v*, of the right image *r*.
 "
     .to_owned();
     for kind in STRESSES {
-        let levels = kind.levels.iter().map(f64::to_string);
-        section.push_str(&format!(
-            "| `{}` | {} | {} | {}: `{}` |\n",
-            kind.name,
-            kind.unit,
-            levels.collect::<Vec<_>>().join(", "),
-            kind.summary,
-            kind.formula
-        ));
+        let levels: Vec<_> = kind.levels.iter().map(f64::to_string).collect();
+        let (name, unit, levels) = (kind.name, kind.unit, levels.join(", "));
+        let (summary, formula) = (kind.summary, kind.formula);
+        section += &format!("| `{name}` | {unit} | {levels} | {summary}: `{formula}` |\n");
     }
     section
 }

@@ -223,7 +223,8 @@ fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<
 
 /// Claims the page and the file of the cases.
 fn claim(args: &Args) -> anyhow::Result<Outputs> {
-    for path in [&args.output, &args.junit].into_iter().flatten() {
+    let outputs = [&args.output, &args.junit].into_iter().flatten();
+    for path in outputs.clone() {
         let shown = path.display();
         let folder = path.parent().unwrap_or(Path::new(""));
         if folder.join("manifest.json").is_file() {
@@ -233,12 +234,8 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
             )));
         }
     }
-    let outputs = [&args.output, &args.junit].into_iter().flatten();
-    Ok(Outputs::claim(
-        args.force,
-        [],
-        outputs.map(PathBuf::as_path),
-    )?)
+    let outputs = outputs.map(PathBuf::as_path);
+    Ok(Outputs::claim(args.force, [], outputs)?)
 }
 
 /// Prints the comparisons. `reasons`: those of the reports without one.

@@ -245,10 +245,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
     outputs.set_aside()?;
     if rig.is_none() && files::has_ending(&args.output, "ply") {
-        bail!(
-            "{}: a point cloud needs a calibration in metres",
-            args.output.display()
-        );
+        let output = args.output.display();
+        bail!("{output}: a point cloud needs a calibration in metres");
     }
     write_maps(args, &output.disparity, pair, rig)?;
     let own_grid = output.grid.take();
@@ -358,37 +356,24 @@ impl<'a> MatchReport<'a> {
 
 /// Distances row by row, none if unknown.
 fn distances(grid: &DepthGrid) -> Vec<Vec<Option<f64>>> {
-    let cells: Vec<_> = grid
-        .iter()
-        .map(|(_, cell)| cell.depth.and_then(|d| d.distance_m))
-        .collect();
-    cells
-        .chunks(grid.shape().columns)
-        .map(<[_]>::to_vec)
-        .collect()
+    let cells = grid.iter().map(|(_, cell)| cell.depth?.distance_m);
+    let cells: Vec<_> = cells.collect();
+    let rows = cells.chunks(grid.shape().columns);
+    rows.map(<[_]>::to_vec).collect()
 }
 
 impl MatchReport<'_> {
     fn text(&self) -> Result<String, std::fmt::Error> {
         let mut text = String::new();
-        let Self {
-            algorithm,
-            width,
-            height,
-            ..
-        } = self;
+        let (algorithm, width, height) = (self.algorithm, self.width, self.height);
+        let (covered, ms) = (100.0 * self.coverage, self.total_ms);
         writeln!(
             text,
-            "{algorithm} on {width}x{height}: {:.1} % of the pixels, {:.2} ms",
-            100.0 * self.coverage,
-            self.total_ms
+            "{algorithm} on {width}x{height}: {covered:.1} % of the pixels, {ms:.2} ms"
         )?;
         for (reason, pixels) in self.pixels.iter().filter(|(_, pixels)| *pixels > 0) {
-            writeln!(
-                text,
-                "  {reason:<12} {:>6.2} %  {pixels}",
-                100.0 * *pixels as f64 / (width * height) as f64
-            )?;
+            let percent = 100.0 * *pixels as f64 / (width * height) as f64;
+            writeln!(text, "  {reason:<12} {percent:>6.2} %  {pixels}")?;
         }
         let mut states = self.cells.iter().map(|cell| cell.report.state);
         for row in self.distances_m.iter().flatten() {

@@ -56,11 +56,9 @@ fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
         0 => String::new(),
         _ => format!(", {} missing", counted(missing, "message")),
     };
-    let words = format!(
-        "{}: recovered, but for {}{missing}",
-        args.file.display(),
-        counted(recovery.losses.len(), "damaged part"),
-    );
+    let (file, lost) = (args.file.display(), recovery.losses.len());
+    let lost = counted(lost, "damaged part");
+    let words = format!("{file}: recovered, but for {lost}{missing}");
     Err(usage::incomplete(words))
 }
 

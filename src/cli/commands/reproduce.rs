@@ -80,11 +80,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
     let data = data_folder(args.data.as_deref());
     let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
-    let mut recording = if experiments.iter().any(|e| e.records()) {
-        Some(arena_run(quiet)?)
-    } else {
-        None
-    };
+    let records = experiments.iter().any(|e| e.records());
+    let mut recording = records.then(|| arena_run(quiet)).transpose()?;
     let manifest = Manifest::new("reproduce", &[])?;
     let mut entries = Vec::new();
     let ran = experiments.iter().try_for_each(|experiment| {
@@ -148,19 +145,11 @@ fn repeat(
 /// The terminal's text: per figure a line with its result and a line with its numbers.
 fn text(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
-    for ExperimentFinding {
-        experiment,
-        finding,
-    } in page.entries
-    {
-        writeln!(
-            text,
-            "{:<9} {:<15} {}",
-            experiment.figure(),
-            finding.verdict().words(),
-            experiment.title
-        )?;
-        writeln!(text, "{:25} {}", "", finding.why)?;
+    for entry in page.entries {
+        let (figure, title) = (entry.experiment.figure(), entry.experiment.title);
+        let verdict = entry.finding.verdict().words();
+        writeln!(text, "{figure:<9} {verdict:<15} {title}")?;
+        writeln!(text, "{:25} {}", "", entry.finding.why)?;
     }
     if page.scenes.is_empty() {
         writeln!(
@@ -168,11 +157,7 @@ fn text(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> 
             "\nOn the arena alone: --data DIR or SVL_DATASETS names a folder of real scenes."
         )?;
     }
-    writeln!(
-        text,
-        "\n{}\n{}",
-        page.tally(),
-        out.join("index.html").display()
-    )?;
+    let (tally, index) = (page.tally(), out.join("index.html"));
+    writeln!(text, "\n{tally}\n{}", index.display())?;
     Ok(text)
 }

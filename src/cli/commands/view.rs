@@ -31,29 +31,22 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let runs: Vec<_> = runs.iter().map(PathBuf::as_path).collect();
         return view(&runs, args.web);
     }
-    let named = &args.file;
+    let (named, shown) = (&args.file, args.file.display());
     if named.join("report.json").exists() && only_file(named).is_err() {
-        bail!(
-            "{}: this report has no run for Rerun (run-1.rrd); score again without --rerun none",
-            named.display()
-        );
+        let cure = "score again without --rerun none";
+        bail!("{shown}: this report has no run for Rerun (run-1.rrd); {cure}");
     }
     // The viewer names a recording after the path it is given, and the layout must name the same.
-    let file = only_file(named)?
-        .canonicalize()
-        .map_err(|cause| svl::Error::io(named, cause))?;
+    let file = only_file(named)?.canonicalize();
+    let file = file.map_err(|cause| svl::Error::io(named, cause))?;
     match file.extension().and_then(|extension| extension.to_str()) {
         // A run carries its layout.
         Some("rrd") => view(&[&file], args.web),
         Some("mcap") => {
             let folder = tempfile::tempdir().context("no folder for the layout")?;
             let layout = folder.path().join("layout.rbl");
-            let topics: Vec<_> = Recording::open(&file)?
-                .summary(&Selection::default())?
-                .topics
-                .into_iter()
-                .map(|topic| topic.name)
-                .collect();
+            let summary = Recording::open(&file)?.summary(&Selection::default())?;
+            let topics: Vec<_> = summary.topics.into_iter().map(|topic| topic.name).collect();
             if viewer()?.save_layout(&file, &topics, &layout)? {
                 view(&[&file, &layout], args.web)
             } else {
@@ -61,8 +54,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
         _ => bail!(
-            "{}: neither a recording (.mcap), a run (.rrd) nor the folder of a report with one",
-            args.file.display()
+            "{shown}: neither a recording (.mcap), a run (.rrd) nor the folder of a report with one"
         ),
     }
 }
@@ -96,11 +88,10 @@ fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
         }
         std::thread::sleep(GLANCE);
     };
-    if status.success() {
-        Ok(())
-    } else {
-        bail!("the Rerun viewer ended with {status}")
+    if !status.success() {
+        bail!("the Rerun viewer ended with {status}");
     }
+    Ok(())
 }
 
 /// Ends the viewer with everything it started, so that its ports are free.

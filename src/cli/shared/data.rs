@@ -25,9 +25,8 @@ pub(crate) const fn field(path: &'static str, label: &'static str) -> DataField 
 /// A number of events, which is left out if there are none.
 pub(crate) const fn events(path: &'static str, label: &'static str) -> DataField {
     DataField {
-        path,
-        label,
         is_event: true,
+        ..field(path, label)
     }
 }
 
@@ -65,10 +64,8 @@ pub(crate) fn data_text(
     let data = serde_json::to_value(data)?;
     let mut text = String::new();
     for field in fields {
-        let value = field
-            .path
-            .split('.')
-            .try_fold(&data, |data, key| data.get(key));
+        let mut keys = field.path.split('.');
+        let value = keys.try_fold(&data, |data, key| data.get(key));
         let key = field.path.rsplit('.').next().unwrap_or_default();
         let lines = value.map_or_else(Vec::new, |value| entries(key, value, field.is_event));
         for (place, line) in lines.iter().enumerate() {
@@ -96,17 +93,13 @@ pub(crate) fn data_table(
     last: usize,
 ) -> serde_json::Result<String> {
     let rows = serde_json::to_value(rows)?;
-    let DataColumns {
-        name,
-        numbers,
-        text,
-    } = columns;
-    let mut table = Table::new("", name.1)
-        .with_columns(numbers.iter().map(|(_, heading)| *heading))
-        .with_texts([text.1]);
+    let (name, numbers, text) = (columns.name, columns.numbers, columns.text);
+    let headings = numbers.iter().map(|(_, heading)| *heading);
+    let table = Table::new("", name.1).with_columns(headings);
+    let mut table = table.with_texts([text.1]);
     for row in rows.as_array().into_iter().flatten() {
         let cell = |key: &str| words(key, &row[key]).unwrap_or_default();
-        let keys = numbers.iter().chain([text]).map(|(key, _)| *key);
+        let keys = numbers.iter().chain([&text]).map(|(key, _)| *key);
         table.push(cell(name.0), keys.map(cell));
     }
     Ok(table.terminal(TerminalStyle::plain(last)))
@@ -217,10 +210,10 @@ fn number_words(key: &str, number: &serde_json::Number) -> String {
         Some("hz") => format!("{value:.2} Hz"),
         Some("px") if number.is_f64() => format!("{value:.2} px"),
         Some("px") => format!("{number} px"),
-        _ if number.is_f64() => format!("{:.4}", value)
-            .trim_end_matches('0')
-            .trim_end_matches('.')
-            .to_owned(),
+        _ if number.is_f64() => {
+            let text = format!("{value:.4}");
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        }
         _ => number.to_string(),
     }
 }

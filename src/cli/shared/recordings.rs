@@ -12,7 +12,7 @@ use svl::source::Opened;
 
 /// Creates the folder. Returns `recordings/STEM-N.mcap` with the first number that is free.
 pub(crate) fn free_name(stem: &str) -> anyhow::Result<PathBuf> {
-    create()?;
+    make_folder(Path::new(RECORDINGS))?;
     let name = |n: u32| Path::new(RECORDINGS).join(format!("{stem}-{n}.mcap"));
     let free = (1..).map(name).find(|path| !path.exists());
     Ok(free.unwrap_or_else(|| name(0)))
@@ -59,8 +59,4 @@ fn watch(opened: &Opened, quiet: bool) -> Watch {
     listen_for_interrupt();
     let work = format!("record {}", opened.source.name());
     Watch::new(&Terminal { quiet }, &work, opened.source.pairs(), None)
-}
-
-fn create() -> svl::Result<()> {
-    make_folder(Path::new(RECORDINGS))
 }

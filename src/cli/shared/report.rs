@@ -60,15 +60,15 @@ struct ReportAnswer<'a> {
 /// Fails for a run that failed a limit, or that no limit applies to.
 pub(crate) fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
     let broken: Vec<_> = gate.iter().filter(|result| result.state.fails()).collect();
-    match broken[..] {
+    match &broken[..] {
         [] if gate.iter().any(|result| result.state == GateState::Pass) => Ok(()),
         [] => Err(usage::wrong(
             "gate: none of the scenario's limits applies to an algorithm of this run",
         )),
         [one] => Err(usage::gate(format!("gate: {one}"))),
-        [first, ..] => Err(usage::gate(format!(
-            "gate: {first}; and {} more",
-            broken.len() - 1
-        ))),
+        [first, more @ ..] => {
+            let more = more.len();
+            Err(usage::gate(format!("gate: {first}; and {more} more")))
+        }
     }
 }

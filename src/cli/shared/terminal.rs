@@ -94,10 +94,8 @@ pub(crate) fn report_lines(named: &Path) -> String {
         false => viewer,
         true => String::new(),
     };
-    format!(
-        "report   {}\n{viewer}more     --columns all, --explain, --json\n",
-        page.display()
-    )
+    let page = page.display();
+    format!("report   {page}\n{viewer}more     --columns all, --explain, --json\n")
 }
 
 /// Last column of the help below the options, which clap does not break again.

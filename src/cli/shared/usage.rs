@@ -100,10 +100,8 @@ pub(crate) fn incomplete(words: String) -> anyhow::Error {
 pub(crate) fn report_clap(error: &Error) -> ExitCode {
     if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let text = error.to_string();
-        let end = ["\n\nUsage:", "\n\nFor more information"]
-            .iter()
-            .filter_map(|mark| text.find(mark))
-            .min();
+        let marks = ["\n\nUsage:", "\n\nFor more information"];
+        let end = marks.iter().filter_map(|mark| text.find(mark)).min();
         let lines = text[..end.unwrap_or(text.len())].lines().map(str::trim);
         let line = lines.filter(|line| !line.is_empty()).fold(
             String::new(),
@@ -210,8 +208,6 @@ pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> svl::Result<()> {
 
 /// The error and its causes in one line.
 pub(crate) fn one_line(error: &anyhow::Error) -> String {
-    format!("{error:#}")
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
+    let text = format!("{error:#}");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -22,17 +22,11 @@ pub(crate) fn viewer() -> svl::Result<&'static dyn Viewer> {
 
 /// A destination, or none where there is one by default.
 #[derive(Clone)]
-pub(crate) enum RerunChoice {
-    None,
-    To(RerunTarget),
-}
+pub(crate) struct RerunChoice(Option<RerunTarget>);
 
 impl RerunChoice {
     pub(crate) fn target(&self) -> Option<&RerunTarget> {
-        match self {
-            Self::None => None,
-            Self::To(target) => Some(target),
-        }
+        self.0.as_ref()
     }
 }
 
@@ -41,8 +35,8 @@ impl FromStr for RerunChoice {
 
     fn from_str(text: &str) -> svl::Result<Self> {
         match text {
-            "none" => Ok(Self::None),
-            target => target.parse().map(Self::To),
+            "none" => Ok(Self(None)),
+            target => Ok(Self(Some(target.parse()?))),
         }
     }
 }

@@ -148,10 +148,8 @@ impl DriveLog {
 
     /// Distance driven, excluding the distance it was carried.
     pub fn driven_m(&self) -> f64 {
-        self.track
-            .iter()
-            .map(|p| p.speed_m_per_s / self.rate_hz)
-            .sum()
+        let steps = self.track.iter();
+        steps.map(|p| p.speed_m_per_s / self.rate_hz).sum()
     }
 
     /// Distance driven until the first collision, if there was one.

@@ -151,13 +151,14 @@ impl Steering {
             ..
         } = &self.config;
         let turn = turn.to_radians();
+        let on_the_spot = |side: f64| DriveCommand {
+            speed_m_per_s: 0.0,
+            turn_rad_per_s: side * turn,
+        };
         let free = |curvature| free_m(&self.config, obstacles, robot, curvature);
         if let Avoidance::Turning(side) = self.avoidance {
             if free(0.0) < rule.resume_m {
-                return DriveCommand {
-                    speed_m_per_s: 0.0,
-                    turn_rad_per_s: side * turn,
-                };
+                return on_the_spot(side);
             }
             self.avoidance = Avoidance::Detour {
                 heading: robot.heading,
@@ -202,23 +203,16 @@ impl Steering {
                 _ => Some((robot.at, 0)),
             };
             self.curvature_per_m = 0.0;
-            return DriveCommand {
-                speed_m_per_s: 0.0,
-                turn_rad_per_s: side * turn,
-            };
+            return on_the_spot(side);
         };
         self.curvature_per_m = curvature;
         // Full speed if half of the lookahead is free, a fifth of it in front of an obstacle.
         let share = (free_m - rule.stop_m) / (0.5 * rule.lookahead_m);
-        let speed = speed * share.clamp(0.2, 1.0);
-        let speed = if curvature == 0.0 {
-            speed
-        } else {
-            speed.min(turn / curvature.abs())
-        };
+        // Straight on the turn is no limit: infinite.
+        let speed_m_per_s = (speed * share.clamp(0.2, 1.0)).min(turn / curvature.abs());
         DriveCommand {
-            speed_m_per_s: speed,
-            turn_rad_per_s: curvature * speed,
+            speed_m_per_s,
+            turn_rad_per_s: curvature * speed_m_per_s,
         }
     }
 }
@@ -238,9 +232,9 @@ fn free_m(
         let now_m = (at - robot.at).norm();
         (*at, keep_m.min(now_m - 1.0e-3))
     });
-    let limits: Vec<_> = limits
-        .filter(|(at, _)| (at - robot.at).norm() <= rule.lookahead_m + keep_m)
-        .collect();
+    let is_near =
+        |(at, _): &(GroundPoint, f64)| (at - robot.at).norm() <= rule.lookahead_m + keep_m;
+    let limits: Vec<_> = limits.filter(is_near).collect();
     let mut along_m = 0.0;
     while along_m < rule.lookahead_m && (curvature * along_m).abs() < MAX_TURN {
         let next_m = along_m + STEP_M;

@@ -7,6 +7,7 @@
 use super::measured::{CaseKind, Cases, Measured, Minimum, counted};
 use super::{AreaChoice, CellTallies, CellTally, DisparityScore, FilterTally};
 use Better::{Less, More, Neither, Zero};
+use FrameValue::{Cells, Fact, Filtered, Near};
 use MetricUnit::{Count, M, Ms, Per100M, Px, Share};
 use TruthLevel::{Courses, Disparities, Distances, NoTruth};
 use serde::{Serialize, Serializer};
@@ -41,37 +42,38 @@ pub struct CellSupport {
 }
 
 impl FrameFacts<'_> {
-    /// A count of the cells of the area; `None` if none of them is scored: not measured, which is
-    /// not 0.
-    fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        let cells = self.cells.as_ref()?.get(self.area);
-        (cells.scored() > 0).then(|| count(cells) as f64)
+    /// The value of a metric; `None` where it has none.
+    fn value(&self, value: FrameValue) -> Option<f64> {
+        let tally = |area| Some(self.cells.as_ref()?.get(area));
+        let count = match value {
+            Fact(value) => return value(self),
+            Cells(count) => tally(self.area)
+                .filter(|cells| cells.scored() > 0)
+                .map(count),
+            Near(count) => {
+                let has_near = |cells: &&CellTally| cells.quarters > 0 && self.has_distances();
+                tally(AreaChoice::All).filter(has_near).map(count)
+            }
+            Filtered(count) => count(&self.filtered),
+        };
+        count.map(|count| count as f64)
     }
 
     /// Number of scored cells; `None` without truth.
-    fn scored(&self) -> Option<usize> {
-        Some(self.cells.as_ref()?.get(AreaChoice::All).scored())
+    fn scored_cells(&self) -> Option<f64> {
+        Some(self.cells.as_ref()?.get(AreaChoice::All).scored() as f64)
     }
 
-    fn has_scored_pixels(&self) -> bool {
-        self.pixels.is_some_and(|pixels| pixels.invalid().is_some())
+    /// 1 for a pair with scored cells or pixels, 0 for another; `None` without truth.
+    fn scored_pairs(&self) -> Option<f64> {
+        let has_pixels = self.pixels.is_some_and(|pixels| pixels.invalid().is_some());
+        Some(f64::from(self.scored_cells()? > 0.0 || has_pixels))
     }
 
-    /// A count of all cells by what is near, whatever their area; `None` if no nearest quarter is
-    /// known, or no distance: otherwise no obstacle can be missed, and 0 would be misleading.
-    fn near_obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        let cells = self.cells.as_ref()?.get(AreaChoice::All);
-        (cells.quarters > 0 && self.has_distances()).then(|| count(cells) as f64)
-    }
-
-    /// True if the truth tells what is floor.
-    fn knows_floor(&self) -> bool {
-        let truth = self.frame.truth.as_ref();
-        truth.is_some_and(|truth| truth.surface.is_some())
-    }
-
-    fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
-        count(&self.filtered).map(|count| count as f64)
+    /// Number of the floor obstacles; `None` if the truth does not tell what is floor.
+    fn floor(&self) -> Option<f64> {
+        self.frame.truth.as_ref()?.surface.as_ref()?;
+        self.value(Near(|cells| cells.floor))
     }
 
     fn has_distances(&self) -> bool {
@@ -266,7 +268,19 @@ pub enum MetricTotal {
 }
 
 /// The value of a frame.
-type FrameValue = fn(&FrameFacts<'_>) -> Option<f64>;
+#[derive(Clone, Copy)]
+pub enum FrameValue {
+    Fact(FactValue),
+    /// A count of the cells of the area; `None` if none of them is scored: not measured, which is
+    /// not 0.
+    Cells(fn(&CellTally) -> usize),
+    /// A count of all cells by what is near, whatever their area; `None` if no nearest quarter is
+    /// known, or no distance: otherwise no obstacle can be missed, and 0 would be misleading.
+    Near(fn(&CellTally) -> usize),
+    Filtered(fn(&FilterTally) -> Option<usize>),
+}
+
+type FactValue = fn(&FrameFacts<'_>) -> Option<f64>;
 
 const fn from_frames(column: &'static str, value: FrameValue, total: MetricTotal) -> MetricOrigin {
     MetricOrigin::Frame {
@@ -274,26 +288,6 @@ const fn from_frames(column: &'static str, value: FrameValue, total: MetricTotal
         value,
         total,
     }
-}
-
-/// A metric of frames whose values are averaged.
-const fn mean(column: &'static str, value: FrameValue) -> MetricOrigin {
-    from_frames(column, value, MetricTotal::Mean)
-}
-
-/// A metric of frames whose values are added up.
-const fn sum(column: &'static str, value: FrameValue) -> MetricOrigin {
-    from_frames(column, value, MetricTotal::Sum)
-}
-
-/// A number of the errors of all cells.
-const fn error_number(column: &'static str, number: CellNumber) -> MetricOrigin {
-    MetricOrigin::Cells { column, number }
-}
-
-/// A metric of frames whose sum is a part of its cases.
-const fn part(column: &'static str, value: FrameValue) -> MetricOrigin {
-    from_frames(column, value, MetricTotal::Share)
 }
 
 /// An entry of [`METRICS`], begun: its name, its words, and the headings of its group and its
@@ -323,72 +317,94 @@ const fn metric(
 }
 
 impl Metric {
-    const fn unit(self, unit: MetricUnit, better: Better) -> Self {
-        Self {
-            unit,
-            better,
-            ..self
-        }
+    /// A part of the cases, of all frames.
+    const fn part(mut self, column: &'static str, better: Better, value: FrameValue) -> Self {
+        self.origin = from_frames(column, value, MetricTotal::Share);
+        self.unit(Share, better)
     }
 
-    const fn origin(self, origin: MetricOrigin) -> Self {
-        Self { origin, ..self }
+    /// A count that is added up over the frames.
+    const fn sum(mut self, column: &'static str, better: Better, value: FrameValue) -> Self {
+        self.origin = from_frames(column, value, MetricTotal::Sum);
+        self.unit(Count, better)
     }
 
-    const fn over(self, cases: CaseKind) -> Self {
-        Self { cases, ..self }
+    /// A share that is averaged over the frames.
+    const fn mean(mut self, column: &'static str, better: Better, value: FactValue) -> Self {
+        self.origin = from_frames(column, Fact(value), MetricTotal::Mean);
+        self.unit(Share, better)
     }
 
-    const fn at_least(self, cases: u64, share: Option<f64>) -> Self {
-        let minimum = Minimum { cases, share };
-        Self { minimum, ..self }
+    /// A number of the errors of all cells.
+    const fn number(mut self, column: &'static str, number: CellNumber) -> Self {
+        self.origin = MetricOrigin::Cells { column, number };
+        self
     }
 
-    const fn by_area(self) -> Self {
-        Self {
-            by_area: true,
-            ..self
-        }
+    const fn under(mut self, group: &'static str) -> Self {
+        self.group = group;
+        self
     }
 
-    const fn without_truth(self) -> Self {
-        Self {
-            against_truth: false,
-            ..self
-        }
+    const fn origin(mut self, origin: MetricOrigin) -> Self {
+        self.origin = origin;
+        self
     }
 
-    const fn plotted_at(self, path: &'static str) -> Self {
-        Self {
-            plot: Some(path),
-            ..self
-        }
+    const fn unit(mut self, unit: MetricUnit, better: Better) -> Self {
+        (self.unit, self.better) = (unit, better);
+        self
     }
 
-    const fn note(self, term: &'static str, words: &'static str) -> Self {
-        Self {
-            note: Some(MetricNote::Words(term, words)),
-            ..self
-        }
+    const fn over(mut self, cases: CaseKind) -> Self {
+        self.cases = cases;
+        self
     }
 
-    const fn note_by_rule(self, term: &'static str, words: fn(CellRule) -> String) -> Self {
-        Self {
-            note: Some(MetricNote::OfRule(term, words)),
-            ..self
-        }
+    const fn at_least(mut self, cases: u64, share: Option<f64>) -> Self {
+        self.minimum = Minimum { cases, share };
+        self
     }
 
-    const fn headline(self, levels: &'static [TruthLevel]) -> Self {
-        Self {
-            level: MetricLevel::Headline(levels),
-            ..self
-        }
+    const fn by_area(mut self) -> Self {
+        self.by_area = true;
+        self
+    }
+
+    const fn without_truth(mut self) -> Self {
+        self.against_truth = false;
+        self
+    }
+
+    const fn plotted_at(mut self, path: &'static str) -> Self {
+        self.plot = Some(path);
+        self
+    }
+
+    /// A note whose term is the heading of the column.
+    const fn note(self, words: &'static str) -> Self {
+        let term = self.head;
+        self.note_on(term, words)
+    }
+
+    const fn note_on(mut self, term: &'static str, words: &'static str) -> Self {
+        self.note = Some(MetricNote::Words(term, words));
+        self
+    }
+
+    const fn note_by_rule(mut self, term: &'static str, words: fn(CellRule) -> String) -> Self {
+        self.note = Some(MetricNote::OfRule(term, words));
+        self
+    }
+
+    const fn headline(mut self, levels: &'static [TruthLevel]) -> Self {
+        self.level = MetricLevel::Headline(levels);
+        self
     }
 }
 
 const SCORED_CELLS: CaseKind = CaseKind::Sum(&["right", "wrong", "unknown"], "cell*");
-const NEAR: CaseKind = CaseKind::Sum(&["near"], "near obstacle*");
+const NEAR_OBSTACLES: CaseKind = CaseKind::Sum(&["near"], "near obstacle*");
 const BEHIND_FILTERS: CaseKind =
     CaseKind::Sum(&["kept", "lost"], "obstacle* right without filters");
 const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
@@ -405,112 +421,106 @@ const PERTURBED: &str = "perturbed, %";
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
 
+// Entries of groups, begun with what their metrics have in common.
+
+const fn cells(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, "cells, %", head);
+    own.over(SCORED_CELLS).by_area()
+}
+
+const fn near(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    metric(name, words, "near obstacles", head).over(SCORED_CELLS)
+}
+
+const fn pixels(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    metric(name, words, "pixels, %", head)
+}
+
+const fn no_truth(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, "no truth, %", head);
+    own.without_truth().headline(&[NoTruth])
+}
+
+const fn perturbed(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, PERTURBED, head);
+    own.over(COMPARED).without_truth()
+}
+
+const fn filters(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    metric(name, words, "filters", head)
+}
+
+const fn error(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, "distance error", head);
+    own.over(ERRORS).at_least(1, MIN_SHARE).by_area()
+}
+
+const fn over_time(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, "over time", head);
+    own.over(CHANGES).by_area()
+}
+
+const fn drives(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, "", head).over(CaseKind::Items("course*"));
+    own.without_truth().headline(&[Courses])
+}
+
 /// All metrics, in the order of tables and comparisons.
 pub const METRICS: &[Metric] = &[
-    metric("right", "right cells", "cells, %", "right")
-        .unit(Share, More)
-        .origin(part("cells_right", |facts| {
-            facts.cells(|cells| cells.right)
-        }))
-        .over(SCORED_CELLS)
-        .by_area()
+    cells("right", "right cells", "right")
+        .part("cells_right", More, Cells(|own| own.right))
         .note_by_rule("cells", |rule| {
             let (right, far_px) = (rule.right_words(), rule.far_px());
             format!("those with truth; right: {right}, far up to {far_px} px; unknown is not wrong")
         })
         .headline(&[Distances]),
-    metric("wrong", "wrong cells", "cells, %", "wrong")
-        .unit(Share, Less)
-        .origin(part("cells_wrong", |facts| {
-            facts.cells(|cells| cells.wrong)
-        }))
-        .over(SCORED_CELLS)
-        .by_area()
+    cells("wrong", "wrong cells", "wrong")
+        .part("cells_wrong", Less, Cells(|own| own.wrong))
         .plotted_at("wrong_cells")
         .headline(&[Distances]),
-    metric("unknown", "unknown cells", "cells, %", "unknown")
-        .unit(Share, Neither)
-        .origin(part("cells_unknown", |facts| {
-            facts.cells(|cells| cells.unknown)
-        }))
-        .over(SCORED_CELLS)
-        .by_area()
+    cells("unknown", "unknown cells", "unknown")
+        .part("cells_unknown", Neither, Cells(|own| own.unknown))
         .headline(&[Distances]),
     metric("known", "known cells", "cells, %", "known")
-        .unit(Share, Neither)
-        .origin(mean("known_share", |facts| {
+        .mean("known_share", Neither, |facts| {
             Some(facts.estimate.grid.known_share())
-        }))
+        })
         .without_truth()
         .plotted_at("known_cells")
         .note(
-            "known",
-            "cells with a distance or a disparity, right or not, of all cells; the \
-             mean over the pairs",
+            "cells with a distance or a disparity, right or not, of all cells; the mean over the \
+             pairs",
         )
         .headline(&[NoTruth]),
-    metric(
-        "right_surface",
-        "right cells, by surface",
-        "by surface, %",
-        "right",
-    )
-    .unit(Share, More)
-    .origin(part("cells_right_surface", |facts| {
-        facts.cells(|cells| cells.right_surface)
-    }))
-    .over(SCORED_CELLS)
-    .by_area()
-    .note(
-        "by surface",
-        "a cell is right, too, if its report is that of a nearer surface that \
-         fills at least a quarter of the cell",
-    ),
-    metric(
-        "wrong_surface",
-        "wrong cells, by surface",
-        "by surface, %",
-        "wrong",
-    )
-    .unit(Share, Less)
-    .origin(part("cells_wrong_surface", |facts| {
-        facts.cells(|cells| cells.wrong_surface)
-    }))
-    .over(SCORED_CELLS)
-    .by_area(),
-    metric(
-        "missed",
-        "missed near obstacles",
-        "near obstacles",
-        "missed",
-    )
-    .unit(Count, Less)
-    .origin(sum("missed", |facts| {
-        facts.near_obstacles(|cells| cells.missed)
-    }))
-    .over(NEAR)
-    .note_by_rule("near obstacles", |rule| {
-        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        format!(
-            "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
-             beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
-             which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
-        )
-    })
-    .headline(&[Distances]),
-    metric("false", "false near obstacles", "near obstacles", "false")
-        .unit(Count, Less)
-        .origin(sum("false", |facts| {
-            facts.near_obstacles(|cells| cells.falsely)
-        }))
-        .over(SCORED_CELLS)
+    cells("right_surface", "right cells, by surface", "right")
+        .under("by surface, %")
+        .part("cells_right_surface", More, Cells(|own| own.right_surface))
+        .note_on(
+            "by surface",
+            "a cell is right, too, if its report is that of a nearer surface that fills at least \
+             a quarter of the cell",
+        ),
+    cells("wrong_surface", "wrong cells, by surface", "wrong")
+        .under("by surface, %")
+        .part("cells_wrong_surface", Less, Cells(|own| own.wrong_surface)),
+    near("missed", "missed near obstacles", "missed")
+        .sum("missed", Less, Near(|own| own.missed))
+        .over(NEAR_OBSTACLES)
+        .note_by_rule("near obstacles", |rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            format!(
+                "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
+                 beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
+                 which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
+            )
+        })
         .headline(&[Distances]),
-    metric("found", "found near obstacles", "near obstacles", "found %")
-        .unit(Share, More)
-        .origin(part("found_obstacles", |facts| {
-            facts.near_obstacles(|cells| cells.found)
-        }))
-        .over(NEAR)
+    near("false", "false near obstacles", "false")
+        .sum("false", Less, Near(|own| own.falsely))
+        .headline(&[Distances]),
+    near("found", "found near obstacles", "found %")
+        .part("found_obstacles", More, Near(|own| own.found))
+        .over(NEAR_OBSTACLES)
         .note_by_rule("found", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             format!(
@@ -520,28 +530,19 @@ pub const METRICS: &[Metric] = &[
             )
         })
         .headline(&[Distances]),
-    metric("floor", "floor obstacles", "near obstacles", "floor")
-        .unit(Count, Less)
-        .origin(sum("floor_obstacles", |facts| {
-            let floor = facts.near_obstacles(|cells| cells.floor);
-            floor.filter(|_| facts.knows_floor())
-        }))
-        .over(SCORED_CELLS)
+    near("floor", "floor obstacles", "floor")
+        .sum("floor_obstacles", Less, Fact(|facts| facts.floor()))
         .note_by_rule("floor", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             format!(
                 "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
-                 {clear_m} m: true distances, so not false, and a robot without a filter \
-                 stops for them"
+                 {clear_m} m: true distances, so not false, and a robot without a filter stops \
+                 for them"
             )
         })
         .headline(&[Distances]),
-    metric("near", "near obstacles", "near obstacles", "all")
-        .unit(Count, Neither)
-        .origin(sum("near", |facts| {
-            facts.near_obstacles(|cells| cells.near)
-        }))
-        .over(SCORED_CELLS)
+    near("near", "near obstacles", "all")
+        .sum("near", Neither, Near(|own| own.near))
         .note_by_rule("all, unknown", |rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             format!(
@@ -549,143 +550,85 @@ pub const METRICS: &[Metric] = &[
                  floor (all), and those of them in which nothing is reported (unknown)"
             )
         }),
-    metric(
-        "near_unknown",
-        "unknown near obstacles",
-        "near obstacles",
-        "unknown, %",
-    )
-    .unit(Share, Less)
-    .origin(part("unknown_obstacles", |facts| {
-        facts.near_obstacles(|cells| cells.near_unknown)
-    }))
-    .over(NEAR),
-    metric("coverage", "coverage", "pixels, %", "cover")
-        .unit(Share, Neither)
-        .origin(mean("coverage", |facts| {
+    near("near_unknown", "unknown near obstacles", "unknown, %")
+        .part("unknown_obstacles", Less, Near(|own| own.near_unknown))
+        .over(NEAR_OBSTACLES),
+    pixels("coverage", "coverage", "cover")
+        .mean("coverage", Neither, |facts| {
             Some(facts.estimate.disparity.coverage())
-        }))
+        })
         .without_truth()
         .plotted_at("coverage")
+        .note("pixels with a disparity; fractions of pixels are means over the pairs")
+        .headline(&[Disparities]),
+    pixels("invalid", "invalid pixels", "invalid")
+        .mean("invalid", Neither, |facts| facts.pixels?.invalid())
+        .note("pixels without a disparity, of those with truth that both cameras see"),
+    pixels("total_bad2", "pixels off > 2 px or invalid", ">2 or none")
+        .mean("total_bad2", Less, |facts| facts.pixels?.total_bad2())
         .note(
-            "cover",
-            "pixels with a disparity; fractions of pixels are means over the pairs",
+            "pixels off by more than 2 px or without a disparity, of those with truth that both \
+             cameras see: a pixel that is left out is no better than a wrong one",
         )
         .headline(&[Disparities]),
-    metric("invalid", "invalid pixels", "pixels, %", "invalid")
-        .unit(Share, Neither)
-        .origin(mean("invalid", |facts| facts.pixels?.invalid()))
-        .note(
-            "invalid",
-            "pixels without a disparity, of those with truth that both cameras see",
-        ),
-    metric(
-        "total_bad2",
-        "pixels off > 2 px or invalid",
-        "pixels, %",
-        ">2 or none",
-    )
-    .unit(Share, Less)
-    .origin(mean("total_bad2", |facts| facts.pixels?.total_bad2()))
-    .note(
-        ">2 or none",
-        "pixels off by more than 2 px or without a disparity, of those with truth \
-         that both cameras see: a pixel that is left out is no better than a wrong \
-         one",
-    )
-    .headline(&[Disparities]),
-    metric("bad1", "pixels off > 1 px", "pixels, %", ">1 px")
-        .unit(Share, Less)
-        .origin(mean("bad1", |facts| facts.pixels?.bad1()))
-        .note(
+    pixels("bad1", "pixels off > 1 px", ">1 px")
+        .mean("bad1", Less, |facts| facts.pixels?.bad1())
+        .note_on(
             ">1 px, >2 px",
-            "pixels with a larger error, of those with a disparity and with truth that \
-             both cameras see",
+            "pixels with a larger error, of those with a disparity and with truth that both \
+             cameras see",
         ),
-    metric("bad2", "pixels off > 2 px", "pixels, %", ">2 px")
-        .unit(Share, Less)
-        .origin(mean("bad2", |facts| facts.pixels?.bad2()))
+    pixels("bad2", "pixels off > 2 px", ">2 px")
+        .mean("bad2", Less, |facts| facts.pixels?.bad2())
         .headline(&[Disparities]),
-    metric(
-        "row_offset",
-        "vertical misalignment",
-        "misalignment, px",
-        "vertical",
-    )
-    .unit(Px, Zero)
-    .origin(mean("row_offset", |facts| {
-        facts.estimate.disparity.median_row_offset().map(f64::from)
-    }))
-    .without_truth()
-    .plotted_at("row_offset")
-    .note(
-        "vertical",
-        "number of rows by which the right image is lower: the median over a \
-         pair's pixels, the mean over the pairs; in whole rows, and only within \
-         row_tolerance: `svl calibrate check` measures larger ones",
-    ),
-    metric(
-        "unrivalled",
-        "unrivalled cells",
-        "no truth, %",
-        "unrivalled",
-    )
-    .unit(Share, More)
-    .origin(mean("unrivalled", |facts| facts.support.unrivalled))
-    .without_truth()
-    .note(
-        "unrivalled",
-        "known cells for which no other disparity matches better, of all cells; \
-         needs no truth: docs/method.md",
-    )
-    .headline(&[NoTruth]),
-    metric("agreed", "agreed cells", "no truth, %", "agreed")
-        .unit(Share, More)
-        .origin(mean("agreed", |facts| facts.support.agreed))
+    pixels("row_offset", "vertical misalignment", "vertical")
+        .under("misalignment, px")
+        .mean("row_offset", Zero, |facts| {
+            facts.estimate.disparity.median_row_offset().map(f64::from)
+        })
+        .unit(Px, Zero)
         .without_truth()
+        .plotted_at("row_offset")
+        .note(
+            "number of rows by which the right image is lower: the median over a pair's pixels, \
+             the mean over the pairs; in whole rows, and only within row_tolerance: `svl \
+             calibrate check` measures larger ones",
+        ),
+    no_truth("unrivalled", "unrivalled cells", "unrivalled")
+        .mean("unrivalled", More, |facts| facts.support.unrivalled)
+        .note(
+            "known cells for which no other disparity matches better, of all cells; needs no \
+             truth: docs/method.md",
+        ),
+    no_truth("agreed", "agreed cells", "agreed")
+        .mean("agreed", More, |facts| facts.support.agreed)
         .plotted_at("agreed_cells")
         .note(
-            "agreed",
-            "known cells that the median of the run's other algorithms confirms, of \
-             all cells; needs no truth; compare only runs with the same algorithms",
-        )
-        .headline(&[NoTruth]),
-    metric("same", "cells as unperturbed", PERTURBED, "same")
-        .unit(Share, More)
-        .origin(part("cells_same", |_| None))
-        .over(COMPARED)
-        .without_truth()
-        .note(
+            "known cells that the median of the run's other algorithms confirms, of all cells; \
+             needs no truth; compare only runs with the same algorithms",
+        ),
+    perturbed("same", "cells as unperturbed", "same")
+        .part("cells_same", More, Fact(|_| None))
+        .note_on(
             "perturbed",
             "cells that the same algorithm knows in the unperturbed pair: right by that answer in \
              place of a truth (same), wrong by it (changed), or unknown now (gone)",
         ),
-    metric(
-        "changed",
-        "cells other than unperturbed",
-        PERTURBED,
-        "changed",
-    )
-    .unit(Share, Less)
-    .origin(part("cells_changed", |_| None))
-    .over(COMPARED)
-    .without_truth(),
-    metric("gone", "cells known unperturbed alone", PERTURBED, "gone")
-        .unit(Share, Less)
-        .origin(part("cells_gone", |_| None))
-        .over(COMPARED)
-        .without_truth(),
-    metric("kept", "obstacles kept behind filters", "filters", "kept")
-        .unit(Count, More)
-        .origin(sum("kept_obstacles", |facts| {
-            facts.filtered(|cells| cells.kept)
-        }))
+    perturbed("changed", "cells other than unperturbed", "changed").part(
+        "cells_changed",
+        Less,
+        Fact(|_| None),
+    ),
+    perturbed("gone", "cells known unperturbed alone", "gone").part(
+        "cells_gone",
+        Less,
+        Fact(|_| None),
+    ),
+    filters("kept", "obstacles kept behind filters", "kept")
+        .sum("kept_obstacles", More, Filtered(|own| own.kept))
         .over(BEHIND_FILTERS),
-    metric("lost", "obstacles lost to filters", "filters", "lost %")
-        .unit(Share, Less)
-        .origin(part("lost_obstacles", |facts| {
-            facts.filtered(|cells| cells.lost)
-        }))
+    filters("lost", "obstacles lost to filters", "lost %")
+        .part("lost_obstacles", Less, Filtered(|own| own.lost))
         .over(BEHIND_FILTERS)
         .note_by_rule("kept, lost", |rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
@@ -694,212 +637,128 @@ pub const METRICS: &[Metric] = &[
                  right behind the filters, too (kept), or not (lost)"
             )
         }),
-    metric(
+    filters(
         "close",
         "cells known to be nearer than the range",
-        "filters",
         "close %",
     )
-    .unit(Share, More)
-    .origin(part("close_cells", |facts| {
-        facts.filtered(|cells| cells.close)
-    }))
+    .part("close_cells", More, Filtered(|own| own.close))
     .over(OUT_OF_RANGE)
-    .note(
+    .note_on(
         "close, blind",
-        "cells truly nearer than the range of disparities: reported as too close, \
-         or right (close), or not (blind)",
+        "cells truly nearer than the range of disparities: reported as too close, or right \
+             (close), or not (blind)",
     ),
-    metric(
+    filters(
         "blind",
         "cells nearer than the range that are not known to be",
-        "filters",
         "blind",
     )
-    .unit(Count, Less)
-    .origin(sum("blind_cells", |facts| {
-        facts.filtered(|cells| cells.blind)
-    }))
+    .sum("blind_cells", Less, Filtered(|own| own.blind))
     .over(OUT_OF_RANGE),
-    metric(
+    filters(
         "alarms",
         "frames with a false alarm of too close",
-        "filters",
         "alarms %",
     )
-    .unit(Share, Less)
-    .origin(mean("false_alarms", |facts| {
-        facts.filtered.alarm.map(|is| f64::from(u8::from(is)))
-    }))
+    .mean("false_alarms", Less, |facts| {
+        facts.filtered.alarm.map(f64::from)
+    })
     .note_by_rule("alarms", |rule| {
         let (obstacle_m, _) = rule.obstacle_and_clear_m();
         format!(
             "pairs with cells that are too close, none of which has an obstacle nearer than \
-             {obstacle_m} m"
+                 {obstacle_m} m"
         )
     }),
-    metric("bias", "bias of distances", "distance error", "bias m")
+    error("bias", "bias of distances", "bias m")
+        .number("bias_m", CellNumber::Bias)
         .unit(M, Zero)
-        .origin(error_number("bias_m", CellNumber::Bias))
-        .over(ERRORS)
-        .at_least(1, MIN_SHARE)
-        .by_area()
-        .note(
+        .note_on(
             "distance error",
-            "of the cells with a reported and a true distance: the mean of reported \
-             minus true (bias), the root of the mean square (RMSE), the median of the \
-             absolute error, and the mean of absolute error over true distance \
-             (AbsRel); accuracy.csv has them by range",
+            "of the cells with a reported and a true distance: the mean of reported minus true \
+             (bias), the root of the mean square (RMSE), the median of the absolute error, and \
+             the mean of absolute error over true distance (AbsRel); accuracy.csv has them by \
+             range",
         ),
-    metric("rmse", "RMSE of distances", "distance error", "RMSE m")
+    error("rmse", "RMSE of distances", "RMSE m")
+        .number("rmse_m", CellNumber::Rmse)
+        .unit(M, Less),
+    error("median_error", "median error of distances", "median m")
+        .number("median_error_m", CellNumber::MedianError)
+        .unit(M, Less),
+    error("abs_rel", "mean relative error of distances", "AbsRel %")
+        .number("abs_rel", CellNumber::AbsRel)
+        .unit(Share, Less),
+    error("error_cells", "cells with an error of distance", "cells")
+        .number("error_cells", CellNumber::ErrorCells)
+        .unit(Count, Neither)
+        .at_least(0, None),
+    over_time("noise", "noise of distances over time", "noise m")
+        .number("noise_m", CellNumber::Noise)
         .unit(M, Less)
-        .origin(error_number("rmse_m", CellNumber::Rmse))
-        .over(ERRORS)
-        .at_least(1, MIN_SHARE)
-        .by_area(),
-    metric(
-        "median_error",
-        "median error of distances",
-        "distance error",
-        "median m",
-    )
-    .unit(M, Less)
-    .origin(error_number("median_error_m", CellNumber::MedianError))
-    .over(ERRORS)
-    .at_least(1, MIN_SHARE)
-    .by_area(),
-    metric(
-        "abs_rel",
-        "mean relative error of distances",
-        "distance error",
-        "AbsRel %",
-    )
-    .unit(Share, Less)
-    .origin(error_number("abs_rel", CellNumber::AbsRel))
-    .over(ERRORS)
-    .at_least(1, MIN_SHARE)
-    .by_area(),
-    metric(
-        "error_cells",
-        "cells with an error of distance",
-        "distance error",
-        "cells",
-    )
-    .unit(Count, Neither)
-    .origin(error_number("error_cells", CellNumber::ErrorCells))
-    .over(ERRORS)
-    .at_least(0, None)
-    .by_area(),
-    metric(
-        "noise",
-        "noise of distances over time",
-        "over time",
-        "noise m",
-    )
-    .unit(M, Less)
-    .origin(error_number("noise_m", CellNumber::Noise))
-    .over(CHANGES)
-    .at_least(2, MIN_SHARE)
-    .by_area()
-    .note(
-        "over time",
-        "of cells whose true distance changes by at most 1 % from an answer to the \
-         next: the standard deviation of the error (noise), and the fraction that \
-         changes between known and unknown or by more than the tolerance (flicker)",
-    ),
-    metric("flicker", "flickering cells", "over time", "flicker %")
+        .at_least(2, MIN_SHARE)
+        .note_on(
+            "over time",
+            "of cells whose true distance changes by at most 1 % from an answer to the next: the \
+             standard deviation of the error (noise), and the fraction that changes between known \
+             and unknown or by more than the tolerance (flicker)",
+        ),
+    over_time("flicker", "flickering cells", "flicker %")
+        .number("flicker", CellNumber::Flicker)
         .unit(Share, Less)
-        .origin(error_number("flicker", CellNumber::Flicker))
-        .over(CHANGES)
-        .at_least(2, None)
-        .by_area(),
-    metric("resting_cells", "cells at rest", "over time", "resting")
+        .at_least(2, None),
+    over_time("resting_cells", "cells at rest", "resting")
+        .number("resting_cells", CellNumber::RestingCells)
         .unit(Count, Neither)
-        .origin(error_number("resting_cells", CellNumber::RestingCells))
-        .over(CHANGES)
-        .at_least(0, None)
-        .by_area(),
+        .at_least(0, None),
     metric("scored_pairs", "scored pairs", "scored", "scored pairs")
-        .unit(Count, Neither)
-        .origin(sum("scored_pairs", |facts| {
-            Some(f64::from(u8::from(
-                facts.scored()? > 0 || facts.has_scored_pixels(),
-            )))
-        }))
+        .sum("scored_pairs", Neither, Fact(|facts| facts.scored_pairs()))
         .at_least(0, None)
-        .note(
+        .note_on(
             "scored",
-            "pairs and cells with enough of a truth: all other numbers against truth \
-             are of these",
+            "pairs and cells with enough of a truth: all other numbers against truth are of these",
         ),
     metric("scored_cells", "scored cells", "scored", "scored cells")
-        .unit(Count, Neither)
-        .origin(sum("scored_cells", |facts| {
-            facts.scored().map(|cells| cells as f64)
-        }))
+        .sum("scored_cells", Neither, Fact(|facts| facts.scored_cells()))
         .at_least(0, None),
     metric("passed", "frames passed", "", "passed")
-        .unit(Share, More)
         .origin(MetricOrigin::Checkpoints)
+        .unit(Share, More)
         .over(CaseKind::Items("frame*"))
         .without_truth()
         .headline(SCORED),
     metric("time", "median time", "ms per pair", "p50")
         .unit(Ms, Less)
-        .origin(MetricOrigin::Time)
         .without_truth()
         .headline(SCORED),
-    metric("finished", "courses finished", "", "finished")
-        .unit(Share, More)
+    drives("finished", "courses finished", "finished")
         .origin(MetricOrigin::Drives(DriveNumber::Finished))
-        .over(CaseKind::Items("course*"))
-        .without_truth()
-        .note(
-            "finished",
-            "courses whose goal was reached without a collision and without help",
-        )
-        .headline(&[Courses]),
+        .unit(Share, More)
+        .note("courses whose goal was reached without a collision and without help"),
     // No direction: a late course is one of those that were not finished.
-    metric("late", "courses late", "", "late")
+    drives("late", "courses late", "late")
         .origin(MetricOrigin::Drives(DriveNumber::Late))
-        .over(CaseKind::Items("course*"))
-        .without_truth()
         .note(
-            "late",
             "courses whose goal was not reached within the scenario's pairs, with help or without",
-        )
-        .headline(&[Courses]),
-    metric("collisions", "collisions", "", "hits/100 m")
-        .unit(Per100M, Less)
+        ),
+    drives("collisions", "collisions", "hits/100 m")
         .origin(MetricOrigin::Drives(DriveNumber::Collisions))
-        .over(METRES)
-        .without_truth()
-        .note(
-            "hits/100 m",
-            "collisions per 100 m driven; after one the robot is set back on the route",
-        )
-        .headline(&[Courses]),
-    metric("near_misses", "near misses", "", "near/100 m")
         .unit(Per100M, Less)
-        .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
         .over(METRES)
-        .without_truth()
-        .note(
-            "near/100 m",
-            "clearances below the scenario's near_miss_m without a collision, per 100 m driven",
-        )
-        .headline(&[Courses]),
-    metric("driven", "metres driven", "", "driven m")
-        .unit(M, Neither)
+        .note("collisions per 100 m driven; after one the robot is set back on the route"),
+    drives("near_misses", "near misses", "near/100 m")
+        .origin(MetricOrigin::Drives(DriveNumber::NearMisses))
+        .unit(Per100M, Less)
+        .over(METRES)
+        .note("clearances below the scenario's near_miss_m without a collision, per 100 m driven"),
+    drives("driven", "metres driven", "driven m")
         .origin(MetricOrigin::Drives(DriveNumber::Driven))
-        .over(CaseKind::Items("course*"))
-        .without_truth()
+        .unit(M, Neither)
         .note(
-            "driven m",
-            "metres of the route that the robot drove itself, per course; what it \
-             drove twice counts once, and where it was carried not at all",
-        )
-        .headline(&[Courses]),
+            "metres of the route that the robot drove itself, per course; what it drove twice \
+             counts once, and where it was carried not at all",
+        ),
 ];
 
 /// Why a name is that of no metric, of none to judge by, or of no choice of metrics.
@@ -994,7 +853,7 @@ impl Metric {
 
     /// True if the prior has it, and may be better or worse by it.
     pub fn is_of_prior(&self) -> bool {
-        let is_of_cells = matches!(self.cases, SCORED_CELLS | NEAR);
+        let is_of_cells = matches!(self.cases, SCORED_CELLS | NEAR_OBSTACLES);
         is_of_cells && self.against_truth && self.better != Neither
     }
 
@@ -1158,7 +1017,7 @@ impl MetricValues {
             facts.area = area;
             for metric in METRICS.iter().filter(|metric| metric.has_area(area)) {
                 if let MetricOrigin::Frame { value, .. } = metric.origin {
-                    values.set_in(metric.name, area, value(facts));
+                    values.set_in(metric.name, area, facts.value(value));
                 }
             }
         }

@@ -156,23 +156,18 @@ impl Missing {
             skipped: _,
             grabber: _,
         } = self.losses;
-        let failing = self
-            .algorithms
-            .iter()
-            .filter(|(_, failures)| failures.failed > 0);
+        let failing = self.algorithms.iter().filter(|own| own.1.failed > 0);
         let others = failing.clone().count().saturating_sub(1) as u64;
         let others = if others > 0 {
             format!(" ({} on no more)", counted(others, "other algorithm"))
         } else {
             String::new()
         };
-        let failures =
-            failing
-                .max_by_key(|(_, failures)| failures.failed)
-                .map(|(label, failures)| {
-                    let pairs = counted(failures.pairs, "pair");
-                    format!("{label} failed on {} of {pairs}{others}", failures.failed)
-                });
+        let most = failing.max_by_key(|(_, failures)| failures.failed);
+        let failures = most.map(|(label, failures)| {
+            let pairs = counted(failures.pairs, "pair");
+            format!("{label} failed on {} of {pairs}{others}", failures.failed)
+        });
         let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
         let missing = [
             count(unreadable, "pair").map(|n| n + " could not be read"),

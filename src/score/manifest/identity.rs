@@ -6,6 +6,7 @@
 
 use super::{Manifest, hash};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result};
 
@@ -183,14 +184,8 @@ fn each_field(ours: Option<&Value>, theirs: Option<&Value>, path: &str, field: O
     if tables == [None, None] || !path.is_empty() && FIELDS.iter().any(|(name, _)| *name == path) {
         return field(path, ours, theirs);
     }
-    let mut keys: Vec<_> = tables
-        .iter()
-        .flatten()
-        .flat_map(|table| table.keys())
-        .collect();
-    keys.sort_unstable();
-    keys.dedup();
-    for key in keys {
+    let keys = tables.iter().flatten().flat_map(|table| table.keys());
+    for key in keys.collect::<BTreeSet<_>>() {
         let inner = match path {
             "" => key.clone(),
             path => format!("{path}.{key}"),
@@ -208,16 +203,12 @@ fn has_to_be_equal(path: &str, purpose: Purpose) -> bool {
 /// Adds a line for each difference between two values of a field.
 fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mut Vec<String>) {
     if let (Some(Value::Object(own)), Some(Value::Object(other))) = (ours, theirs) {
-        let keys = own
-            .keys()
-            .chain(other.keys().filter(|key| !own.contains_key(*key)));
-        for key in keys.filter(|key| own.get(*key) != other.get(*key)) {
-            describe(
-                &format!("{name}.{key}"),
-                own.get(key),
-                other.get(key),
-                lines,
-            );
+        let others = other.keys().filter(|key| !own.contains_key(*key));
+        for key in own.keys().chain(others) {
+            let (ours, theirs) = (own.get(key), other.get(key));
+            if ours != theirs {
+                describe(&format!("{name}.{key}"), ours, theirs, lines);
+            }
         }
         return;
     }
@@ -267,11 +258,8 @@ fn name(value: &Value) -> Option<String> {
 /// A value in a sentence: for tables, their names.
 fn words(value: Option<&Value>) -> String {
     let names = |value: &Value| {
-        value
-            .as_array()?
-            .iter()
-            .map(name)
-            .collect::<Option<Vec<_>>>()
+        let names = value.as_array()?.iter().map(name);
+        names.collect::<Option<Vec<_>>>()
     };
     let named = value.and_then(|value| name(value).or_else(|| Some(names(value)?.join(", "))));
     match named.unwrap_or_else(|| text(value)) {

@@ -244,12 +244,8 @@ impl Manifest {
         let now = jiff::Timestamp::now();
         let build = BuildInfo::current();
         // The process id distinguishes two runs that begin within one tick of the clock.
-        let run_id = hash(&format!(
-            "{scenario} {} {}",
-            now.as_nanosecond(),
-            std::process::id()
-        ))[..12]
-            .to_owned();
+        let (now_ns, process) = (now.as_nanosecond(), std::process::id());
+        let run_id = hash(&format!("{scenario} {now_ns} {process}"))[..12].to_owned();
         Ok(Self {
             schema: SCHEMA,
             run_id,
@@ -289,12 +285,8 @@ impl Manifest {
     pub fn machines(&self) -> Vec<&Machine> {
         let own = self.sessions.is_empty().then_some(&self.machine);
         let mut machines = Vec::new();
-        for machine in self
-            .sessions
-            .iter()
-            .map(|session| &session.machine)
-            .chain(own)
-        {
+        let sessions = self.sessions.iter().map(|session| &session.machine);
+        for machine in sessions.chain(own) {
             if !machines.contains(&machine) {
                 machines.push(machine);
             }
@@ -339,12 +331,7 @@ impl Manifest {
 
     /// Names and values for display. Names are unique, and no value is empty.
     pub fn entries(&self) -> Vec<(String, String)> {
-        let Machine {
-            processor,
-            isa,
-            threads,
-            governor,
-        } = &self.machine;
+        let machine = &self.machine;
         let revision = self.git_revision.as_deref().unwrap_or("revision unknown");
         let truth = (!self.truth.is_empty()).then(|| self.truth.join(", "));
         let fixed = [
@@ -357,16 +344,15 @@ impl Manifest {
             ("bits of 16", self.bits.map(|bits| bits.to_string())),
             ("pairs hash", self.pairs_hash.clone()),
             ("truth", truth),
-            ("processor", Some(processor.clone())),
-            ("instruction set", Some(isa.clone())),
-            ("threads", Some(threads.to_string())),
-            ("governor", governor.clone()),
+            ("processor", Some(machine.processor.clone())),
+            ("instruction set", Some(machine.isa.clone())),
+            ("threads", Some(machine.threads.to_string())),
+            ("governor", machine.governor.clone()),
             ("times", self.times.clone()),
             ("shard", self.shard.clone()),
         ];
-        let fixed = fixed
-            .into_iter()
-            .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        let fixed = fixed.into_iter();
+        let fixed = fixed.filter_map(|(name, value)| Some((name.to_owned(), value?)));
         let several = self.sessions.iter().filter(|_| self.sessions.len() > 1);
         fixed
             .chain(several.map(SessionRecord::entry))
@@ -379,13 +365,10 @@ impl Manifest {
 impl SessionRecord {
     fn entry(&self) -> (String, String) {
         let Machine { processor, isa, .. } = &self.machine;
-        let threads = self.machine.threads;
+        let (began, threads) = (&self.began, self.machine.threads);
         let shard = self.shard.as_ref().map(|shard| format!(", shard {shard}"));
-        let words = format!(
-            "{}, {processor}, {isa}, {threads} threads{}",
-            self.began,
-            shard.unwrap_or_default()
-        );
+        let shard = shard.unwrap_or_default();
+        let words = format!("{began}, {processor}, {isa}, {threads} threads{shard}");
         (format!("session {}", self.id), words)
     }
 }
@@ -407,13 +390,11 @@ impl InputRecord {
 
     fn entry(&self) -> (String, String) {
         let bytes = self.bytes.map(|bytes| format!("{bytes} bytes"));
-        let hash = self
-            .pairs_hash
-            .as_ref()
-            .map(|hash| format!("pairs hash {hash}"));
+        let hash = self.pairs_hash.as_ref();
+        let hash = hash.map(|hash| format!("pairs hash {hash}"));
         let parts = [Some(self.path.clone()), bytes, self.changes.clone(), hash];
-        let parts: Vec<_> = parts.into_iter().flatten().collect();
-        (format!("recording {}", self.name), parts.join(", "))
+        let parts = joined(parts.into_iter().flatten());
+        (format!("recording {}", self.name), parts)
     }
 }
 
@@ -424,38 +405,29 @@ impl AlgorithmRecord {
         let filters =
             filters.map(|filter| format!("+{}={}", filter.kind, hash_words(filter.hash())));
         let filters = filters.collect::<String>();
-        let parameters = algorithm.parameters().to_string();
+        let (name, parameters) = (algorithm.spec().name, algorithm.parameters().to_string());
         let files = files_of_command(algorithm);
-        let parameters_hash = hash(&format!(
-            "{}:{parameters}{filters}{files}",
-            algorithm.spec().name
-        ))[..16]
-            .to_owned();
+        let hash = hash(&format!("{name}:{parameters}{filters}{files}"));
+        let values = algorithm.parameters().iter();
+        let values = values.map(|(name, value)| (name.to_owned(), value.to_string()));
         Self {
-            name: algorithm.spec().name.to_owned(),
+            name: name.to_owned(),
             label: algorithm.label().to_owned(),
-            values: algorithm
-                .parameters()
-                .iter()
-                .map(|(name, value)| (name.to_owned(), value.to_string()))
-                .collect(),
+            values: values.collect(),
             parameters,
             filters,
-            parameters_hash,
+            parameters_hash: hash[..16].to_owned(),
             disparities: algorithm.disparities(),
             ..Self::default()
         }
     }
 
     fn entries(&self) -> impl Iterator<Item = (String, String)> {
-        let results = self
-            .results_hash
-            .clone()
-            .map(|hash| (format!("{} results hash", self.label), hash));
-        let program = self
-            .program
-            .as_ref()
-            .map(|program| (format!("{} program", self.label), program.words()));
+        let label = &self.label;
+        let results = self.results_hash.clone();
+        let results = results.map(|hash| (format!("{label} results hash"), hash));
+        let program = self.program.as_ref();
+        let program = program.map(|program| (format!("{label} program"), program.words()));
         std::iter::once((self.label.clone(), self.parameters.clone() + &self.filters))
             .chain(program)
             .chain(results)
@@ -485,14 +457,12 @@ const MAX_PROGRAM_BYTES: u64 = 2 << 30;
 impl Machine {
     fn this() -> Result<Self> {
         let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = cpuinfo
-            .lines()
-            .find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+        let mut lines = cpuinfo.lines();
+        let model = lines.find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+        let processor = model.map_or(std::env::consts::ARCH, |(_, name)| name);
         let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor").ok();
         Ok(Self {
-            processor: model
-                .map_or(std::env::consts::ARCH, |(_, name)| name)
-                .to_owned(),
+            processor: processor.to_owned(),
             isa: kernel::isa()?.name().to_owned(),
             threads: rayon::current_num_threads(),
             governor: governor.map(|text| text.trim().to_owned()),

@@ -7,6 +7,7 @@ use super::unit::{cure, disparity_cure, rounded, unit_of_files, usual};
 use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use svl_core::joined;
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
 
@@ -70,10 +71,7 @@ impl TruthScales {
 
     /// What was measured of each algorithm that has enough pixels.
     pub fn measured(&self) -> MeasuredScales {
-        let asked = self
-            .algorithms
-            .iter()
-            .filter(|(_, ratios)| ratios.is_asked());
+        let asked = self.algorithms.iter().filter(|own| own.1.is_asked());
         let scale = |ratios: &Ratios| AlgorithmScale {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),
@@ -169,12 +167,12 @@ impl MeasuredScales {
         let is_sure = |label: &&String| label.split(':').next() == Some(SURE);
         let label = matched.keys().find(is_sure)?;
         let &AlgorithmScale { right, wrong, .. } = &matched[label];
-        (wrong > right && right + wrong >= MIN_CELLS).then(|| {
+        let cells = right + wrong;
+        (wrong > right && cells >= MIN_CELLS).then(|| {
             format!(
-                "{wrong} of {} cells that {label} knows in the first pairs are wrong by it; the \
-                 truth, a calibration or the times may not belong to the images: svl info shows \
-                 their measurements",
-                right + wrong
+                "{wrong} of {cells} cells that {label} knows in the first pairs are wrong by it; \
+                 the truth, a calibration or the times may not belong to the images: svl info \
+                 shows their measurements"
             )
         })
     }
@@ -185,13 +183,10 @@ impl MeasuredScales {
             let constants = self.algorithms.values().map(value);
             let constants = constants.collect::<Option<Vec<_>>>()?;
             let median = constant(&constants)?;
-            constants
-                .iter()
-                .all(|value| is_near(*value, median))
-                .then_some(median)
+            let is_constant = constants.iter().all(|value| is_near(*value, median));
+            is_constant.then_some(median)
         };
-        let labels: Vec<_> = self.algorithms.keys().map(String::as_str).collect();
-        let labels = labels.join(", ");
+        let labels = joined(self.algorithms.keys());
         match of_all(|scale| scale.factor) {
             Some(factor) if factor < 0.0 => Some(format!(
                 "its disparities have the opposite sign of those of every algorithm ({labels}): \
@@ -211,10 +206,9 @@ impl MeasuredScales {
             Some(_) if self.algorithms.values().any(|own| own.right > own.wrong) => None,
             Some(factor) => {
                 let factor = usual(factor);
+                let (times, cure) = (rounded(1.0 / factor), cure(&self.origin, factor));
                 Some(format!(
-                    "its distances are {} times those of every algorithm ({labels}); {}",
-                    rounded(1.0 / factor),
-                    cure(&self.origin, factor)
+                    "its distances are {times} times those of every algorithm ({labels}); {cure}"
                 ))
             }
             None => {
@@ -256,9 +250,9 @@ impl AlgorithmScale {
             None if factor == 1000.0 => "likely in millimetres where floats are metres".to_owned(),
             None => "likely another unit, or its f or T is of another image size".to_owned(),
         };
+        let times = rounded(factor);
         doubtful(&format!(
-            "its distances are {} times those of {others}; {cause}",
-            rounded(factor)
+            "its distances are {times} times those of {others}; {cause}"
         ))
     }
 }
@@ -271,9 +265,8 @@ impl Ratios {
             return;
         }
         let maps = frame.maps.iter();
-        let maps: Vec<_> = maps
-            .filter(|map| map.disparity.size() == (width, height))
-            .collect();
+        let maps = maps.filter(|map| map.disparity.size() == (width, height));
+        let maps: Vec<_> = maps.collect();
         let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
         for (x, y) in sampled_places((width, height), PIXELS) {
             let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
@@ -291,10 +284,8 @@ impl Ratios {
             self.factors.push(factor);
             self.along_rays.extend(frame.rig().map(|rig| {
                 let (cx, cy) = rig.center_px();
-                let (u, v) = (
-                    (x as f64 - cx) / rig.focal_px(),
-                    (y as f64 - cy) / rig.focal_px(),
-                );
+                let f = rig.focal_px();
+                let (u, v) = ((x as f64 - cx) / f, (y as f64 - cy) / f);
                 factor * (1.0 + u * u + v * v).sqrt()
             }));
             let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
@@ -341,11 +332,8 @@ pub fn sampled_places(
 /// The median, if half of the values are near it.
 pub(super) fn constant(values: &[f64]) -> Option<f64> {
     let median = upper_median(values.iter().copied())?;
-    let near = values
-        .iter()
-        .filter(|value| is_near(**value, median))
-        .count();
-    (median != 0.0 && 2 * near >= values.len()).then_some(median)
+    let near = values.iter().filter(|value| is_near(**value, median));
+    (median != 0.0 && 2 * near.count() >= values.len()).then_some(median)
 }
 
 fn is_near(value: f64, median: f64) -> bool {

@@ -152,24 +152,23 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
     let length = length.map_or(String::new(), |(_, name)| {
         format!(", as they are in {name}")
     });
+    let times = rounded(factor);
     match origin {
         TruthOrigin::Sensor(name) => {
             let (name, unit) = TruthUnit::split(name).unwrap_or((name, None));
             match unit.or_else(|| usual_unit(name)) {
                 Some(unit) => format!("likely --truth '{name}:{}'", unit.times(factor)),
-                None if name.contains('*') => format!(
-                    "likely a unit {} times as long, --truth '{name}:unit=METRES'",
-                    rounded(factor)
-                ),
+                None if name.contains('*') => {
+                    format!("likely a unit {times} times as long, --truth '{name}:unit=METRES'")
+                }
                 None => format!(
-                    "likely its distances times {}{length}: messages have metres, 16-bit images \
-                     millimetres",
-                    rounded(factor)
+                    "likely its distances times {times}{length}: messages have metres, 16-bit \
+                     images millimetres"
                 ),
             }
         }
         TruthOrigin::Exact | TruthOrigin::Reference(_) => {
-            format!("likely its disparities divided by {}", rounded(factor))
+            format!("likely its disparities divided by {times}")
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit, Minimum};
 use serde::{Deserialize, Deserializer, Serialize};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 /// A limit of a metric: an entry of a scenario's `[[gate]]`.
 ///
@@ -52,8 +52,7 @@ fn metric<'de, D: Deserializer<'de>>(
 /// The names of the metrics of which that is true.
 fn names(has: impl Fn(&Metric) -> bool) -> String {
     let own = METRICS.iter().filter(|metric| has(metric));
-    let own: Vec<_> = own.map(|metric| metric.name).collect();
-    own.join(", ")
+    joined(own.map(|metric| metric.name))
 }
 
 impl Limit {
@@ -148,101 +147,54 @@ impl Limit {
         }
     }
 
+    /// The fault of keys that contradict each other, or that the metric has no use for.
+    fn contradiction(&self) -> Option<String> {
+        let (metric, other) = (self.metric, self.relative_to.as_deref());
+        let is_time = metric.unit == MetricUnit::Ms;
+        let has_magnitude = self.max_magnitude.is_some();
+        let needs_both = metric.is_signed() && other.is_none() && !has_magnitude;
+        let is_reversed = self.min.zip(self.max).is_some_and(|(min, max)| min > max);
+        let fault: &str = if self.bounds() == [None, None] {
+            "needs min or max"
+        } else if has_magnitude && !metric.is_signed() {
+            let own = names(Metric::is_signed);
+            &format!("max_magnitude belongs to {own}; here give max")
+        } else if has_magnitude && self.min.or(self.max).is_some() {
+            "max_magnitude stands alone: leave min and max out"
+        } else if needs_both && self.min.is_none() {
+            "max alone: give min too, or max_magnitude"
+        } else if needs_both && self.max.is_none() {
+            "min alone: give max too, or max_magnitude"
+        } else if is_reversed {
+            "min is above max"
+        } else if is_time && other.is_none() {
+            "time is limited as a ratio: name another algorithm with relative_to"
+        } else if other == Some(self.algorithm.as_str()) {
+            "relative_to names the algorithm itself: name another"
+        } else if !is_time && other.is_some_and(|other| other != PRIOR) {
+            "relative_to belongs to metric = \"time\"; quality has absolute limits, or is relative \
+             to \"prior\""
+        } else if other == Some(PRIOR) && !metric.is_of_prior() {
+            let own = names(Metric::is_of_prior);
+            &format!("relative_to = \"prior\" belongs to {own}")
+        } else if self.area.is_some() && !metric.by_area {
+            &format!("area belongs to {}", names(|metric| metric.by_area))
+        } else if self.checkpoint.is_some() && !matches!(metric.origin, MetricOrigin::Checkpoints) {
+            "checkpoint belongs to metric = \"passed\""
+        } else {
+            return None;
+        };
+        Some(fault.to_owned())
+    }
+
     /// # Errors
     /// [`Error::Invalid`] for contradictions, with the line.
     pub fn validate(&self) -> Result<()> {
-        let wrong = |what: &str| {
-            Err(Error::Invalid(format!(
-                "gate in line {}: {what}",
-                self.line
-            )))
-        };
-        if let Some(fault) = self.fault().or_else(|| self.minimum_fault()) {
-            return wrong(&fault);
-        }
-        match self {
-            _ if self.bounds() == [None, None] => wrong("needs min or max"),
-            Self {
-                max_magnitude: Some(_),
-                metric,
-                ..
-            } if !metric.is_signed() => {
-                let own = names(Metric::is_signed);
-                wrong(&format!("max_magnitude belongs to {own}; here give max"))
-            }
-            Self {
-                max_magnitude: Some(_),
-                min,
-                max,
-                ..
-            } if min.or(*max).is_some() => {
-                wrong("max_magnitude stands alone: leave min and max out")
-            }
-            Self {
-                metric,
-                relative_to: None,
-                min: None,
-                max_magnitude: None,
-                ..
-            } if metric.is_signed() => wrong("max alone: give min too, or max_magnitude"),
-            Self {
-                metric,
-                relative_to: None,
-                max: None,
-                max_magnitude: None,
-                ..
-            } if metric.is_signed() => wrong("min alone: give max too, or max_magnitude"),
-            Self {
-                min: Some(min),
-                max: Some(max),
-                ..
-            } if min > max => wrong("min is above max"),
-            Self {
-                metric,
-                relative_to: None,
-                ..
-            } if metric.unit == MetricUnit::Ms => {
-                wrong("time is limited as a ratio: name another algorithm with relative_to")
-            }
-            Self {
-                algorithm,
-                relative_to: Some(other),
-                ..
-            } if algorithm == other => {
-                wrong("relative_to names the algorithm itself: name another")
-            }
-            Self {
-                metric,
-                relative_to: Some(other),
-                ..
-            } if metric.unit != MetricUnit::Ms && other != PRIOR => wrong(
-                "relative_to belongs to metric = \"time\"; quality has absolute limits, or is \
-                 relative to \"prior\"",
-            ),
-            Self {
-                metric,
-                relative_to: Some(other),
-                ..
-            } if other == PRIOR && !metric.is_of_prior() => {
-                let own = names(Metric::is_of_prior);
-                wrong(&format!("relative_to = \"prior\" belongs to {own}"))
-            }
-            Self {
-                metric,
-                area: Some(_),
-                ..
-            } if !metric.by_area => {
-                let own = names(|metric| metric.by_area);
-                wrong(&format!("area belongs to {own}"))
-            }
-            Self {
-                metric,
-                checkpoint: Some(_),
-                ..
-            } if !matches!(metric.origin, MetricOrigin::Checkpoints) => {
-                wrong("checkpoint belongs to metric = \"passed\"")
-            }
-            _ => Ok(()),
+        let fault = self.fault().or_else(|| self.minimum_fault());
+        let line = self.line;
+        match fault.or_else(|| self.contradiction()) {
+            Some(fault) => Err(Error::Invalid(format!("gate in line {line}: {fault}"))),
+            None => Ok(()),
         }
     }
 }

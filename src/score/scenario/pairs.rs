@@ -39,9 +39,8 @@ impl PairRange {
         let (from_ns, to_ns) = (self.from_s.map_or(0, ns), self.to_s.map_or(u64::MAX, ns));
         let is_timed = from_ns > 0 || self.to_s.is_some();
         let start_ns = stamps_ns.first().copied().unwrap_or_default();
-        let times = stamps_ns
-            .iter()
-            .map(|stamp| (stamp.saturating_sub(start_ns), *stamp));
+        let times = stamps_ns.iter();
+        let times = times.map(|stamp| (stamp.saturating_sub(start_ns), *stamp));
         let in_range = times
             .take_while(|(time, _)| *time < to_ns)
             .filter(|(time, stamp)| *time >= from_ns && !(is_timed && *stamp < start_ns));
@@ -92,9 +91,8 @@ impl CropScale {
 
     /// The changes in words; `None` if the images are unchanged.
     pub fn words(&self) -> Option<String> {
-        let crop = self
-            .crop
-            .map(|[x, y, width, height]| format!("cropped to {width}x{height} at ({x}, {y})"));
+        let crop = self.crop;
+        let crop = crop.map(|[x, y, w, h]| format!("cropped to {w}x{h} at ({x}, {y})"));
         let scale = self.scale.filter(|scale| *scale != 1.0);
         let scale = scale.map(|scale| format!("scaled by {scale} (area average)"));
         let parts: Vec<_> = crop.into_iter().chain(scale).collect();

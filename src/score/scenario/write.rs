@@ -42,21 +42,15 @@ impl Scenario {
         rewritten: &dyn Fn(&str) -> String,
     ) -> Result<SourceOptions> {
         let runs = self.recordings()?;
-        let files = runs
-            .iter()
-            .map(|run| replaced(&run.path).display().to_string());
+        let files = runs.iter().map(|run| replaced(&run.path));
         let options = self.options.clone();
+        let calib = options.calib;
+        let reference = options.reference.iter().map(|text| rewritten(text));
         Ok(SourceOptions {
-            files: files.collect(),
-            calib: options
-                .calib
-                .map(|calib| calib_with_paths(&calib, replaced)),
+            files: files.map(|path| path.display().to_string()).collect(),
+            calib: calib.map(|calib| calib_with_paths(&calib, replaced)),
             data: options.data.map(|data| replaced(&data)),
-            reference: options
-                .reference
-                .iter()
-                .map(|text| rewritten(text))
-                .collect(),
+            reference: reference.collect(),
             ..options
         })
     }
@@ -83,16 +77,17 @@ impl Scenario {
             ..filter.clone()
         });
         // Filters are added to each algorithm when a scenario is run.
-        let algorithms = self
-            .algorithms
+        let algorithms = self.algorithms.iter();
+        let algorithms = algorithms.filter(|algorithm| algorithm.filters().is_empty());
+        let algorithms = algorithms.map(|algorithm| rewritten(&written(algorithm)));
+        let gate = self
+            .gate
             .iter()
-            .filter(|algorithm| algorithm.filters().is_empty());
+            .map(|limit| limit.clone().renamed(&rewritten));
         Ok(File {
             name: self.name.clone(),
             description: self.description.clone(),
-            algorithms: algorithms
-                .map(|algorithm| rewritten(&written(algorithm)))
-                .collect(),
+            algorithms: algorithms.collect(),
             columns: self.columns.clone(),
             grid: self.grid,
             cells: self.cells,
@@ -102,11 +97,7 @@ impl Scenario {
             checkpoint: self.checkpoints.clone(),
             filter: filters.collect(),
             stress: self.stress.iter().map(Into::into).collect(),
-            gate: self
-                .gate
-                .iter()
-                .map(|limit| toml::Spanned::new(0..0, limit.clone().renamed(&rewritten)))
-                .collect(),
+            gate: gate.map(|limit| toml::Spanned::new(0..0, limit)).collect(),
         })
     }
 }

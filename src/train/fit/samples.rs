@@ -138,10 +138,6 @@ pub fn pair_cells(
             cells,
         }
     };
-    judged
-        .estimates
-        .iter()
-        .zip(targets)
-        .map(of_algorithm)
-        .collect()
+    let algorithms = judged.estimates.iter().zip(targets);
+    algorithms.map(of_algorithm).collect()
 }

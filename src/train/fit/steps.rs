@@ -97,10 +97,8 @@ impl<const N: usize> StepData<N> {
     }
 
     fn score(&self, model: &StepModel, i: usize) -> f64 {
-        let reached = model
-            .steps
-            .iter()
-            .filter(|(step, _)| self.reaches(*step, i));
+        let steps = model.steps.iter();
+        let reached = steps.filter(|(step, _)| self.reaches(*step, i));
         let given = self.given.as_ref().map_or(0.0, |given| given[i]);
         given + model.base + reached.map(|(_, score)| score).sum::<f64>()
     }
@@ -128,11 +126,9 @@ impl<const N: usize> StepData<N> {
             model.steps.push((step, 0.0));
             self.refit(indices, &mut model);
             // Others may change sign when one is added.
-            while let Some(wrong) = model
-                .steps
-                .iter()
-                .position(|(step, score)| score * self.sides[step.feature].sign() < 0.0)
-            {
+            let is_wrong =
+                |(step, score): &(Step, f64)| score * self.sides[step.feature].sign() < 0.0;
+            while let Some(wrong) = model.steps.iter().position(is_wrong) {
                 let (wrong, _) = model.steps.remove(wrong);
                 model.refused.push(wrong);
                 self.refit(indices, &mut model);
@@ -244,13 +240,9 @@ impl<const N: usize> StepData<N> {
     pub(super) fn steps(&self, model: &StepModel) -> (i64, [Steps; N]) {
         let thousandths = |score: f64| (1000.0 * score).round() as i64;
         let steps = std::array::from_fn(|feature| {
-            let own = model
-                .steps
-                .iter()
-                .filter(|(step, _)| step.feature == feature);
-            let mut steps: Vec<_> = own
-                .map(|(step, score)| (self.values[step.feature][step.place], *score))
-                .collect();
+            let own = model.steps.iter().filter(|own| own.0.feature == feature);
+            let own = own.map(|(step, score)| (self.values[step.feature][step.place], *score));
+            let mut steps: Vec<_> = own.collect();
             steps.sort_by_key(|(above, _)| *above);
             let mut sum = 0.0;
             let steps = steps.into_iter().map(|(above, score)| {
@@ -278,10 +270,8 @@ fn candidates(values: impl Iterator<Item = i64>) -> Vec<i64> {
     };
     let at = |k: usize| values[k * values.len() / (CANDIDATES + 1)];
     let below_all = (absent > 0).then(|| values[0] - 1);
-    let mut parts: Vec<_> = below_all
-        .into_iter()
-        .chain((1..=CANDIDATES).map(at))
-        .collect();
+    let parts = below_all.into_iter().chain((1..=CANDIDATES).map(at));
+    let mut parts: Vec<_> = parts.collect();
     parts.dedup();
     parts.retain(|value| *value < last);
     parts

@@ -55,11 +55,8 @@ pub fn fit_time(runs: &[CellSequence], table: &VerdictTable, least_score: i64) -
         return None;
     }
     let relations = std::array::from_fn(|kind| {
-        let own = samples
-            .features
-            .iter()
-            .filter(|features| features[kind] != ABSENT);
-        own.count()
+        let own = samples.features.iter();
+        own.filter(|features| features[kind] != ABSENT).count()
     });
     // They sum to their number, so that the ridge's influence stays small.
     let scale = count as f64 / samples.weights.iter().sum::<f64>();
@@ -108,10 +105,8 @@ impl TimeSamples {
         let mut states: Vec<CellPast> = Vec::new();
         let mut last_ns = None;
         for pair in run.pairs.iter().step_by(step) {
-            let has_past = last_ns
-                .replace(pair.stamp_ns)
-                .is_some_and(|last| follows(last, pair.stamp_ns));
-            if !has_past {
+            let last = last_ns.replace(pair.stamp_ns);
+            if !last.is_some_and(|last| follows(last, pair.stamp_ns)) {
                 states.clear();
             }
             states.resize(pair.cells.len(), CellPast::default());

@@ -177,12 +177,10 @@ fn calibrate(
     quiet: bool,
 ) -> anyhow::Result<()> {
     let collected = collect(opened, board, prompt, folder, quiet)?;
-    let kept = |error: anyhow::Error| match folder.pairs() {
+    let (count, shown) = (folder.pairs(), folder.path().display());
+    let kept = |error: anyhow::Error| match count {
         0 => error,
-        _ => anyhow!(
-            "{error:#}; the accepted pairs are in {}",
-            folder.path().display()
-        ),
+        _ => anyhow!("{error:#}; the accepted pairs are in {shown}"),
     };
     if collected.views.len() < MIN_VIEWS {
         return Err(kept(collected.too_few(&args.source, &board)));
@@ -234,10 +232,9 @@ fn print_result(
         Some(_) => "",
         None => "\nLengths are in squares of the board: add --square-m for metres.",
     };
+    let solution = calibration::terminal(solution, style());
+    let (output, report) = (args.output.display(), report.display());
     print(&format!(
-        "{collected}\n{}{unit}\n{}: calibration\n{}: report\n",
-        calibration::terminal(solution, style()),
-        args.output.display(),
-        report.display()
+        "{collected}\n{solution}{unit}\n{output}: calibration\n{report}: report\n"
     ))
 }

@@ -135,10 +135,8 @@ fn progress(chooser: &Chooser, word: &str) -> String {
 
 /// The name of a pair in messages: its own, or its number.
 fn name(frame: &Frame) -> String {
-    frame
-        .name
-        .clone()
-        .unwrap_or_else(|| frame.sequence.to_string())
+    let own = frame.name.clone();
+    own.unwrap_or_else(|| frame.sequence.to_string())
 }
 
 fn bar(opened: &Opened, quiet: bool) -> ProgressBar {
@@ -236,60 +234,49 @@ impl Collected {
         let (columns, rows) = (board.columns(), board.rows());
         let counted = "--squares counts the inner corners, one less than the squares";
         let other = self.others.iter().max_by_key(|(_, times)| **times);
-        let most = self.refused.iter().max_by_key(|(_, times)| **times);
-        let why = match (self.views.len(), other, most) {
+        let (pairs, reasons) = (self.pairs, self.reasons());
+        let why = match (self.views.len(), other) {
             // Some false detections of other sizes are normal; a quarter of the pairs is another
             // board.
-            (_, Some(((long, short), times)), _) if *times > self.pairs / 4 => format!(
+            (_, Some(((long, short), times))) if *times > pairs / 4 => format!(
                 "{source}: shows a board of {long}x{short} inner corners, not {columns}x{rows}; \
                  try --squares {long}x{short}"
             ),
-            (0, _, _) if !self.views_were_offered() => format!(
+            (0, _) if !self.views_were_offered() => format!(
                 "{source}: no complete board of {columns}x{rows} inner corners in both images of \
-                 any of {} pairs ({}); {counted}",
-                self.pairs,
-                self.reasons()
+                 any of {pairs} pairs ({reasons}); {counted}"
             ),
-            (views, ..) => format!(
-                "{source}: {views} of {} pairs accepted, at least {MIN_VIEWS} are needed ({})",
-                self.pairs,
-                self.reasons()
+            (views, _) => format!(
+                "{source}: {views} of {pairs} pairs accepted, at least {MIN_VIEWS} are needed \
+                 ({reasons})"
             ),
         };
         anyhow::Error::msg(why)
     }
 
     fn views_were_offered(&self) -> bool {
-        ["not wanted", "nothing new", "moving"]
-            .iter()
-            .any(|word| self.refused.contains_key(*word))
+        let mut words = ["not wanted", "nothing new", "moving"].into_iter();
+        words.any(|word| self.refused.contains_key(word))
     }
 
     /// `47 no board left, 3 moving`: the most frequent first.
     fn reasons(&self) -> String {
         let mut reasons: Vec<_> = self.refused.iter().collect();
         reasons.sort_by_key(|(_, times)| std::cmp::Reverse(**times));
-        let reasons: Vec<_> = reasons
-            .into_iter()
-            .map(|(word, times)| format!("{times} {word}"))
-            .collect();
-        if reasons.is_empty() {
-            "none".to_owned()
-        } else {
-            reasons.join(", ")
+        let reasons = reasons
+            .iter()
+            .map(|(word, times)| format!("{times} {word}"));
+        match &reasons.collect::<Vec<_>>()[..] {
+            [] => "none".to_owned(),
+            reasons => reasons.join(", "),
         }
     }
 }
 
 impl Display for Collected {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        writeln!(
-            f,
-            "{} of {} pairs accepted; refused: {}",
-            self.views.len(),
-            self.pairs,
-            self.reasons()
-        )?;
+        let (views, pairs, reasons) = (self.views.len(), self.pairs, self.reasons());
+        writeln!(f, "{views} of {pairs} pairs accepted; refused: {reasons}")?;
         if !self.missing.is_empty() {
             writeln!(f, "Still missing, and worth more pairs: {}", self.missing)?;
         }

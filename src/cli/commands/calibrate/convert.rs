@@ -60,16 +60,13 @@ Formats, by the endings of their files:
 "
     .to_owned();
     for format in FORMATS {
-        let endings = format.endings.join(", .");
+        let (name, title, endings) = (format.name, format.title, format.endings.join(", ."));
         let only = if format.is_written() {
             ""
         } else {
             ", read only"
         };
-        text += &format!(
-            "  {:<11} {} (.{endings}{only}):\n",
-            format.name, format.title
-        );
+        text += &format!("  {name:<11} {title} (.{endings}{only}):\n");
         text += &wrapped("", 14, format.conventions, LAST_COLUMN);
     }
     text
@@ -99,19 +96,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // Names and file extensions are usage errors; they come before anything is read.
     let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
     let inputs = files::inputs(&args.input)?;
-    if inputs
-        .iter()
-        .chain(&outputs)
-        .any(|path| path.as_os_str().is_empty())
-    {
+    let mut paths = inputs.iter().chain(&outputs);
+    if paths.any(|path| path.as_os_str().is_empty()) {
         return Err(usage::wrong(
             "two files with a comma between are left.yaml,right.yaml: one has no name",
         ));
     }
     let endings = &["xml", "yaml", "yml", "txt"];
-    outputs
-        .iter()
-        .try_for_each(|output| usage::ends_in(output, endings))?;
+    for output in &outputs {
+        usage::ends_in(output, endings)?;
+    }
     let hints = Hints {
         format: args.from,
         unit: args.unit,
@@ -131,34 +125,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     claimed.set_aside()?;
     let left_out = files::write_as(&args.output, to, &found.calibration)?;
     claimed.commit();
-    let mut text = format!(
-        "{}: written as {}\n  {}\n",
-        args.output.display(),
-        to.title,
-        to.conventions
-    );
+    let (path, title, conventions) = (args.output.display(), to.title, to.conventions);
+    let mut text = format!("{path}: written as {title}\n  {conventions}\n");
     for what in left_out {
-        writeln!(
-            text,
-            "  not written, as the format has no place for it: {what}"
-        )?;
+        let why = "as the format has no place for it";
+        writeln!(text, "  not written, {why}: {what}")?;
     }
     print(&text)
 }
 
 /// A calibration as text.
 fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::Error> {
-    let LoadedCalibration {
-        format,
-        calibration,
-        ..
-    } = found;
-    let mut text = format!(
-        "{}: {}\n  {}\n",
-        path.display(),
-        format.title,
-        format.conventions
-    );
+    let (format, calibration) = (found.format, &found.calibration);
+    let (path, title, conventions) = (path.display(), format.title, format.conventions);
+    let mut text = format!("{path}: {title}\n  {conventions}\n");
     for (side, camera) in [("left", calibration.left()), ("right", calibration.right())] {
         writeln!(text, "  {side:<5} {}", camera_line(camera))?;
     }
@@ -166,23 +146,21 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
         LengthUnit::Metres => "m",
         LengthUnit::Squares => "squares of an unknown size",
     };
+    let baseline = calibration.baseline();
     let rotated = calibration.right_from_left().rotation.angle().to_degrees();
     writeln!(
         text,
-        "  baseline {:.6} {unit}, cameras rotated by {rotated:.3}° to each other",
-        calibration.baseline()
+        "  baseline {baseline:.6} {unit}, cameras rotated by {rotated:.3}° to each other"
     )?;
     match calibration.rectification() {
         None => writeln!(text, "  no rectification")?,
         Some(rectification) => {
             let (rig, (width, height)) = (rectification.rig, rectification.size);
-            let (cx, cy) = rig.center_px();
+            let (focal, (cx, cy), doffs) = (rig.focal_px(), rig.center_px(), rig.doffs_px());
             writeln!(
                 text,
-                "  rectified {width}x{height}: focal length {:.3} px, centre ({cx:.3}, {cy:.3}), \
-                 doffs {:.3} px",
-                rig.focal_px(),
-                rig.doffs_px()
+                "  rectified {width}x{height}: focal length {focal:.3} px, centre ({cx:.3}, \
+                 {cy:.3}), doffs {doffs:.3} px"
             )?;
         }
     }

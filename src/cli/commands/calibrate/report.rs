@@ -43,15 +43,10 @@ impl ReportFolder {
         let stem = output.file_stem().unwrap_or_default().to_string_lossy();
         let path = output.with_file_name(format!("{stem}-report"));
         distinct([path.as_path(), source])?;
-        let empty = !path.exists()
-            || path
-                .read_dir()
-                .is_ok_and(|mut files| files.next().is_none());
-        if !empty && !force {
-            bail!(
-                "{}: exists already; name another output, or add --force to replace it",
-                path.display()
-            );
+        let is_empty = |path: &Path| path.read_dir().is_ok_and(|mut own| own.next().is_none());
+        if path.exists() && !is_empty(&path) && !force {
+            let shown = path.display();
+            bail!("{shown}: exists already; name another output, or add --force to replace it");
         }
         let claimed = Outputs::claim_folder(&path, &REPORT)?;
         let corners = Vec::new();
@@ -78,23 +73,14 @@ impl ReportFolder {
         let save = |side: &str, image: &Gray| {
             let name = format!("{side}{number:02}.png");
             let pixels: Vec<u8> = image.pixels().collect();
-            write_png(
-                &self.path.join(&name),
-                image.width(),
-                image.height(),
-                &pixels,
-            )
-            .map(|()| name)
+            let path = self.path.join(&name);
+            write_png(&path, image.width(), image.height(), &pixels).map(|()| name)
         };
-        let (left_image, right_image) = (
-            save("left", frame.pair.left())?,
-            save("right", frame.pair.right())?,
-        );
         let [left, right] =
             [&view.left, &view.right].map(|corners| corners.iter().map(|p| [p.x, p.y]).collect());
         self.corners.push(Corners {
-            left_image,
-            right_image,
+            left_image: save("left", frame.pair.left())?,
+            right_image: save("right", frame.pair.right())?,
             left,
             right,
         });
@@ -135,14 +121,12 @@ impl ReportFolder {
             ("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("source".to_owned(), source.to_owned()),
         ];
-        let names = (1..)
-            .zip(accepted)
-            .map(|(number, name)| format!("{number} ({name})"))
-            .collect();
+        let names = (1..).zip(accepted);
+        let names = names.map(|(number, name)| format!("{number} ({name})"));
         let page = CalibrationPage {
             title: format!("Calibration from {source}"),
             solution,
-            names,
+            names: names.collect(),
             pair: self.rectified(solution)?,
             identity,
         };

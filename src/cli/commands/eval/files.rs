@@ -39,11 +39,8 @@ impl ImageFiles {
             } else {
                 (truth, disparity)
             };
-            bail!(
-                "{}: is a folder, {} is not; name two files or two folders",
-                folder.display(),
-                file.display()
-            );
+            let (folder, file) = (folder.display(), file.display());
+            bail!("{folder}: is a folder, {file} is not; name two files or two folders");
         }
         if !truth.is_dir() {
             let name = disparity.display().to_string();
@@ -98,11 +95,8 @@ impl ImageFiles {
         let names = known.iter().map(|(name, _)| *name);
         missing.extend(names.filter(|name| scenes.iter().all(|scene| scene != name)));
         if images.is_empty() {
-            bail!(
-                "{}: has no SCENE/disp0NAME.pfm for a scene of {}",
-                args.disparity.display(),
-                args.ground_truth.display()
-            );
+            let (folder, truths) = (args.disparity.display(), args.ground_truth.display());
+            bail!("{folder}: has no SCENE/disp0NAME.pfm for a scene of {truths}");
         }
         // Some with a mask and some without would be a mean of two kinds.
         let has_mask = |files: &&Self| !files.masks.is_empty();
@@ -117,10 +111,8 @@ impl ImageFiles {
             );
         }
         if !missing.is_empty() {
-            tracing::warn!(
-                "the average is not that of the benchmark: it lacks {}",
-                missing.join(", ")
-            );
+            let missing = missing.join(", ");
+            tracing::warn!("the average is not that of the benchmark: it lacks {missing}");
         }
         Ok(images)
     }
@@ -129,46 +121,33 @@ impl ImageFiles {
     fn in_folders(args: &Args) -> anyhow::Result<Vec<Self>> {
         let truths = Folder::read(&args.ground_truth)?;
         let disparities = Folder::read(&args.disparity)?;
-        let masks = args
-            .mask
-            .iter()
-            .map(|path| Folder::read(path))
-            .collect::<anyhow::Result<Vec<_>>>()?;
+        let masks = args.mask.iter().map(|path| Folder::read(path));
+        let masks = masks.collect::<anyhow::Result<Vec<_>>>()?;
         let right_truths = args.right_truth.as_deref().map(Folder::read).transpose()?;
         let object_maps = args.object_map.as_deref().map(Folder::read).transpose()?;
         let optional = |folder: &Option<Folder>, name: &str| {
             folder.as_ref().map(|folder| folder.file(name)).transpose()
         };
         let image = |(name, truth): (&String, &PathBuf)| {
+            let masks = masks.iter().map(|folder| folder.file(name));
             Ok(Self {
                 name: name.clone(),
                 disparity: disparities.file(name)?,
                 truth: truth.clone(),
-                masks: masks
-                    .iter()
-                    .map(|folder| folder.file(name))
-                    .collect::<anyhow::Result<_>>()?,
+                masks: masks.collect::<anyhow::Result<_>>()?,
                 right_truth: optional(&right_truths, name)?,
                 object_map: optional(&object_maps, name)?,
                 weight: 1.0,
                 ndisp: None,
             })
         };
-        let images = truths
-            .files
-            .iter()
-            .map(image)
-            .collect::<anyhow::Result<_>>()?;
-        for (_, file) in disparities
-            .files
-            .iter()
-            .filter(|(name, _)| !truths.files.contains_key(*name))
-        {
-            tracing::warn!(
-                "{}: has no truth in {}; skipped",
-                file.display(),
-                args.ground_truth.display()
-            );
+        let images = truths.files.iter().map(image);
+        let images = images.collect::<anyhow::Result<_>>()?;
+        for (name, file) in &disparities.files {
+            if !truths.files.contains_key(name) {
+                let (file, truths) = (file.display(), args.ground_truth.display());
+                tracing::warn!("{file}: has no truth in {truths}; skipped");
+            }
         }
         Ok(images)
     }
@@ -180,23 +159,16 @@ impl ImageFiles {
 
     /// All files of the image.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
-        let (one, more) = (
-            [&self.disparity, &self.truth],
-            [&self.right_truth, &self.object_map],
-        );
-        one.into_iter()
-            .chain(&self.masks)
-            .chain(more.into_iter().flatten())
-            .map(PathBuf::as_path)
+        let own = [&self.disparity, &self.truth].into_iter();
+        let optional = [&self.right_truth, &self.object_map].into_iter();
+        let all = own.chain(&self.masks).chain(optional.flatten());
+        all.map(PathBuf::as_path)
     }
 
     /// An error with the names of the files it is about.
     pub(super) fn explain(&self, error: &svl::Error) -> anyhow::Error {
-        anyhow::anyhow!(
-            "{} and {}: {error}",
-            self.disparity.display(),
-            self.truth.display()
-        )
+        let (disparity, truth) = (self.disparity.display(), self.truth.display());
+        anyhow::anyhow!("{disparity} and {truth}: {error}")
     }
 }
 
@@ -226,11 +198,8 @@ fn estimate(scene: &Path) -> anyhow::Result<Option<PathBuf>> {
     estimates.retain(is_estimate);
     estimates.sort_unstable();
     if let [one, other, ..] = estimates.as_slice() {
-        bail!(
-            "{} and {}: belong to the same scene; keep one",
-            one.display(),
-            other.display()
-        );
+        let (one, other) = (one.display(), other.display());
+        bail!("{one} and {other}: belong to the same scene; keep one");
     }
     Ok(estimates.pop())
 }
@@ -274,17 +243,12 @@ impl<'a> Folder<'a> {
         let mut files = BTreeMap::new();
         for file in entries(path)? {
             let ours = ENDINGS.iter().any(|ending| has_ending(&file, ending)) && file.is_file();
-            let name = file
-                .file_stem()
-                .map(|stem| stem.to_string_lossy().into_owned())
-                .filter(|_| ours);
-            let Some(name) = name else { continue };
+            let stem = file.file_stem().filter(|_| ours);
+            let Some(stem) = stem else { continue };
+            let name = stem.to_string_lossy().into_owned();
             if let Some(other) = files.insert(name, file.clone()) {
-                bail!(
-                    "{} and {}: belong to the same image; keep one",
-                    other.display(),
-                    file.display()
-                );
+                let (other, file) = (other.display(), file.display());
+                bail!("{other} and {file}: belong to the same image; keep one");
             }
         }
         if files.is_empty() {
@@ -303,11 +267,8 @@ impl<'a> Folder<'a> {
                     "; {other} is not read: convert it to one of .{endings}"
                 ))
             });
-            format!(
-                "{}: has no file named {name}, which has a truth{}",
-                self.path.display(),
-                other.unwrap_or_default()
-            )
+            let (shown, other) = (self.path.display(), other.unwrap_or_default());
+            format!("{shown}: has no file named {name}, which has a truth{other}")
         };
         self.files.get(name).cloned().with_context(missing)
     }

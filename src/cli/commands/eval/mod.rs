@@ -135,10 +135,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             scores.push((files.weight, score.map_err(|e| files.explain(&e))?));
         }
         if let Some(path) = &args.error_map {
-            let rgb = args
-                .protocol
-                .error_map(&loaded.image(0))
-                .map_err(|e| files.explain(&e))?;
+            let map = args.protocol.error_map(&loaded.image(0));
+            let rgb = map.map_err(|e| files.explain(&e))?;
             let (width, height) = loaded.truth.size();
             outputs.set_aside()?;
             on_disk::write_png(path, width, height, &rgb)?;
@@ -214,11 +212,8 @@ impl Loaded {
             files.ndisp.map(|ndisp| ndisp * size)
         };
         let max_disparity = given.or_else(scaled).map(|max| max as f32);
-        let mut masks = files
-            .masks
-            .iter()
-            .map(|path| on_disk::read_mask(path))
-            .collect::<Result<Vec<_>, _>>()?;
+        let masks = files.masks.iter().map(|path| on_disk::read_mask(path));
+        let mut masks = masks.collect::<Result<Vec<_>, _>>()?;
         if let Some(path) = &files.right_truth {
             let right = read_truth(path)?;
             masks.push(
@@ -226,11 +221,8 @@ impl Loaded {
                     .map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?,
             );
         }
-        let foreground = files
-            .object_map
-            .as_deref()
-            .map(on_disk::read_object_map)
-            .transpose()?;
+        let objects = files.object_map.as_deref();
+        let foreground = objects.map(on_disk::read_object_map).transpose()?;
         Ok(Self {
             estimate,
             truth,

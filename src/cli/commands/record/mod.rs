@@ -176,10 +176,8 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
     outcome.losses.count_drops();
     ran?;
     reached_end(source, &outcome, pairs)?;
-    Ok(complete(&Ending::new(
-        outcome.missing(),
-        args.options.allow_loss,
-    ))?)
+    let ending = Ending::new(outcome.missing(), args.options.allow_loss);
+    Ok(complete(&ending)?)
 }
 
 /// The source, with the options of the command line.
@@ -223,7 +221,7 @@ fn say_default(pairs: Option<u64>) {
     let pairs = pairs.map(|pairs| counted(pairs, "pair"));
     let pairs = pairs.map_or_else(String::new, |pairs| format!(", {pairs}"));
     let others = "`svl help sources` lists other sources";
-    print_error(format_args!(
+    print_error(format!(
         "no SOURCE is named: records the arena{pairs}; {others}"
     ));
 }
@@ -235,7 +233,8 @@ fn report(
     pairs: Option<u64>,
     seconds: f64,
 ) -> anyhow::Result<String> {
-    let bytes = path.metadata()?.len();
+    let megabytes = path.metadata()?.len() as f64 / 1e6;
+    let (path, recorded) = (path.display(), counted(outcome.frames, "pair"));
     let rate = outcome.frames as f64 / seconds;
     let stopped = if outcome.stopped_early(pairs) {
         ", interrupted"
@@ -243,10 +242,7 @@ fn report(
         ""
     };
     Ok(format!(
-        "{}: {} in {seconds:.1} s ({rate:.0} a second), {:.1} MB{stopped}\n",
-        path.display(),
-        counted(outcome.frames, "pair"),
-        bytes as f64 / 1e6
+        "{path}: {recorded} in {seconds:.1} s ({rate:.0} a second), {megabytes:.1} MB{stopped}\n"
     ))
 }
 

@@ -130,7 +130,7 @@ impl Replayed {
         complete(&self.ending)?;
         match (args.json, &self.summary) {
             (false, Some(summary)) => {
-                let labels = summary.algorithms.iter().map(|a| a.algorithm.as_str());
+                let labels = joined(summary.algorithms.iter().map(|a| a.algorithm.as_str()));
                 let pairs = counted(self.outcome.frames, "pair");
                 let lost = match self.ending.state {
                     EndState::Complete => "; none lost",
@@ -138,8 +138,7 @@ impl Replayed {
                 };
                 let next = next(args, &self.name, self.is_live)?;
                 print(&format!(
-                    "\n{pairs} replayed through {}{lost}.\nnext     {next}\n",
-                    joined(labels)
+                    "\n{pairs} replayed through {labels}{lost}.\nnext     {next}\n"
                 ))
             }
             _ => Ok(()),
@@ -179,10 +178,7 @@ fn next(args: &Args, name: &str, is_live: bool) -> Result<String> {
         .collect();
     let viewed = args.rerun.as_ref().and_then(RerunChoice::target);
     // The maps of another program are in its recording alone.
-    let has_maps = args
-        .algo
-        .iter()
-        .any(|algorithm| algorithm.spec().is_recorded());
+    let has_maps = args.algo.iter().any(|own| own.spec().is_recorded());
     let has_options = !args.options.keys()?.is_empty();
     let file = |path: &Path| shell_word(&path.display().to_string());
     Ok(match (&args.output, viewed.and_then(RerunTarget::file)) {

@@ -78,6 +78,7 @@ impl Earlier {
             path: path.to_owned(),
             ..Self::default()
         };
+        let shown = path.display();
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), name, seed)?,
             Some("csv") => earlier.read_rows(path, name, seed)?,
@@ -85,18 +86,12 @@ impl Earlier {
                 Some(replayed) => earlier.read_recording(replayed)?,
                 None => earlier.read_recording(&Recording::open(path)?)?,
             },
-            _ => bail!(
-                "{}: expected RESULT.mcap, ROWS.csv or the folder of a report",
-                path.display()
-            ),
+            _ => bail!("{shown}: expected RESULT.mcap, ROWS.csv or the folder of a report"),
         }
         if earlier.hashes.is_empty() {
             let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` \
                         write some";
-            bail!(
-                "{}: holds no results of that recording to compare with; {cure}",
-                path.display()
-            );
+            bail!("{shown}: holds no results of that recording to compare with; {cure}");
         }
         Ok(earlier)
     }
@@ -107,15 +102,12 @@ impl Earlier {
             None => row.seed.is_none() || row.seed == seed,
         };
         let rows = svl::report::read_rows::<Row>(path)?;
-        self.by_stamp = rows
-            .iter()
-            .any(|row| row.run.as_deref().is_some_and(SourceKind::are_topics));
+        let mut runs = rows.iter().filter_map(|row| row.run.as_deref());
+        self.by_stamp = runs.any(SourceKind::are_topics);
         for row in rows.into_iter().filter(is_of) {
-            self.add(
-                row.algorithm.clone(),
-                self.key(&row),
-                (row.result_hash, row.pair_hash),
-            );
+            let key = self.key(&row);
+            let hashes = (row.result_hash, row.pair_hash);
+            self.add(row.algorithm.clone(), key, hashes);
             self.parameters.insert(row.algorithm, row.parameters_hash);
         }
         Ok(())
@@ -123,11 +115,8 @@ impl Earlier {
 
     fn read_recording(&mut self, recording: &Recording) -> anyhow::Result<()> {
         for result in recording.results()? {
-            self.add(
-                result.algorithm,
-                result.sequence,
-                (result.hash, result.pair_hash),
-            );
+            let hashes = (result.hash, result.pair_hash);
+            self.add(result.algorithm, result.sequence, hashes);
         }
         for cells in recording.cells()? {
             self.cells
@@ -136,12 +125,9 @@ impl Earlier {
         if let Some(json) = recording.attachment(MANIFEST)? {
             let manifest: Manifest = serde_json::from_slice(&json)
                 .with_context(|| format!("{}: {MANIFEST}", self.path.display()))?;
-            self.parameters.extend(
-                manifest
-                    .algorithms
-                    .into_iter()
-                    .map(|a| (a.label, a.parameters_hash)),
-            );
+            let algorithms = manifest.algorithms.into_iter();
+            self.parameters
+                .extend(algorithms.map(|own| (own.label, own.parameters_hash)));
         }
         Ok(())
     }
@@ -183,11 +169,8 @@ impl Earlier {
             Ok(algorithm)
         };
         // Filters are given again with --filter.
-        let mut labels: Vec<_> = self
-            .labels
-            .iter()
-            .map(|l| without_filters(l).to_owned())
-            .collect();
+        let labels = self.labels.iter();
+        let mut labels: Vec<_> = labels.map(|own| without_filters(own).to_owned()).collect();
         labels.dedup();
         labels.iter().map(parse).collect()
     }
@@ -220,11 +203,8 @@ impl Earlier {
                 // Another image was the partner, as one was lost.
                 Some((_, pair)) if *pair != row.pair_hash && self.by_stamp => found.only_now += 1,
                 Some((_, pair)) if *pair != row.pair_hash => {
-                    bail!(
-                        "{}: is of other pairs than these; pair {} differs",
-                        self.path.display(),
-                        row.sequence
-                    );
+                    let (shown, pair) = (self.path.display(), row.sequence);
+                    bail!("{shown}: is of other pairs than these; pair {pair} differs");
                 }
                 Some((then, _)) if *then == row.result_hash && same_cells(row) => {
                     found.equal += 1;
@@ -253,11 +233,10 @@ impl Earlier {
     fn check_parameters(&self, row: &Row) -> anyhow::Result<()> {
         let then = self.parameters.get(&row.algorithm);
         if then.is_some_and(|then| *then != row.parameters_hash) {
-            let label = &row.algorithm;
+            let (label, shown) = (&row.algorithm, self.path.display());
             bail!(
-                "{label}: its parameters are not those of {}; name the algorithm with --algo as \
-                 it did, or replay it again",
-                self.path.display()
+                "{label}: its parameters are not those of {shown}; name the algorithm with --algo \
+                 as it did, or replay it again"
             );
         }
         Ok(())
@@ -265,9 +244,7 @@ impl Earlier {
 
     /// The pairs of the rows and of the earlier results, of the algorithms that `ran`.
     fn common_pairs(&self, rows: &[Row], ran: &dyn Fn(&str) -> bool) -> CommonPairs {
-        let now = rows
-            .iter()
-            .map(|row| (row.stamp_ns, row.pair_hash.as_str()));
+        let now = rows.iter().map(|row| (row.stamp_ns, &*row.pair_hash));
         let then = self.hashes.iter().filter(|((label, _), _)| ran(label));
         let then = then.map(|((_, stamp), (_, pair))| (*stamp, pair.as_str()));
         CommonPairs::new(now.collect(), then.collect())
@@ -377,9 +354,9 @@ impl Verification {
                  {equal} are equal"
             );
         }
+        let equal = self.equal;
         Ok(format!(
-            "verified: {} results equal those of {against}\n",
-            self.equal
+            "verified: {equal} results equal those of {against}\n"
         ))
     }
 }

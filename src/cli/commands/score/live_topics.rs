@@ -84,12 +84,8 @@ fn check(args: &Args, live: &str) -> anyhow::Result<f64> {
     }
     source.refuse_others(&[ScenarioKind::Recording])?;
     source.refuse(&["fps", "side_by_side"], "is for folders and videos")?;
-    let is_file = |name: &&String| Path::new(name).exists();
-    let other = args
-        .what
-        .iter()
-        .find(|name| !SourceKind::are_topics(name) && !is_file(name));
-    if let Some(other) = other {
+    let is_other = |name: &&String| !SourceKind::are_topics(name) && !Path::new(name).exists();
+    if let Some(other) = args.what.iter().find(is_other) {
         return wrong(&format!(
             "beside live topics only recordings are scored, not '{other}'"
         ));

@@ -191,6 +191,13 @@ pub(crate) struct Args {
     json: bool,
 }
 
+impl Args {
+    fn asks_for_rerun(&self) -> bool {
+        let choice = self.rerun.as_ref();
+        choice.is_some_and(|choice| choice.target().is_some())
+    }
+}
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
@@ -325,8 +332,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     if !args.json {
         print(&matched_line(&report, session.as_deref()))?;
     }
-    let asks_for_rerun = args.rerun.as_ref().is_some_and(|to| to.target().is_some());
-    if session.is_none() && asks_for_rerun {
+    if session.is_none() && args.asks_for_rerun() {
         tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
     }
     ran?;
@@ -356,17 +362,13 @@ fn matched_line(report: &BuiltReport, session: Option<&str>) -> String {
     };
     let own = |counts: &BTreeMap<String, u64>| counts.get(session).copied().unwrap_or_default();
     let all = |counts: &BTreeMap<String, u64>| counts.values().sum::<u64>();
-    if report
-        .results
-        .iter()
-        .all(|(_, counts)| own(counts) == all(counts))
-    {
+    let results = &report.results;
+    if results.iter().all(|(_, counts)| own(counts) == all(counts)) {
         return String::new();
     }
-    let matched = report.results.iter().filter(|(_, counts)| own(counts) > 0);
+    let matched = results.iter().filter(|(_, counts)| own(counts) > 0);
     let matched = matched.map(|(label, counts)| format!("{label} ({} pairs)", own(counts)));
-    let kept = report
-        .results
+    let kept = results
         .iter()
         .filter(|(_, counts)| own(counts) < all(counts));
     let kept = kept.map(|(label, counts)| format!("{label} ({})", all(counts) - own(counts)));
@@ -397,30 +399,17 @@ fn check_kind(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
             None => Ok(()),
         };
     }
-    let given = [
-        (
-            args.repeat > 1,
-            "--repeat",
-            "the times of drives are not measured alone",
-        ),
-        (
-            args.rerun
-                .as_ref()
-                .and_then(|rerun| rerun.target())
-                .is_some(),
-            "--rerun",
-            "each drive is a recording in the report's folder, which `svl view` shows",
-        ),
-        (
-            args.check,
-            "--check",
-            "the algorithm truth is the check of a drive",
-        ),
-    ];
-    match given.into_iter().find(|(is_given, ..)| *is_given) {
-        Some((_, option, why)) => Err(usage::wrong(format!("{option} is not for drives: {why}"))),
-        None => Ok(()),
-    }
+    let given = if args.repeat > 1 {
+        "--repeat is not for drives: the times of drives are not measured alone"
+    } else if args.asks_for_rerun() {
+        "--rerun is not for drives: each drive is a recording in the report's folder, which `svl \
+         view` shows"
+    } else if args.check {
+        "--check is not for drives: the algorithm truth is the check of a drive"
+    } else {
+        return Ok(());
+    };
+    Err(usage::wrong(given))
 }
 
 /// The viewer that shows the run, and where: one that was asked for gets the maps of all pairs.
@@ -445,28 +434,22 @@ fn chosen_viewer(
 /// Refuses a scenario whose checkpoints the truth itself fails.
 fn pass_check(summary: &Results) -> anyhow::Result<()> {
     let failed = summary.checkpoints.iter().filter(|c| c.passed < c.frames);
-    let failed: Vec<_> = failed
-        .map(|c| {
-            let frames = c.frames - c.passed;
-            format!(
-                "{} {} in {} of {} frames",
-                c.checkpoint, c.name, frames, c.frames
-            )
-        })
-        .collect();
-    if summary.checkpoints.is_empty() {
-        let cure = "it needs checkpoints, and frames with truth";
-        return Err(usage::gate(format!(
-            "--check: no checkpoint is scored; {cure}"
-        )));
-    }
-    match &failed[..] {
-        [] => Ok(()),
-        failed => Err(usage::gate(format!(
-            "--check: even the truth fails checkpoint {}",
-            failed.join(", ")
-        ))),
-    }
+    let failed = failed.map(|c| {
+        let (number, name, frames) = (c.checkpoint, &c.name, c.frames);
+        format!(
+            "{number} {name} in {} of {frames} frames",
+            frames - c.passed
+        )
+    });
+    let failed = failed.collect::<Vec<_>>().join(", ");
+    let why = if summary.checkpoints.is_empty() {
+        "no checkpoint is scored; it needs checkpoints, and frames with truth".to_owned()
+    } else if failed.is_empty() {
+        return Ok(());
+    } else {
+        format!("even the truth fails checkpoint {failed}")
+    };
+    Err(usage::gate(format!("--check: {why}")))
 }
 
 /// Pairs that are missing, as a test beside the limits; `why` the run is not complete.

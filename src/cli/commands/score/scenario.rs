@@ -20,10 +20,8 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     let mut scenario = runs::named(&args.what)?;
     let mut known = scenario.algorithms.clone();
     if args.check {
-        let ranges = scenario
-            .algorithms
-            .iter()
-            .filter_map(Algorithm::max_disparity);
+        let algorithms = scenario.algorithms.iter();
+        let ranges = algorithms.filter_map(Algorithm::max_disparity);
         let max = ranges.max().unwrap_or(80);
         scenario.algorithms = vec![format!("truth:max_disparity={max}").parse()?];
         scenario.gate.clear();
@@ -88,9 +86,8 @@ pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> 
     // A limit of an algorithm that is not run would never be measured.
     let algorithms = &scenario.algorithms;
     let limits = scenario.gate.len();
-    scenario
-        .gate
-        .retain(|limit| unknown_in(limit, algorithms).is_none());
+    let is_run = |limit: &Limit| unknown_in(limit, algorithms).is_none();
+    scenario.gate.retain(is_run);
     let left_out = (limits - scenario.gate.len()) as u64;
     if left_out > 0 {
         let limits = counted(left_out, "limit");

@@ -83,13 +83,13 @@ const EXPECTED: &str =
 impl SizeArgs {
     /// Changes a scenario.
     pub(super) fn change(&self, scenario: &mut Scenario) -> anyhow::Result<()> {
+        let name = &scenario.name;
         if let Some(shape) = self.cells {
             let own = scenario.grid.shape();
             if shape != own && !scenario.checkpoints.is_empty() {
                 let (columns, rows) = (own.columns, own.rows);
                 return Err(usage::wrong(format!(
-                    "--cells: the checkpoints of '{}' are of {columns}x{rows} cells; omit it",
-                    scenario.name
+                    "--cells: the checkpoints of '{name}' are of {columns}x{rows} cells; omit it"
                 )));
             }
             (scenario.grid.columns, scenario.grid.rows) = (shape.columns, shape.rows);
@@ -105,8 +105,7 @@ impl SizeArgs {
             return match (self.near, self.beyond, self.tolerance) {
                 (None, None, None) => Ok(()),
                 _ => Err(usage::wrong(format!(
-                    "--near, --beyond and --tolerance: '{}' scores disparities, in pixels",
-                    scenario.name
+                    "--near, --beyond and --tolerance: '{name}' scores disparities, in pixels"
                 ))),
             };
         };

@@ -126,10 +126,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let manifest = Manifest::new("train v5", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     write(&args.output, trained.model.to_bytes())?;
-    write(
-        &page,
-        CellTraining::page(&training.tables, manifest.entries())?,
-    )?;
+    let text = CellTraining::page(&training.tables, manifest.entries())?;
+    write(&page, text)?;
     outputs.commit();
     print_value(args.json, training, || {
         let (file, page) = (args.output.display(), page.display());
@@ -159,10 +157,6 @@ fn scenarios(args: &Args, paths: &[&PathBuf]) -> anyhow::Result<Vec<TrainingScen
         scenario,
         tested: i >= fitted,
     };
-    Ok(scenarios
-        .into_iter()
-        .zip(paths)
-        .enumerate()
-        .map(training)
-        .collect())
+    let scenarios = scenarios.into_iter().zip(paths).enumerate();
+    Ok(scenarios.map(training).collect())
 }

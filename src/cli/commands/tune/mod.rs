@@ -96,11 +96,11 @@ struct Tuned<'a> {
 }
 
 impl Args {
-    fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
-        Ok(match &self.algo[..] {
+    fn algorithms(&self) -> Vec<Algorithm> {
+        match &self.algo[..] {
             [] => vec![Algorithm::default()],
             algorithms => algorithms.to_vec(),
-        })
+        }
     }
 
     /// The scenario of the source, scored as `--scenario` describes.
@@ -123,7 +123,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before anything takes time.
     let session = StepSession::new(args.script.as_deref())?;
     let filters = args.filters.models()?;
-    let algorithms = args.algorithms()?;
+    let algorithms = args.algorithms();
     let tuned = open(args, &algorithms, quiet)?;
     let (viewer, without) = destination(args)?;
     let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
@@ -132,15 +132,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         cells: tuned.judge.cells,
         filters: filters.clone(),
     });
-    let settings: Vec<_> = settings.collect();
-    let Tuned {
-        name,
-        scenario,
-        judge,
-        open,
-        is_live,
-    } = tuned;
-    let (sampler, store) = if is_live {
+    let mut settings: Vec<_> = settings.collect();
+    let (name, open) = (tuned.name, tuned.open);
+    let (sampler, store) = if tuned.is_live {
         (None, FrameStore::live(open()?))
     } else {
         // The first one warns of what its algorithms were fitted to, from its first frame on.
@@ -149,7 +143,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (Some(sampler), store)
     };
     let mut stepper = Stepper::new(&name, store)?;
-    let mut settings = settings;
     for setting in &mut settings {
         // Without a rig disparities are scored, so the knobs are those of their rule.
         setting.cells = setting.cells.for_rig(stepper.frame().rig().is_some());
@@ -157,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let has_truth = stepper.frame().truth.is_some();
     let judge = Judge {
         photometric: !has_truth,
-        ..judge
+        ..tuned.judge
     };
     let target = viewer.map(|target| (target, name.clone()));
     let worker = TuneWorker::begin(sampler, judge, target)?;
@@ -168,7 +161,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         stepper.say(words);
     }
     let files = args.filters.files(&filters);
-    let mut tuner = Tuner::new(settings, worker, args.output.clone(), scenario, files);
+    let mut tuner = Tuner::new(settings, worker, args.output.clone(), tuned.scenario, files);
     let ended = session.run(&mut stepper, &mut tuner)?;
     print(&tuner.farewell())?;
     match ended {

@@ -66,11 +66,9 @@ impl SampleView {
         let Some((_, larger_is_worse)) = self.ranked_by else {
             return Vec::new();
         };
-        let mut ranked: Vec<_> = self
-            .values
-            .iter()
-            .filter_map(|(sequence, value)| Some((*sequence, (*value)?)))
-            .collect();
+        let ranked = self.values.iter();
+        let ranked = ranked.filter_map(|(sequence, value)| Some((*sequence, (*value)?)));
+        let mut ranked: Vec<_> = ranked.collect();
         ranked.sort_by(|(_, a), (_, b)| {
             if larger_is_worse {
                 b.total_cmp(a)
@@ -94,10 +92,8 @@ pub(super) fn watch(judged: &Judged) -> Vec<Watched> {
     let estimates = judged.estimates.iter().map(|scored| &scored.estimate);
     let watched = estimates.map(|estimate| {
         let map = estimate.disparity.disparity();
-        let nearest = map
-            .pixels()
-            .filter(|d| d.is_finite())
-            .fold(1.0_f32, f32::max);
+        let finite = map.pixels().filter(|d| d.is_finite());
+        let nearest = finite.fold(1.0_f32, f32::max);
         let range = estimate.range_px.map_or(nearest, |range| range as f32);
         let picture = Gray::from_fn(map.width(), map.height(), |x, y| {
             let d = map.get(x, y);

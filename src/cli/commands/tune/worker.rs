@@ -33,10 +33,11 @@ const MAX_SEEN: usize = 64;
 /// Largest number of settings that are remembered: those of a person's day.
 const MAX_REMEMBERED: usize = 10_000;
 
+#[derive(Default)]
 struct State {
     job: Option<Job>,
     shown: TuneState,
-    is_idle: bool,
+    is_busy: bool,
     stops: bool,
 }
 
@@ -57,25 +58,16 @@ impl TuneWorker {
     ) -> svl::Result<Self> {
         let manifest = Manifest::new("tune", &[])?;
         let rerun = viewer.map(|(target, name)| {
+            let algorithms = LABELS.map(|label| (label.to_owned(), String::new()));
             let info = ViewedScene {
                 scenario: name,
-                algorithms: LABELS
-                    .map(|label| (label.to_owned(), String::new()))
-                    .to_vec(),
+                algorithms: algorithms.to_vec(),
                 ..ViewedScene::new(&manifest, Vec::new())
             };
             viewer::viewer()?.tuning(target, &info)
         });
         let rerun = rerun.transpose()?;
-        let shared: SharedState = Arc::new((
-            Mutex::new(State {
-                job: None,
-                shown: TuneState::default(),
-                is_idle: true,
-                stops: false,
-            }),
-            Condvar::new(),
-        ));
+        let shared = SharedState::default();
         let mut bench = Bench {
             shared: Arc::clone(&shared),
             manifest,
@@ -101,7 +93,7 @@ impl TuneWorker {
         let mut state = self.shared.0.lock();
         state.shown.wanted += 1;
         state.job = Some(job);
-        state.is_idle = false;
+        state.is_busy = true;
         self.shared.1.notify_all();
     }
 
@@ -116,7 +108,7 @@ impl TuneWorker {
     /// Waits until nothing is under way.
     pub(super) fn settle(&self) {
         let mut state = self.shared.0.lock();
-        while !state.is_idle {
+        while state.is_busy {
             self.shared.1.wait(&mut state);
         }
     }
@@ -177,7 +169,7 @@ impl Bench {
         loop {
             let mut state = self.shared.0.lock();
             while state.job.is_none() && !state.stops {
-                state.is_idle = true;
+                state.is_busy = false;
                 self.shared.1.notify_all();
                 self.shared.1.wait(&mut state);
             }
@@ -197,12 +189,8 @@ impl Bench {
     fn do_job(&mut self, job: &Job, number: u64) -> svl::Result<()> {
         self.prepare(&job.settings)?;
         self.show_frame(job, number)?;
-        if self.sampler.is_none()
-            && self
-                .seen
-                .back()
-                .is_none_or(|f| f.sequence != job.frame.sequence)
-        {
+        let newest = self.seen.back().map(|frame| frame.sequence);
+        if self.sampler.is_none() && newest != Some(job.frame.sequence) {
             self.seen.push_back(Arc::clone(&job.frame));
             if self.seen.len() > MAX_SEEN
                 && let Some(oldest) = self.seen.pop_front()
@@ -232,12 +220,7 @@ impl Bench {
                 ..SampleView::default()
             };
         }
-        let labelled: Vec<_> = algorithms
-            .iter()
-            .cloned()
-            .zip(LABELS)
-            .map(|(algorithm, label)| algorithm.called(label.to_owned()))
-            .collect();
+        let labelled = [0, 1].map(|i| algorithms[i].clone().called(LABELS[i].to_owned()));
         self.judge.grid = now.grid;
         self.judge.cells = now.cells;
         self.manifest.algorithms = Manifest::new("tune", &labelled)?.algorithms;
@@ -250,10 +233,8 @@ impl Bench {
         match &mut self.matchers {
             None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
             Some(matchers) => {
-                let others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
-                others
-                    .map(|(algorithm, _)| algorithm)
-                    .try_for_each(|algorithm| matchers.replace(algorithm))?;
+                let mut others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
+                others.try_for_each(|(algorithm, _)| matchers.replace(algorithm))?;
             }
         }
         if !(is_old[1] && is_ruled) {
@@ -262,13 +243,6 @@ impl Bench {
         self.built = algorithms.map(Some);
         self.rules = rules;
         Ok(())
-    }
-
-    fn say_viewer_is_gone(&self, error: &svl::Error) {
-        let mut state = self.shared.0.lock();
-        state.shown.says = Some(format!(
-            "Rerun is gone, continuing without pictures: {error}"
-        ));
     }
 
     fn show_frame(&mut self, job: &Job, number: u64) -> svl::Result<()> {
@@ -291,7 +265,8 @@ impl Bench {
         let viewer = sinks.pop().filter(|_| !sinks.is_empty());
         match &ran {
             Err(error) if viewer.is_some() => {
-                self.say_viewer_is_gone(error);
+                let words = format!("Rerun is gone, continuing without pictures: {error}");
+                self.shared.0.lock().shown.says = Some(words);
                 ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
             }
             _ => self.rerun = viewer,
@@ -419,11 +394,8 @@ impl Bench {
     }
 
     fn publish(&self) {
-        let (now, compared): (Vec<_>, Vec<_>) = self
-            .rows
-            .values()
-            .map(|[now, compared]| (now, compared))
-            .unzip();
+        let rows = self.rows.values().map(|[now, compared]| (now, compared));
+        let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
         let changes = changes(&compared, &now, METRICS);
         let ranked_by = [("wrong", true), ("unrivalled", false), ("coverage", false)]
             .into_iter()

@@ -21,10 +21,6 @@ pub(crate) enum Edited {
 }
 
 impl LineEdit {
-    pub(crate) fn new(question: impl Into<String>) -> Self {
-        Self::with(question, "")
-    }
-
     /// Begins with a text that may be changed.
     pub(crate) fn with(question: impl Into<String>, text: impl Into<String>) -> Self {
         let (question, text) = (question.into(), text.into());

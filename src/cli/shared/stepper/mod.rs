@@ -236,13 +236,10 @@ impl<'a> Stepper<'a> {
             Key::Char('.') => self.step(1),
             Key::Char('<') => self.step(-10),
             Key::Char('>') => self.step(10),
-            Key::Char('g') => self.jump = Some(LineEdit::new("go to frame")),
+            Key::Char('g') => self.jump = Some(LineEdit::with("go to frame", "")),
             Key::Char('?') => self.help = true,
             Key::Char(' ') => {
-                self.due = match self.due {
-                    None => Some(Instant::now()),
-                    Some(_) => None,
-                }
+                self.due = self.due.is_none().then(Instant::now);
             }
             Key::Char(c) => self.say(format!("'{c}' does nothing here; ? shows the keys")),
             _ => {}
@@ -251,47 +248,31 @@ impl<'a> Stepper<'a> {
 
     /// Plays on if the next frame is due; a script triggers it with a tick.
     fn tick(&mut self, is_script: bool) {
-        if self
-            .due
-            .is_some_and(|due| is_script || Instant::now() >= due)
-        {
+        let is_reached = |due| is_script || Instant::now() >= due;
+        if self.due.is_some_and(is_reached) {
             self.due = Some(Instant::now() + self.period);
             self.step(1);
         }
     }
 
     fn wait(&self) -> Duration {
-        let due = self
-            .due
-            .map(|due| due.saturating_duration_since(Instant::now()));
-        due.map_or(GLANCE, |due| due.min(GLANCE))
+        let left = |due: Instant| due.saturating_duration_since(Instant::now());
+        self.due.map_or(GLANCE, |due| left(due).min(GLANCE))
     }
 
     fn title(&self) -> String {
-        let Frame {
-            sequence,
-            stamp_ns,
-            name,
-            ..
-        } = &*self.frame;
-        let name = name
-            .as_ref()
-            .map_or(String::new(), |name| format!(" '{name}'"));
-        let total = self
-            .store
-            .count()
-            .map_or(String::new(), |count| format!(" of {count}"));
-        let place = if *sequence == self.index {
+        let (source, sequence) = (&self.name, self.frame.sequence);
+        let name = self.frame.name.as_ref().map(|name| format!(" '{name}'"));
+        let total = self.store.count().map(|count| format!(" of {count}"));
+        let (name, total) = (name.unwrap_or_default(), total.unwrap_or_default());
+        let place = if sequence == self.index {
             total
         } else {
             format!(", pair {}{total}", self.index + 1)
         };
-        let seconds = *stamp_ns as f64 / 1e9;
+        let seconds = self.frame.stamp_ns as f64 / 1e9;
         let playing = if self.due.is_some() { "  playing" } else { "" };
-        format!(
-            " {}  frame {sequence}{name}{place}  {seconds:.3} s{playing}",
-            self.name
-        )
+        format!(" {source}  frame {sequence}{name}{place}  {seconds:.3} s{playing}")
     }
 
     fn draw(&self, tool: &mut dyn StepTool, shades: bool, canvas: &mut ratatui::Frame<'_>) {
@@ -310,9 +291,8 @@ impl<'a> Stepper<'a> {
         let words = printable_line(&self.title());
         canvas.render_widget(Paragraph::new(words).style(bar), title);
         tool.draw(self, shades, middle, canvas);
-        let question = tool
-            .question()
-            .or(self.jump.as_ref().map(LineEdit::to_string));
+        let jump = self.jump.as_ref().map(LineEdit::to_string);
+        let question = tool.question().or(jump);
         let words = question.unwrap_or_else(|| self.message.clone());
         canvas.render_widget(Paragraph::new(printable_line(&words)), message);
         canvas.render_widget(Paragraph::new(tool.hint()).style(bar), keys);
@@ -324,14 +304,10 @@ impl<'a> Stepper<'a> {
 
 fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
     let keys = KEYS.iter().chain(tool.keys());
-    let lines: Vec<_> = keys
-        .map(|(key, does)| format!(" {key:<14} {does}"))
-        .collect();
-    let width = lines
-        .iter()
-        .map(|line| line.chars().count() + 3)
-        .max()
-        .unwrap_or(0) as u16;
+    let lines = keys.map(|(key, does)| format!(" {key:<14} {does}"));
+    let lines: Vec<_> = lines.collect();
+    let widths = lines.iter().map(|line| line.chars().count() + 3);
+    let width = widths.max().unwrap_or(0) as u16;
     let height = lines.len() as u16 + 2;
     let place = area.centered(Constraint::Length(width), Constraint::Length(height));
     canvas.render_widget(Clear, place);

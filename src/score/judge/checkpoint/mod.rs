@@ -12,9 +12,8 @@ pub use tally::CheckpointTally;
 use super::{CellJudgement, Verdict};
 use std::cmp::Ordering;
 use std::fmt::Display;
-use svl_core::counted;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape, hash_words};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted, joined};
 
 /// Frames of a run, and what must be seen in them.
 ///
@@ -182,13 +181,10 @@ impl Checkpoint {
     /// [`Error::Invalid`] with the name of the checkpoint and its contradiction.
     pub fn validate(&self, shape: GridShape) -> Result<()> {
         self.place.validate().or_else(|what| self.wrong(what))?;
+        let mut frames = self.pairs.iter().map(|pair| pair.frame);
         if let CheckpointPlace::Frames([first, last]) = self.place
-            && let Some(pair) = self
-                .pairs
-                .iter()
-                .find(|p| p.frame < first || last < p.frame)
+            && let Some(frame) = frames.find(|frame| !(first..=last).contains(frame))
         {
-            let frame = pair.frame;
             return self.wrong(format!(
                 "frame {frame} was labelled, and its frames are {first} to {last}: extend them, or \
                  label it in one of these"
@@ -373,11 +369,8 @@ impl Checkpoint {
         let cells = self.cells.iter().chain(others).filter_map(of_cell);
         let orders = self.order.iter().filter(|cells| !is_ordered(cells, grid));
         let orders = orders.map(|cells| {
-            let names: Vec<_> = cells.iter().map(name).collect();
-            format!(
-                "{} are not in this order, from near to far",
-                names.join(", ")
-            )
+            let names = joined(cells.iter().map(name));
+            format!("{names} are not in this order, from near to far")
         });
         cells.chain(orders).collect()
     }
@@ -392,19 +385,15 @@ impl Checkpoint {
     ) -> CheckpointFrame {
         let judgement = |[column, row]: [usize; 2]| {
             let place = row * grid.shape().columns + column;
-            judgements
-                .map(|judgements| judgements[place])
-                .unwrap_or_default()
+            judgements.map_or_else(CellJudgement::default, |own| own[place])
         };
         let count = |cells: &[[usize; 2]], v: Verdict| {
             cells.iter().filter(|&&c| judgement(c).verdict == v).count()
         };
         let depth = |[column, row]: [usize; 2]| grid.cell(column, row).depth;
         let expected = |v: Verdict| {
-            let verdicts = self
-                .expected
-                .iter()
-                .map(|cell| cell.judge(grid.cell(cell.at[0], cell.at[1]), rule));
+            let cells = self.expected.iter();
+            let verdicts = cells.map(|cell| cell.judge(grid.cell(cell.at[0], cell.at[1]), rule));
             verdicts.filter(|verdict| *verdict == v).count()
         };
         let must_right = count(&self.must, Verdict::Right);
@@ -421,10 +410,8 @@ impl Checkpoint {
         let must = self.must.iter().map(|cell| (cell, judgement(*cell)));
         let must = must.filter(|(_, truth)| !is_far(truth));
         let must = must.map(|(cell, truth)| error(truth.true_m, cell));
-        let measured = self
-            .expected
-            .iter()
-            .filter(|cell| cell.distance_m().is_some());
+        let measured = self.expected.iter();
+        let measured = measured.filter(|cell| cell.distance_m().is_some());
         let measured = measured.map(|cell| error(cell.distance_m(), &cell.at));
         CheckpointFrame {
             passed: missing == 0 && wrong == 0 && order_holds,
@@ -501,7 +488,7 @@ impl CheckpointFrame {
                 .then(|| format!("{} missing: not right, or not seen", cells(self.missing))),
             (!self.order_holds).then(|| "order of distances not seen".to_owned()),
         ];
-        (!self.passed).then(|| amiss.into_iter().flatten().collect::<Vec<_>>().join(", "))
+        (!self.passed).then(|| joined(amiss.into_iter().flatten()))
     }
 }
 

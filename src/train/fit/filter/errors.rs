@@ -55,15 +55,11 @@ impl WindowErrors {
     /// From scores with their categories: scores above the threshold are accepted.
     pub fn new(scores: &[(f32, bool)], threshold: f32) -> Self {
         let labelled = |is: bool| scores.iter().filter(move |(_, category)| *category == is);
-        let accepted = labelled(false)
-            .filter(|(score, _)| *score > threshold)
-            .count();
-        let rejected = labelled(true)
-            .filter(|(score, _)| *score <= threshold)
-            .count();
+        let accepted = labelled(false).filter(|own| own.0 > threshold);
+        let rejected = labelled(true).filter(|own| own.0 <= threshold);
         Self {
-            false_acceptance: ErrorRate::new(accepted, labelled(false).count()),
-            false_rejection: ErrorRate::new(rejected, labelled(true).count()),
+            false_acceptance: ErrorRate::new(accepted.count(), labelled(false).count()),
+            false_rejection: ErrorRate::new(rejected.count(), labelled(true).count()),
         }
     }
 }

@@ -110,15 +110,15 @@ impl WindowSamples {
         labels: &WindowLabels<'_>,
     ) -> Result<()> {
         let (features, left) = (self.features, frame.pair.left());
+        let truth = frame.truth.as_ref();
         let side = features.window;
         let windows = FilterWindows::new(self.kind, side, left.size(), GridShape::default())?;
         for (window, &at) in windows.corners().iter().enumerate() {
             let is = match labels {
                 WindowLabels::Given(labels) => labels.get(frame.sequence, window),
-                WindowLabels::Truth { range_px } => frame
-                    .truth
-                    .as_ref()
-                    .and_then(|truth| true_label(self.kind, truth, at, side, *range_px)),
+                WindowLabels::Truth { range_px } => {
+                    truth.and_then(|truth| true_label(self.kind, truth, at, side, *range_px))
+                }
             };
             let Some(is) = is else {
                 continue;
@@ -206,9 +206,9 @@ impl WindowSamples {
     /// Hash of all features and labels.
     pub fn hash(&self) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
-        self.inputs
-            .iter()
-            .for_each(|value| hasher.update(&value.to_le_bytes()));
+        for value in &self.inputs {
+            hasher.update(&value.to_le_bytes());
+        }
         for sample in &self.samples {
             hasher.update(&[u8::from(sample.is), self.parts[sample.group] as u8]);
         }
@@ -232,10 +232,8 @@ impl WindowSamples {
         is: bool,
         most: usize,
     ) -> Vec<(&WindowSample, f32)> {
-        let samples = self
-            .indices(SamplePart::Test)
-            .map(|i| &self.samples[i])
-            .zip(scores);
+        let tested = self.indices(SamplePart::Test);
+        let samples = tested.map(|i| &self.samples[i]).zip(scores);
         let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
         let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
         wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));

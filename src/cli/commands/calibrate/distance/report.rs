@@ -24,10 +24,8 @@ pub(super) struct DistanceReport {
 
 impl DistanceReport {
     pub(super) fn new(measurements: Vec<Measurement>) -> anyhow::Result<Self> {
-        let pairs: Vec<_> = measurements
-            .iter()
-            .map(|m| (m.distance_cm, m.disparity_px))
-            .collect();
+        let pairs = measurements.iter();
+        let pairs: Vec<_> = pairs.map(|m| (m.distance_cm, m.disparity_px)).collect();
         let pinhole = PinholeFit::fit(&pairs)?;
         let polynomial = DistanceCurve::fit(&pairs).map_err(|e| e.to_string());
         Ok(Self {
@@ -38,22 +36,20 @@ impl DistanceReport {
         })
     }
 
+    fn curve(&self) -> Option<&DistanceCurve> {
+        self.polynomial.as_ref().ok()
+    }
+
     /// Curve minus measurement, centimetres: of the polynomial and of the pinhole curve.
     fn residuals_cm(&self, (cm, px): (f64, f64)) -> [Option<f64>; 2] {
-        let polynomial = self
-            .polynomial
-            .as_ref()
-            .ok()
-            .and_then(|curve| curve.distance_cm(px));
+        let polynomial = self.curve().and_then(|curve| curve.distance_cm(px));
         [polynomial, self.pinhole.distance_cm(px)].map(|distance| Some(distance? - cm))
     }
 
     fn rms_cm(&self, which: usize) -> Option<f64> {
-        let squares: Option<Vec<f64>> = self
-            .pairs
-            .iter()
-            .map(|&pair| Some(self.residuals_cm(pair)[which]?.powi(2)))
-            .collect();
+        let pairs = self.pairs.iter();
+        let squares = pairs.map(|&pair| Some(self.residuals_cm(pair)[which]?.powi(2)));
+        let squares: Option<Vec<f64>> = squares.collect();
         squares.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
@@ -61,38 +57,29 @@ impl DistanceReport {
     fn focal_baseline(&self) -> Option<f64> {
         let factor = |m: &Measurement| m.seen.as_ref()?.focal_baseline_cm_px;
         let first = factor(self.measurements.first()?)?;
-        self.measurements
-            .iter()
-            .all(|m| factor(m) == Some(first))
-            .then_some(first)
+        let mut all = self.measurements.iter();
+        all.all(|m| factor(m) == Some(first)).then_some(first)
     }
 
     /// Disparity ranges in which the polynomial is valid.
     fn usable_px(&self) -> Vec<(f64, f64)> {
-        self.polynomial
-            .as_ref()
-            .map(|curve| curve.usable_px(&self.pairs, SHARE))
-            .unwrap_or_default()
+        let usable = self
+            .curve()
+            .map(|curve| curve.usable_px(&self.pairs, SHARE));
+        usable.unwrap_or_default()
     }
 
     /// The polynomial's distance; `None` outside its valid ranges.
     fn polynomial_cm(&self, px: f64) -> Option<f64> {
-        let usable = self
-            .usable_px()
-            .iter()
-            .any(|(from, to)| (*from..=*to).contains(&px));
-        self.polynomial
-            .as_ref()
-            .ok()
-            .filter(|_| usable)?
-            .distance_cm(px)
+        let mut usable = self.usable_px().into_iter();
+        let is_usable = usable.any(|(from, to)| (from..=to).contains(&px));
+        self.curve().filter(|_| is_usable)?.distance_cm(px)
     }
 
     /// The farthest valid distance, and its disparity.
     fn farthest(&self) -> Option<(f64, f64)> {
-        self.pinhole
-            .farthest_cm(SHARE)
-            .map(|cm| (cm, self.pinhole.disparity_px(cm)))
+        let farthest_cm = self.pinhole.farthest_cm(SHARE)?;
+        Some((farthest_cm, self.pinhole.disparity_px(farthest_cm)))
     }
 
     fn table(&self) -> Table {
@@ -130,14 +117,11 @@ impl DistanceReport {
         let rms = self.rms_cm(0).unwrap_or_default();
         let (from, to) = curve.measured_px().into_inner();
         let usable = self.usable_px();
-        let ranges: Vec<_> = usable
-            .iter()
-            .map(|(from, to)| format!("{from:.1} to {to:.1} px"))
-            .collect();
-        let ranges = if ranges.is_empty() {
-            "nowhere".to_owned()
-        } else {
-            ranges.join(", ")
+        let ranges = usable.iter();
+        let ranges = ranges.map(|(from, to)| format!("{from:.1} to {to:.1} px"));
+        let ranges = match &ranges.collect::<Vec<_>>()[..] {
+            [] => "nowhere".to_owned(),
+            ranges => ranges.join(", "),
         };
         let oscillates = if usable == [(from, to)] {
             ""
@@ -158,16 +142,13 @@ impl DistanceReport {
             Ok(curve) => text += &self.polynomial_text(curve),
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
-        let rms = self
-            .rms_cm(1)
-            .map_or("unknown".to_owned(), |rms| format!("{rms:.1} cm"));
+        let (a, b, noise) = (pinhole.a_cm_px(), pinhole.b_px(), pinhole.noise_px());
+        let rms = self.rms_cm(1).map(|rms| format!("{rms:.1} cm"));
+        let rms = rms.unwrap_or_else(|| "unknown".to_owned());
         writeln!(
             text,
-            "a/(d+b): a = {:.1} ± {deviation_a:.1} cm·px, b = {:.2} ± {deviation_b:.2} px, \
-             rms {rms}, {:.2} px",
-            pinhole.a_cm_px(),
-            pinhole.b_px(),
-            pinhole.noise_px()
+            "a/(d+b): a = {a:.1} ± {deviation_a:.1} cm·px, b = {b:.2} ± {deviation_b:.2} px, \
+             rms {rms}, {noise:.2} px"
         )?;
         let percent = 100.0 * SHARE;
         match self.farthest() {
@@ -182,7 +163,7 @@ impl DistanceReport {
             )?,
         }
         if let Some(f_b) = self.focal_baseline() {
-            let off = 100.0 * (pinhole.a_cm_px() / f_b - 1.0);
+            let off = 100.0 * (a / f_b - 1.0);
             writeln!(
                 text,
                 "  by the recordings' calibration f·B = {f_b:.1} cm·px: a is {off:+.2} % off"
@@ -200,12 +181,8 @@ impl DistanceReport {
             value["pinhole_weight"] = json!(weight);
             value
         };
-        let rows = self
-            .measurements
-            .iter()
-            .zip(self.pinhole.weights())
-            .zip(&self.pairs)
-            .map(measurement);
+        let rows = self.measurements.iter().zip(self.pinhole.weights());
+        let rows = rows.zip(&self.pairs).map(measurement);
         let polynomial = self.polynomial.as_ref().map(|curve| {
             let (from_px, to_px) = curve.measured_px().into_inner();
             json!({
@@ -255,20 +232,13 @@ impl DistanceReport {
     pub(super) fn figure(&self) -> anyhow::Result<String> {
         let largest = self.pairs.iter().map(|(_, px)| *px).fold(0.0, f64::max);
         let farthest = self.farthest().map_or(f64::INFINITY, |(_, px)| px);
-        let steps = (1..=(2.0 * 1.1 * largest).ceil() as u32)
-            .map(|i| 0.5 * f64::from(i))
-            .filter(|px| *px >= farthest);
-        let pinhole = steps
-            .filter_map(|px| Some((px, self.pinhole.distance_cm(px)?)))
-            .collect();
-        let mut curves = Vec::new();
-        curves.extend(
-            self.polynomial
-                .as_ref()
-                .ok()
-                .map(|curve| ("degree 5".to_owned(), curve.points())),
-        );
-        curves.push(("a/(d + b)".to_owned(), pinhole));
+        let steps = (1..=(2.0 * 1.1 * largest).ceil() as u32).map(|i| 0.5 * f64::from(i));
+        let steps = steps.filter(|px| *px >= farthest);
+        let pinhole = steps.filter_map(|px| Some((px, self.pinhole.distance_cm(px)?)));
+        let polynomial = self.curve().map(DistanceCurve::points);
+        let polynomial = polynomial.map(|points| ("degree 5".to_owned(), points));
+        let mut curves: Vec<_> = polynomial.into_iter().collect();
+        curves.push(("a/(d + b)".to_owned(), pinhole.collect()));
         let chart = distance_chart(curves, vec![("measured".into(), self.pairs.clone())]);
         Ok(chart.svg())
     }

@@ -150,10 +150,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {
-    let says = format!(
-        "is set by {}; leave it out, or name another scenario with -o",
-        output.display()
-    );
+    let output = output.display();
+    let says = format!("is set by {output}; leave it out, or name another scenario with -o");
     if args.grid.is_some() {
         return Err(usage::wrong(format!("--grid {says}")));
     }
@@ -245,12 +243,8 @@ impl Labelling {
         if let Some(viewer) = &self.viewer {
             viewer.finish()?;
         }
-        let lines: String = self
-            .written
-            .iter()
-            .map(|line| line.clone() + "\n")
-            .collect();
-        print(&lines)?;
+        let lines = self.written.iter().map(|line| line.clone() + "\n");
+        print(&lines.collect::<String>())?;
         let draft = self.draft_file.path().display().to_string();
         let cells = counted(self.draft.cells.len(), "labelled cell");
         match ended {

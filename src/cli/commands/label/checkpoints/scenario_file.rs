@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use svl::files::safe_name;
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
-use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, FrameOrigin};
+use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, FrameOrigin, LabelledPair};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
 
@@ -40,10 +40,8 @@ impl ScenarioFile {
     /// # Errors
     /// The file is not a scenario, or does not list the source.
     pub(super) fn read(path: &Path, source: &str) -> anyhow::Result<Option<Self>> {
-        if !path
-            .try_exists()
-            .map_err(|error| svl::Error::io(path, error))?
-        {
+        let exists = path.try_exists();
+        if !exists.map_err(|error| svl::Error::io(path, error))? {
             return Ok(None);
         }
         let scenario = Scenario::read(path)?;
@@ -69,9 +67,8 @@ impl ScenarioFile {
             ScenarioSource::Arena { .. } => {}
             ScenarioSource::Drive { .. } => {
                 return Err(usage::wrong(format!(
-                    "{}: its frames depend on the algorithm; label checkpoints of the arena or of \
-                     recordings",
-                    path.display()
+                    "{shown}: its frames depend on the algorithm; label checkpoints of the arena \
+                     or of recordings"
                 )));
             }
             ScenarioSource::Dataset { .. } => {
@@ -125,14 +122,12 @@ impl ScenarioFile {
         let first = stepper.frame().sequence;
         let own = |checkpoint: &&Checkpoint| run.is_in(checkpoint.file.as_deref());
         for checkpoint in self.scenario.checkpoints.iter().filter(own) {
-            if let Some(pair) = first_other(&checkpoint.pairs, stepper) {
+            if let Some(LabelledPair { frame, .. }) = first_other(&checkpoint.pairs, stepper) {
+                let Checkpoint { number, name, .. } = checkpoint;
                 bail!(
-                    "{}: checkpoint {} ({}) was labelled at another frame {} than this source \
-                     has; name the recording of then, or another scenario with -o",
-                    self.path.display(),
-                    checkpoint.number,
-                    checkpoint.name,
-                    pair.frame
+                    "{}: checkpoint {number} ({name}) was labelled at another frame {frame} than \
+                     this source has; name the recording of then, or another scenario with -o",
+                    self.path.display()
                 );
             }
         }
@@ -161,11 +156,7 @@ impl ScenarioFile {
 
     /// The number of the next checkpoint.
     pub(super) fn next_number(&self) -> u32 {
-        let numbers = self
-            .scenario
-            .checkpoints
-            .iter()
-            .map(|checkpoint| checkpoint.number);
+        let numbers = self.scenario.checkpoints.iter().map(|own| own.number);
         numbers.max().map_or(1, |number| number.saturating_add(1))
     }
 
@@ -192,10 +183,8 @@ impl ScenarioFile {
         let scenario = Scenario::parse(&text, &self.path)?;
         scenario.recordings()?;
         if self.begun.is_some() && self.path.exists() {
-            bail!(
-                "{}: was made meanwhile; quit, and start again to extend it",
-                self.path.display()
-            );
+            let shown = self.path.display();
+            bail!("{shown}: was made meanwhile; quit, and start again to extend it");
         }
         replace(&self.path, &text, true)?;
         (self.scenario, self.begun) = (scenario, None);
@@ -228,12 +217,8 @@ impl ScenarioFile {
 impl NewScenario<'_> {
     fn text(&self, path: &Path) -> anyhow::Result<String> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let arena_scenario = self
-            .opened
-            .recording
-            .is_none()
-            .then_some(self.opened.scenario.as_deref());
-        let begun = match arena_scenario.flatten() {
+        let scenario = self.opened.scenario.as_deref();
+        let begun = match scenario.filter(|_| self.opened.recording.is_none()) {
             // Everything that the run depends on, and the rule by which its cells are scored.
             Some(arena) => {
                 let seed = self.opened.header.seed.unwrap_or(1);

@@ -157,9 +157,9 @@ impl Labelling {
         let [first, last] = self.draft.frames(shown);
         let labelled = self.draft.labelled();
         if let Some(pair) = labelled.iter().find(|p| p.frame < first || last < p.frame) {
+            let frame = pair.frame;
             stepper.say(format!(
-                "frame {} has a label, and lies outside {first} to {last}: move [ or ], or x",
-                pair.frame
+                "frame {frame} has a label, and lies outside {first} to {last}: move [ or ], or x"
             ));
             return Ok(());
         }
@@ -170,12 +170,10 @@ impl Labelling {
                 return Ok(());
             }
         };
-        let line = format!(
-            "{}: checkpoint {number} '{}': frames {first} to {last}, {}",
-            self.file.path().display(),
-            self.draft.name,
-            counted(self.draft.cells.len(), "cell")
-        );
+        let (path, name) = (self.file.path().display(), &self.draft.name);
+        let cells = counted(self.draft.cells.len(), "cell");
+        let line =
+            format!("{path}: checkpoint {number} '{name}': frames {first} to {last}, {cells}");
         stepper.say(&line);
         self.written.push(line);
         self.draft = Draft::default();
@@ -258,11 +256,9 @@ impl Labelling {
             "" => "(no name yet)",
             name => name,
         };
-        let state = format!(
-            "Frame **{}**. Checkpoint {} **{name}**, frames {first} to {last}.",
-            frame.sequence,
-            self.file.next_number()
-        );
+        let (shown, number) = (frame.sequence, self.file.next_number());
+        let state =
+            format!("Frame **{shown}**. Checkpoint {number} **{name}**, frames {first} to {last}.");
         if let Err(error) = viewer.show(frame, self.shape(), &notes, &state) {
             self.viewer = None;
             stepper.say(format!("{error}; continuing without Rerun"));

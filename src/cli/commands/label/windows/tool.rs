@@ -105,11 +105,10 @@ impl Categorizer {
                 let pair_hash = || frame.pair.hash();
                 self.labels.check(&self.source, labelled, pair_hash)?;
             } else {
+                let (table, source) = (self.labels.path.display(), self.source.display());
                 bail!(
-                    "{}: labels frame {labelled}, which {} does not have; name the recording that \
-                     was labelled, or another table with -o",
-                    self.labels.path.display(),
-                    self.source.display()
+                    "{table}: labels frame {labelled}, which {source} does not have; name the \
+                     recording that was labelled, or another table with -o"
                 );
             }
         }
@@ -187,10 +186,8 @@ impl Categorizer {
     pub(super) fn said(&self) -> String {
         let [yes, no] = self.labels.counts();
         let [is, is_not] = self.labels.kind.spec().categories;
-        format!(
-            "{}: {yes} {is}, {no} {is_not}\n",
-            self.labels.path.display()
-        )
+        let path = self.labels.path.display();
+        format!("{path}: {yes} {is}, {no} {is_not}\n")
     }
 }
 

@@ -107,12 +107,8 @@ impl Tuner {
         }
     }
 
-    pub(super) fn shown(&self) -> &TuneState {
-        &self.shown
-    }
-
     /// The setting that is turned, and the one that it is compared with.
-    pub(super) fn pair(&self) -> [&TunedSetting; 2] {
+    fn pair(&self) -> [&TunedSetting; 2] {
         let Knobs {
             settings,
             compared,
@@ -122,26 +118,13 @@ impl Tuner {
     }
 
     /// The setting that the current algorithm began with.
-    pub(super) fn begun(&self) -> &TunedSetting {
+    fn begun(&self) -> &TunedSetting {
         &self.begun[self.knobs.current]
     }
 
     /// Which of the two is on the screen.
-    pub(super) fn side(&self) -> usize {
+    fn side(&self) -> usize {
         usize::from(self.shows_compared)
-    }
-
-    pub(super) fn shows_all_metrics(&self) -> bool {
-        self.shows_all_metrics
-    }
-
-    /// Number of the algorithm, from 1, and of how many.
-    pub(super) fn place(&self) -> (usize, usize) {
-        (self.knobs.current + 1, self.knobs.settings.len())
-    }
-
-    pub(super) fn chosen(&self) -> usize {
-        self.chosen
     }
 
     fn knob(&self) -> Knob {
@@ -227,12 +210,8 @@ impl Tuner {
             } else {
                 metric.show(*value)
             };
-            let count = ranked.len();
-            stepper.say(format!(
-                "{} {value}: worst {} of {count}",
-                metric.words,
-                place + 1
-            ));
+            let (words, number, count) = (metric.words, place + 1, ranked.len());
+            stepper.say(format!("{words} {value}: worst {number} of {count}"));
         }
     }
 
@@ -303,18 +282,10 @@ impl Tuner {
                 let folder = path.parent().unwrap_or(Path::new(""));
                 scenario_toml(&scenario, &algorithms, &filters, folder)?
             }
-            None => {
-                let list: Vec<_> = algorithms
-                    .iter()
-                    .map(|algorithm| format!("{algorithm:?}"))
-                    .collect();
-                format!("# For a scenario.\nalgorithms = [{}]\n", list.join(", "))
-            }
+            None => format!("# For a scenario.\nalgorithms = {algorithms:?}\n"),
         };
-        let head = format!(
-            "# Written by `svl tune`, svl {}.\n",
-            env!("CARGO_PKG_VERSION")
-        );
+        let version = env!("CARGO_PKG_VERSION");
+        let head = format!("# Written by `svl tune`, svl {version}.\n");
         let markdown = self.markdown(stepper.name());
         usage::ends_in(path, &["toml"])?;
         let words = outputs::write_with_page(path, &(head + &toml), &markdown)?;
@@ -410,12 +381,12 @@ impl StepTool for Tuner {
                 self.ask_value(value);
             }
             Key::Char('r') => {
-                let (knob, begun) = (self.knob(), &self.begun[self.knobs.current]);
-                let reset = self.pair()[0].with(&knob, &begun.value(&knob));
+                let knob = self.knob();
+                let reset = self.pair()[0].with(&knob, &self.begun().value(&knob));
                 self.set(reset, stepper);
             }
             Key::Char('R') => {
-                let begun = self.begun[self.knobs.current].clone();
+                let begun = self.begun().clone();
                 self.set(Ok(begun), stepper);
             }
             Key::Tab => self.go_to_next_algorithm(stepper),

@@ -11,7 +11,7 @@ use ratatui::widgets::{Paragraph, Wrap};
 use svl::report::compare::{Change, Judgement, signed};
 use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use svl::stereo::Reason;
-use svl::tune::{Knob, KnobPart};
+use svl::tune::KnobPart;
 
 /// Width of the knobs, characters.
 const KNOBS: u16 = 31;
@@ -91,7 +91,8 @@ fn heading(tuner: &Tuner) -> Line<'static> {
             Span::raw("  as compared with; a: back"),
         ],
     };
-    if let (place, count @ 2..) = tuner.place() {
+    let (place, count) = (tuner.knobs.current + 1, tuner.knobs.settings.len());
+    if count > 1 {
         spans.push(Span::raw(format!("  ({place} of {count}, Tab)")));
     }
     Line::from(spans)
@@ -101,13 +102,12 @@ fn heading(tuner: &Tuner) -> Line<'static> {
 fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rect, usize)> {
     let [now, compared] = tuner.pair();
     let shown = tuner.pair()[tuner.side()];
-    let begun = tuner.begun();
     let knobs = now.knobs();
     // Headings take a row, too.
     let mut rows: Vec<(Option<usize>, String)> = Vec::new();
     let mut heading = None;
     for (i, knob) in knobs.iter().enumerate() {
-        let own = group(knob);
+        let own = (knob.part != KnobPart::Algorithm).then(|| knob.part.words());
         if own != heading {
             rows.push((None, own.unwrap_or_default().to_owned()));
             heading = own;
@@ -115,7 +115,7 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
         // Grid and cells hold for both settings.
         let other = match knob.part {
             KnobPart::Algorithm | KnobPart::Filter => compared,
-            KnobPart::Grid | KnobPart::Cells => begun,
+            KnobPart::Grid | KnobPart::Cells => tuner.begun(),
         };
         let (value, other) = (shown.value(knob).to_string(), other.value(knob).to_string());
         let value = if value == other {
@@ -123,13 +123,12 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
         } else {
             format!("{value} ({other})")
         };
-        let mark = if i == tuner.chosen() { '>' } else { ' ' };
+        let mark = if i == tuner.chosen { '>' } else { ' ' };
         rows.push((Some(i), format!("{mark}{:<18} {value}", knob.name)));
     }
-    let chosen = rows
-        .iter()
-        .position(|(knob, _)| *knob == Some(tuner.chosen()));
-    let height = usize::from(area.height);
+    let is_chosen = |(knob, _): &(Option<usize>, String)| *knob == Some(tuner.chosen);
+    let chosen = rows.iter().position(is_chosen);
+    let (height, width) = (usize::from(area.height), usize::from(area.width));
     let first = (chosen.unwrap_or(0) + 2)
         .saturating_sub(height)
         .min(rows.len().saturating_sub(height));
@@ -138,13 +137,10 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
         let place = Rect::new(area.x, area.y + y as u16, area.width, 1);
         let style = match knob {
             None => Style::new().add_modifier(Modifier::UNDERLINED),
-            Some(i) if *i == tuner.chosen() => Style::new().add_modifier(Modifier::REVERSED),
+            Some(i) if *i == tuner.chosen => Style::new().add_modifier(Modifier::REVERSED),
             Some(_) => Style::new(),
         };
-        let text: String = text
-            .chars()
-            .take(usize::from(area.width).saturating_sub(1))
-            .collect();
+        let text: String = text.chars().take(width.saturating_sub(1)).collect();
         canvas.render_widget(Paragraph::new(text).style(style), place);
         places.extend(knob.map(|knob| (place, knob)));
     }
@@ -168,17 +164,17 @@ fn numbers(
     area: Rect,
     canvas: &mut ratatui::Frame<'_>,
 ) {
-    let shown = tuner.shown();
+    let shown = &tuner.shown;
     let side = tuner.side();
     let mut lines = vec![sample_head(shown)];
     let numbers = number_lines(shown, side);
     let (why, bars) = (why_lines(shown, side, area.width), 2);
     let room = usize::from(area.height).saturating_sub(2 + bars + why.len());
-    let names = shown_names(&numbers, room, tuner.shows_all_metrics());
+    let names = shown_names(&numbers, room, tuner.shows_all_metrics);
     let fitting = numbers.iter().filter(|line| names.contains(&line.name));
     lines.extend(fitting.map(|line| number_line(line, colors)));
     let more = numbers.len() - names.len();
-    lines.push(match (more, tuner.shows_all_metrics()) {
+    lines.push(match (more, tuner.shows_all_metrics) {
         (0, _) => Line::default(),
         (more, false) => Line::raw(format!("and {more} more: m")),
         (more, true) => Line::raw(format!("and {more} more on a taller terminal")),
@@ -250,15 +246,10 @@ fn compact(metric: &Metric, value: f64) -> String {
 /// Lines of the metrics that the frame or the sample has.
 fn number_lines(shown: &TuneState, side: usize) -> Vec<NumberLine> {
     let line = |metric: &'static Metric| {
-        let frame = shown
-            .frame
-            .as_ref()
-            .and_then(|frame| frame_value(frame, metric, side));
-        let change = shown
-            .sample
-            .changes
-            .iter()
-            .find(|change| change.metric == metric);
+        let frame = shown.frame.as_ref();
+        let frame = frame.and_then(|frame| frame_value(frame, metric, side));
+        let mut changes = shown.sample.changes.iter();
+        let change = changes.find(|change| change.metric == metric);
         if frame.is_none() && change.is_none() {
             return None;
         }
@@ -320,11 +311,8 @@ fn bar_line(sample: &SampleView, stepper: &Stepper<'_>, width: u16) -> Line<'sta
         return Line::default();
     };
     let head = format!("{:<14}", metric.name);
-    let values: Vec<_> = sample
-        .values
-        .iter()
-        .map(|(_, value)| value.unwrap_or(0.0))
-        .collect();
+    let values = sample.values.iter();
+    let values: Vec<_> = values.map(|(_, value)| value.unwrap_or(0.0)).collect();
     let most = values.iter().fold(0.0_f64, |a, v| a.max(*v));
     let columns = usize::from(width)
         .saturating_sub(head.len() + 1)
@@ -379,7 +367,7 @@ fn why_lines(shown: &TuneState, side: usize, width: u16) -> Vec<Line<'static>> {
 }
 
 fn draw_pictures(tuner: &Tuner, shades: bool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
-    let Some(frame) = &tuner.shown().frame else {
+    let Some(frame) = &tuner.shown.frame else {
         return;
     };
     let halves = [Constraint::Fill(1); 2];
@@ -400,21 +388,14 @@ fn draw_pictures(tuner: &Tuner, shades: bool, area: Rect, canvas: &mut ratatui::
 /// The chosen knob in words.
 fn description(tuner: &Tuner) -> String {
     let knobs = tuner.pair()[0].knobs();
-    let Some(knob) = knobs.get(tuner.chosen()) else {
+    let Some(knob) = knobs.get(tuner.chosen) else {
         return String::new();
     };
     let unit = match knob.unit {
         "" => String::new(),
         unit => format!(" {unit}"),
     };
-    let default = knob.range.default();
-    format!(
-        "{}:{} {}; default {default}{unit}. {}",
-        knob.name, "", knob.range, knob.description
-    )
-}
-
-/// The part that a knob belongs to, if that is not the algorithm.
-fn group(knob: &Knob) -> Option<&'static str> {
-    (knob.part != KnobPart::Algorithm).then(|| knob.part.words())
+    let (name, range, description) = (knob.name, knob.range, knob.description);
+    let default = range.default();
+    format!("{name}: {range}; default {default}{unit}. {description}")
 }
