@@ -81,16 +81,9 @@ const PACKAGES: [Package; 15] = [
     Package {
         root: "score/lib.rs",
         layers: &[
-            &["notice"],
-            &[
-                "agreement",
-                "bootstrap",
-                "holm",
-                "judge",
-                "losses",
-                "memory",
-            ],
-            &["plausibility", "scenario", "sign_test"],
+            &["bootstrap", "holm", "notice"],
+            &["agreement", "judge", "losses", "memory"],
+            &["plausibility", "scenario"],
             &["drive", "manifest", "resize"],
         ],
     },
@@ -291,6 +284,28 @@ fn uses_are_followed_through_re_exports() {
     write("high.rs", "use crate::low::Name;\n");
     let source = Crate::read(&folder.path().join("lib.rs"));
     assert!(upward(&source, &[], &[&["low"], &["high"]]).is_empty());
+}
+
+/// The map of `docs/architecture.md`: an indented tree of folders.
+#[test]
+fn the_map_draws_folders_that_exist() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(repository.join("docs/architecture.md")).unwrap();
+    let map = page.split("```text\nsrc/\n").nth(1).expect("a map");
+    let mut folders = vec![repository.join("src")];
+    let mut count = 0;
+    for line in map.lines().take_while(|line| !line.starts_with("```")) {
+        let depth = (line.len() - line.trim_start().len()) / 2;
+        let names = line.split_whitespace();
+        for name in names.take_while(|word| word.ends_with('/')) {
+            folders.truncate(depth);
+            let folder = folders[depth - 1].join(name);
+            assert!(folder.is_dir(), "no folder {}", folder.display());
+            folders.push(folder);
+            count += 1;
+        }
+    }
+    assert!(count > 50, "{count} folders");
 }
 
 #[test]

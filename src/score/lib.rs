@@ -12,4 +12,3 @@ pub mod notice;
 pub mod plausibility;
 pub mod resize;
 pub mod scenario;
-pub mod sign_test;

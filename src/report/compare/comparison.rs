@@ -13,9 +13,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Result, counted};
 use svl_score::bootstrap::{self, TestMethod};
+use svl_score::holm;
+use svl_score::judge::signs;
 use svl_score::judge::{AreaChoice, Cases, ColumnChoice, METRICS, Metric, MetricUnit};
 use svl_score::manifest::{Manifest, Purpose};
-use svl_score::{holm, sign_test};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -147,7 +148,7 @@ impl Comparison {
             origins: join.runs.map(|run| origin(&run.manifest)),
             incomplete: join.runs.iter().filter_map(incomplete).collect(),
             method: if join.is_driven {
-                sign_test::method(join.tests())
+                signs::method(join.tests())
             } else {
                 bootstrap::METHOD
             },

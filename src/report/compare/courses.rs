@@ -7,8 +7,8 @@ use crate::subjects::drives::{DriveRow, drive_parts, has_driven};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;
+use svl_score::judge::signs;
 use svl_score::judge::{Better, Metric, MetricOrigin};
-use svl_score::sign_test;
 
 /// Limit of the courses in a line and in a table.
 const MAX_LISTED: usize = 6;
@@ -65,7 +65,7 @@ impl Change {
             changed.count()
         };
         let [up, down] = [changed(|b, a| b > a), changed(|b, a| b < a)];
-        let fewest = sign_test::fewest_changes(tests);
+        let fewest = signs::fewest_changes(tests);
         // Even if all that differ do so in one direction, it may be chance.
         let is_tested = courses.len() >= fewest && !(1..fewest).contains(&(up + down));
         // A robot that stands hits nothing.
@@ -73,7 +73,7 @@ impl Change {
         let p = if stands {
             1.0
         } else {
-            sign_test::p_value([up, down])
+            signs::p_value([up, down])
         };
         let is_real = is_tested.then_some(p <= MAX_P);
         Ok(Self {

@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_score::bootstrap::METHOD;
 use svl_score::holm::MAX_P;
+use svl_score::judge::signs;
 use svl_score::judge::{AreaChoice, Better, Measured, Metric, MetricUnit};
-use svl_score::sign_test;
 use svl_sim::stress::Stress;
 
 /// Fewest frames of a checkpoint that can be lost.
@@ -223,7 +223,7 @@ fn lost_checkpoints(
         let now = now.find(|now| now.checkpoint == own.checkpoint && now.frames >= MIN_FRAMES);
         now.is_some_and(|now| {
             let more = failed(now).saturating_sub(failed(own));
-            passes(own) && !passes(now) && sign_test::p_value([more, 0]) <= MAX_P
+            passes(own) && !passes(now) && signs::p_value([more, 0]) <= MAX_P
         })
     };
     let own = before.iter().filter(|own| own.algorithm == label);

@@ -12,6 +12,7 @@ mod measured;
 mod metrics;
 mod photometric;
 pub mod protocol;
+pub mod signs;
 mod sparse;
 mod support;
 mod truth;

@@ -3,7 +3,6 @@
 use crate::cli::shared::data::{DataField, data_text, field};
 use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print_value, style, width};
-use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::pass::report_losses;
@@ -33,17 +32,13 @@ pub(super) struct Args {
     recording: String,
     #[command(flatten)]
     options: SourceOptions,
-    /// Measure this many pairs, spread over all
-    #[arg(
-        long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
-        value_parser = usage::within(1..=1_000_000u32), help_heading = "Input",
-        hide_short_help = true
-    )]
-    pairs: u32,
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
+
+/// Number of measured pairs, spread over all.
+const MEASURED_PAIRS: u64 = 20;
 
 const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss"];
 
@@ -58,7 +53,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // A source of unknown length is sampled in its first ten seconds or so.
     let step = source
         .pairs()
-        .map_or(10, |pairs| pairs.div_ceil(args.pairs.into()))
+        .map_or(10, |pairs| pairs.div_ceil(MEASURED_PAIRS))
         .max(1);
     let mut meter = AlignmentMeter::new();
     let mut taken = 0;
@@ -67,7 +62,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             meter.add(&frame.pair);
         }
         taken += 1;
-        if taken >= step * u64::from(args.pairs) {
+        if taken >= step * MEASURED_PAIRS {
             break;
         }
     }

@@ -54,9 +54,6 @@ pub(crate) struct Args {
     /// one with the least validation error is kept [default: floor 55, too-close 100]
     #[arg(long, value_name = "LIST", value_parser = sizes, help_heading = "Training")]
     hidden: Option<Sizes>,
-    /// Seed of the initial weights and of the order of the windows
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Training")]
-    fit_seed: u64,
     /// Largest number of passes over the training set
     #[arg(
         long, value_name = "N", default_value_t = TrainSettings::EPOCHS,
@@ -77,6 +74,8 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// Seed of the initial weights and of the order of the windows.
+const SEED: u64 = 1;
 /// Seeds of each size, where several are tried.
 const SEEDS: u64 = 3;
 
@@ -125,12 +124,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let labelled = labelled(args, terminal)?;
     let (mut samples, fitted) = windows(args.kind, args.max_disparity, labelled, terminal)?;
     let (hidden, seeds) = match &args.hidden {
-        None => (vec![spec.hidden], vec![args.fit_seed]),
-        Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.fit_seed]),
-        Some(Sizes(sizes)) => (
-            sizes.clone(),
-            (args.fit_seed..args.fit_seed + SEEDS).collect(),
-        ),
+        None => (vec![spec.hidden], vec![SEED]),
+        Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![SEED]),
+        Some(Sizes(sizes)) => (sizes.clone(), (SEED..SEED + SEEDS).collect()),
     };
     let settings = TrainSettings {
         hidden,

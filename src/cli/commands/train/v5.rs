@@ -60,11 +60,8 @@ pub(crate) struct Args {
     )]
     algo: Algorithm,
     /// Keep the network of --algo and fit its tables to all runs: for a few recordings of your own
-    #[arg(long, conflicts_with_all = ["fit_seed", "epochs"], help_heading = "Training")]
+    #[arg(long, conflicts_with = "epochs", help_heading = "Training")]
     tables_only: bool,
-    /// Seed of the network's initial weights and of the order of the pixels
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Training")]
-    fit_seed: u64,
     /// Number of passes of the network over its training set
     #[arg(
         long, value_name = "N", default_value_t = 25,
@@ -78,6 +75,9 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Output")]
     json: bool,
 }
+
+/// Seed of the network's initial weights and of the order of the pixels.
+const SEED: u64 = 1;
 
 fn check_algorithm(algorithm: &Algorithm) -> anyhow::Result<()> {
     let parameters = algorithm.parameters();
@@ -101,7 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let inputs = paths.iter().map(|path| path.as_path());
     let mut outputs = Outputs::claim(args.force, inputs, [args.output.as_path(), &page])?;
     let settings = (!args.tables_only).then_some(GapSettings {
-        seed: args.fit_seed,
+        seed: SEED,
         epochs: args.epochs,
     });
     let with = |model: &V5Model| {
