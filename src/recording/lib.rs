@@ -64,7 +64,9 @@ pub use clocks::measure::{ClockOffset, TopicClock};
 pub use clocks::scan::ClockRole;
 pub use clocks::table::ClockTable;
 pub use decode::video::topic::VideoSummary;
+pub use message::MessageError;
 pub use message::images::ImageFormat;
+pub use message::ros::message::FieldError;
 pub use message::ros::result_message::{ResultMessage, ResultOptions};
 pub use message::ros::write::CDR_LE;
 pub use message::sync::PairGeometry;
@@ -88,6 +90,7 @@ pub use sensor::view::RawCamera;
 #[doc(hidden)]
 pub use stream::channel::warn_once;
 pub use stream::stamp_rule::StampUnit;
+pub use stream::unpack::UnpackError;
 pub use write::dialect::{Dialect, RecordingFormat};
 pub use write::recovery::Recovery;
 pub use write::topic_file::TopicFile;

@@ -2,6 +2,7 @@
 
 use super::camera;
 use super::camera::Calibration;
+use crate::message::MessageResult;
 use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -67,7 +68,7 @@ impl CameraTrack {
     ///
     /// # Errors
     /// The errors of [`Calibration::check_damage`] against the one before it.
-    pub(crate) fn check_damage(&self, stamp_ns: u64, next: &Calibration) -> Result<(), String> {
+    pub(crate) fn check_damage(&self, stamp_ns: u64, next: &Calibration) -> MessageResult<()> {
         self.at(stamp_ns)
             .map_or(Ok(()), |known| next.check_damage(known))
     }

@@ -131,9 +131,9 @@ impl ClockTable {
     ///
     /// # Errors
     /// The first that permits no pair.
-    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), String> {
+    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), &ClockFault> {
         if let Some(fault) = self.faults.iter().find(|fault| fault.denies_pairs) {
-            return Err(fault.to_string());
+            return Err(fault);
         }
         for fault in &self.faults {
             warn_once(format!("{name}: {fault}"));
@@ -145,10 +145,10 @@ impl ClockTable {
     ///
     /// # Errors
     /// The fault of its stamps.
-    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), String> {
+    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), &ClockFault> {
         let mut faults = self.faults.iter();
         match faults.find(|fault| fault.topic == topic && fault.is_of_unit) {
-            Some(fault) => Err(fault.reason.clone()),
+            Some(fault) => Err(fault),
             None => Ok(()),
         }
     }

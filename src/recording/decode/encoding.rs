@@ -3,6 +3,7 @@
 
 use super::bayer::Tile;
 use crate::message::ros::read::RawPixels;
+use crate::message::{MessageError, MessageResult};
 use Chroma::{Full, Half, Interleaved};
 use Samples::{Bayer8, Bayer16, Color8, Color16, Float32, Float64, Grey8, Grey16};
 use svl_core::joined;
@@ -94,21 +95,22 @@ pub(crate) fn named(name: &str) -> Option<&'static PixelEncoding> {
 }
 
 /// The reason why pixels of an encoding are no image.
-pub(crate) fn why_no_image(name: &str) -> String {
+pub(crate) fn why_no_image(name: &str) -> MessageError {
     if named(name).is_some() {
-        return format!(
-            "its pixels are '{name}', which are depths: name its topic with --truth, and topics \
-             of images with --left and --right"
-        );
+        let cure = ", which are depths: name its topic with --truth, and topics of images with \
+                    --left and --right";
+        return MessageError::Pixels(name.to_owned(), cure.to_owned());
     }
     let images = ENCODINGS.iter().filter(|encoding| encoding.is_image());
     let known = joined(images.map(|encoding| encoding.names[0]));
-    format!("its pixels are '{name}', svl reads {known}: record one of them")
+    let known = format!(", svl reads {known}: record one of them");
+    MessageError::Pixels(name.to_owned(), known)
 }
 
 /// The reason why pixels of an encoding are no depths.
-pub(crate) fn why_no_depths(name: &str) -> String {
-    format!("its pixels are '{name}'; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres")
+pub(crate) fn why_no_depths(name: &str) -> MessageError {
+    let known = "; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres";
+    MessageError::Pixels(name.to_owned(), known.to_owned())
 }
 
 /// Bytes behind an image that are padding, as of a page of memory.
@@ -152,19 +154,14 @@ impl PixelEncoding {
     pub(crate) fn rows<'a>(
         &self,
         raw: &RawPixels<'a>,
-    ) -> Result<impl Iterator<Item = &'a [u8]>, String> {
+    ) -> MessageResult<impl Iterator<Item = &'a [u8]>> {
         let (width, height) = (raw.width as usize, raw.height as usize);
-        let encoding = raw.encoding;
+        let (encoding, got) = (raw.encoding, raw.data.len());
         if width == 0 || height == 0 || raw.data.is_empty() {
-            return Err(format!(
-                "a {width}x{height} {encoding} image without a pixel"
-            ));
+            return Err(MessageError::NoPixel(width, height, encoding.to_owned()));
         }
         if self.chroma == Half && (width % 2, height % 2) != (0, 0) {
-            return Err(format!(
-                "its sides of {width}x{height} are odd, which {encoding} cannot have: crop it to \
-                 even ones"
-            ));
+            return Err(MessageError::OddSides(width, height, encoding.to_owned()));
         }
         // Saturating: the sizes are untrusted numbers from a message.
         let row_bytes = width.saturating_mul(self.bytes());
@@ -176,22 +173,15 @@ impl PixelEncoding {
             Half => (height.saturating_add(height / 2), " and its chroma"),
             Full => (height.saturating_mul(3), " and its chroma"),
         };
+        let what =
+            || format!("a {width}x{height} {encoding} image with rows of {step} bytes{chroma}");
         // A payload of another encoding, as three channels said to be one.
         let whole = all_rows.saturating_mul(step.max(row_bytes));
-        if raw.data.len() > whole.saturating_add(MAX_PADDING_BYTES) {
-            let got = raw.data.len();
-            return Err(format!(
-                "a {width}x{height} {encoding} image with rows of {step} bytes{chroma} is shorter \
-                 than its {got} bytes: its encoding or size is wrong"
-            ));
+        if got > whole.saturating_add(MAX_PADDING_BYTES) {
+            return Err(MessageError::Surplus(what(), got));
         }
-        let rows = files::strided_rows(raw.data, row_bytes, all_rows, step).map_err(|_| {
-            let got = raw.data.len();
-            format!(
-                "a {width}x{height} {encoding} image with rows of {step} bytes{chroma} does not \
-                 fit its {got} bytes"
-            )
-        })?;
+        let rows = files::strided_rows(raw.data, row_bytes, all_rows, step)
+            .map_err(|_| MessageError::Length(what(), got))?;
         Ok(rows.take(height))
     }
 }

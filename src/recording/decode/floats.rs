@@ -2,18 +2,19 @@
 
 use crate::decode::encoding;
 use crate::decode::encoding::{Samples, samples, u16_of};
+use crate::message::MessageResult;
 use crate::message::ros;
 use crate::message::ros::read::RawPixels;
 use crate::stream::channel::Channel;
 use svl_core::stereo::Plane;
 
 /// The samples of an image of floats, as they are.
-pub(crate) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn floats(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     values(&ros::read(channel, data, ros::image)?.1)
 }
 
 /// The samples of an image of depths, in metres, before invalid ones are removed.
-pub(crate) fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+pub(crate) fn values(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
     let why_no_depths = || encoding::why_no_depths(raw.encoding);
     let encoding = encoding::named(raw.encoding).ok_or_else(why_no_depths)?;
     let rows = encoding.rows(raw)?;
@@ -30,7 +31,7 @@ pub(crate) fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
         _ => return Err(why_no_depths()),
     };
     let (width, height) = (raw.width as usize, raw.height as usize);
-    Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
+    Ok(Plane::from_vec(width, height, depths)?)
 }
 
 pub(crate) fn metres(millimetres: u16) -> f32 {

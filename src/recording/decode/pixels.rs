@@ -3,6 +3,7 @@
 use super::bayer::Tile;
 use super::encoding::{Samples, samples, u16_of};
 use super::{bayer, encoding};
+use crate::message::MessageResult;
 use crate::message::ros::read::RawPixels;
 use svl_core::stereo::Plane;
 use svl_files::{BitDepth, DecodedImage, every_byte};
@@ -25,7 +26,7 @@ impl MessageImage {
 
 /// # Errors
 /// The reason why it cannot be read.
-pub(crate) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
+pub(crate) fn decode(raw: &RawPixels<'_>) -> MessageResult<MessageImage> {
     let why_no_image = || encoding::why_no_image(raw.encoding);
     let encoding = encoding::named(raw.encoding).ok_or_else(why_no_image)?;
     let rows = encoding.rows(raw)?;
@@ -52,7 +53,7 @@ pub(crate) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
         Samples::Float32 | Samples::Float64 => return Err(why_no_image()),
     };
     Ok(MessageImage {
-        image: image.map_err(|e| e.to_string())?,
+        image: image?,
         mosaic: encoding.mosaic(),
     })
 }
@@ -66,7 +67,7 @@ mod tests {
         (width, height): (u32, u32),
         step: u32,
         data: &[u8],
-    ) -> Result<Vec<u8>, String> {
+    ) -> MessageResult<Vec<u8>> {
         let raw = RawPixels {
             width,
             height,

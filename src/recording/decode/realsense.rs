@@ -11,6 +11,7 @@
 //! stream after it: `Infrared1`, `Depth`.
 
 use crate::message::ros;
+use crate::message::{MessageError, MessageResult};
 use crate::stream::channel::Channel;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
@@ -59,14 +60,14 @@ pub(crate) struct StreamCamera {
 
 /// The calibration of a stream. Its images are rectified by the camera, so P is K; the baseline is
 /// in the extrinsics.
-pub(crate) fn calibration(text: &str) -> Result<StreamCamera, String> {
-    let number = |key: &str| numbers::<1>(text, key).map(|[number]| number);
-    let side = |key: &str| {
+pub(crate) fn calibration(text: &str) -> MessageResult<StreamCamera> {
+    let number = |key: &'static str| numbers::<1>(text, key).map(|[number]| number);
+    let side = |key: &'static str| {
         let side = number(key)?;
         if (0.0..1e5).contains(&side) {
             Ok(side as u32)
         } else {
-            Err(format!("its {key} is {side}"))
+            Err(MessageError::Side(key, side))
         }
     };
     let [fx, fy, cx, cy] = [number("fx")?, number("fy")?, number("ppx")?, number("ppy")?];
@@ -90,10 +91,11 @@ pub(crate) fn calibration(text: &str) -> Result<StreamCamera, String> {
 pub(crate) fn transform(
     topic: &str,
     text: &str,
-) -> Result<(String, (String, Isometry3<f64>)), String> {
-    let (stream, reference) = stream_and_reference(topic).ok_or("its topic names no stream")?;
+) -> MessageResult<(String, (String, Isometry3<f64>))> {
+    let (stream, reference) =
+        stream_and_reference(topic).ok_or(MessageError::Unsuited("its topic names no stream"))?;
     let turn = Matrix3::from_column_slice(&numbers::<9>(text, "rotation")?);
-    let turn = rotation(&turn).map_err(|e| e.to_string())?;
+    let turn = rotation(&turn)?;
     let [x, y, z] = numbers::<3>(text, "translation")?;
     let into_stream = Isometry3::from_parts(
         Translation3::new(x, y, z),
@@ -119,20 +121,22 @@ pub(crate) fn unit_m(channel: &Channel, data: &[u8]) -> Option<f32> {
 }
 
 /// The value of `key` in `key=value;…`.
-fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
+fn value<'a>(text: &'a str, key: &'static str) -> MessageResult<&'a str> {
     let mut pairs = text.split(';').filter_map(|pair| pair.split_once('='));
     let found = pairs.find_map(|(name, value)| (name.trim() == key).then_some(value.trim()));
-    found.ok_or_else(|| format!("it has no '{key}'"))
+    found.ok_or(MessageError::NoKey(key))
 }
 
-fn numbers<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
-    let value = value(text, key)?;
-    let wrong = || format!("its '{key}' has to be {N} finite numbers");
-    let numbers = value.split(',').map(|number| number.trim().parse::<f64>());
-    let numbers: Vec<_> = numbers.collect::<Result<_, _>>().map_err(|_| wrong())?;
-    let is_finite = numbers.iter().all(|number| number.is_finite());
-    let numbers = numbers.try_into().ok().filter(|_| is_finite);
-    numbers.ok_or_else(wrong)
+fn numbers<const N: usize>(text: &str, key: &'static str) -> MessageResult<[f64; N]> {
+    let number = |text: &str| {
+        text.trim()
+            .parse()
+            .ok()
+            .filter(|number: &f64| number.is_finite())
+    };
+    let numbers: Option<Vec<_>> = value(text, key)?.split(',').map(number).collect();
+    let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
+    numbers.ok_or(MessageError::Numbers(key, N))
 }
 
 #[cfg(test)]

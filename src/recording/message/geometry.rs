@@ -1,6 +1,7 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
 use super::wire::{Encoded, RosStamp, decode_protobuf, frame_id};
+use super::{MessageError, MessageResult};
 use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampRule;
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
@@ -35,14 +36,13 @@ pub(crate) fn encode_calibration(
 }
 
 /// The rig with exactly these projection matrices, so that rigs survive the round trip.
-pub(crate) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
-    let rig = Rig::from_projections(left, right, 0.0, 0.0, LengthUnit::Metres)
-        .map_err(|e| e.to_string())?;
+pub(crate) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> svl_core::Result<Rig> {
+    let rig = Rig::from_projections(left, right, 0.0, 0.0, LengthUnit::Metres)?;
     let (focal, center) = (rig.focal_px(), rig.center_px());
     let (shift, cx) = (right[(0, 3)], right[(0, 2)]);
     let baseline_m = plainest(rig.baseline_m(), |b| -focal * b == shift);
     let doffs_px = plainest(rig.doffs_px(), |doffs| center.0 + doffs == cx);
-    Rig::new(focal, center, baseline_m, doffs_px).map_err(|e| e.to_string())
+    Rig::new(focal, center, baseline_m, doffs_px)
 }
 
 /// The decimal number with the fewest digits near `value` for which `fits` is true: several doubles
@@ -81,9 +81,12 @@ pub(crate) fn encode_transform(
 }
 
 /// The stamp of a pose, if it has one, and the pose.
-pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Pose), String> {
+pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> MessageResult<(Option<u64>, Pose)> {
     if channel.schema != TRANSFORM {
-        return Err(format!("it is a {}, svl reads {TRANSFORM}", channel.schema));
+        return Err(MessageError::Schema(
+            channel.schema.clone(),
+            TRANSFORM.to_owned(),
+        ));
     }
     let FrameTransform {
         timestamp,
@@ -92,7 +95,9 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>
         ..
     } = decode_protobuf(data)?
     else {
-        return Err("it has no translation or no rotation".to_owned());
+        return Err(MessageError::Missing(
+            "it has no translation or no rotation",
+        ));
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     // A corrupt quaternion is rejected; a unit one is kept bit by bit.
@@ -106,9 +111,9 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>
         let stamp = parts.and_then(|parts| StampRule::default().stamp(parts));
         Ok((stamp, pose))
     } else {
-        Err(format!(
+        Err(MessageError::NoPose(format!(
             "translation {t:?} and rotation {q:?} are not a pose"
-        ))
+        )))
     }
 }
 
@@ -153,7 +158,7 @@ mod tests {
     fn cameras_that_are_not_a_pair_are_refused() {
         let good = Rig::new(300.0, (160.0, 120.0), 0.1, 0.0).unwrap();
         let (left, mut right) = (good.projection(Side::Left), good.projection(Side::Right));
-        assert_eq!(rig(&left, &right), Ok(good));
+        assert_eq!(rig(&left, &right).unwrap(), good);
         right[(0, 0)] = 301.0;
         assert!(rig(&left, &right).is_err());
         assert!(rig(&left, &left).is_err(), "no baseline");

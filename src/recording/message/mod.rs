@@ -2,6 +2,10 @@
 
 pub(crate) mod geometry;
 pub(crate) mod images;
+pub(crate) mod message_error;
 pub(crate) mod ros;
 pub(crate) mod sync;
 pub(crate) mod wire;
+
+pub use message_error::MessageError;
+pub(crate) use message_error::MessageResult;

@@ -1,6 +1,7 @@
 //! The images of a pair before they are decoded.
 
 use crate::decode::pixels::MessageImage;
+use crate::message::MessageResult;
 
 /// An image that waits for its partner.
 pub(crate) enum PairImage {
@@ -10,7 +11,7 @@ pub(crate) enum PairImage {
 }
 
 /// An image, or the reason why it cannot be read.
-pub(crate) type ReadImage = Result<PairImage, String>;
+pub(crate) type ReadImage = MessageResult<PairImage>;
 
 /// The images of a pair, left and right, with their stamps.
 pub(crate) type PairImages = [(u64, ReadImage); 2];

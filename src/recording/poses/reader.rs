@@ -4,6 +4,7 @@
 use super::motion::{PoseStep, jump, steps};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::{Placed, StampedTransform, Transforms, plain};
+use crate::message::MessageResult;
 use crate::message::ros;
 use crate::stream::channel::{Channel, EventReader, FileEvent, warn_once};
 use nalgebra::Isometry3;
@@ -294,7 +295,10 @@ impl PoseReader {
                             channel.topic
                         ));
                         let topic = channel.topic.clone();
-                        self.faulty.entry(topic).or_insert((0, why)).0 += 1;
+                        self.faulty
+                            .entry(topic)
+                            .or_insert_with(|| (0, why.to_string()))
+                            .0 += 1;
                         Vec::new()
                     });
                     for (child, placed, stamp) in found {
@@ -447,7 +451,7 @@ fn add(
 }
 
 /// The pose in a message of odometry: child frame, its pose in the parent, stamp.
-fn odometry(channel: &Channel, data: &[u8]) -> std::result::Result<Vec<StampedTransform>, String> {
+fn odometry(channel: &Channel, data: &[u8]) -> MessageResult<Vec<StampedTransform>> {
     let link = ros::read(channel, data, ros::odometry)?;
     Transforms::placed(channel, link).map(|placed| vec![placed])
 }

@@ -10,7 +10,24 @@ pub(crate) struct MessageReader<'a> {
     is_cdr: bool,
 }
 
-pub(crate) type Parsed<T> = Result<T, String>;
+/// Why the fields of a ROS message cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FieldError {
+    /// Bytes of a field, its place, and the bytes that are there.
+    #[error("{0} bytes expected at byte {1}, there are {2}")]
+    Cut(usize, usize, usize),
+    /// Elements of a sequence, and those that there are bytes for.
+    #[error("a sequence of {0} elements, there are bytes for {1}")]
+    Sequence(usize, usize),
+    /// A count, what is counted, and the limit.
+    #[error("{0} {1}, at most {2} expected")]
+    Count(usize, &'static str, usize),
+    #[error("a text is not UTF-8")]
+    Text(#[from] std::str::Utf8Error),
+}
+
+pub(crate) type Parsed<T> = Result<T, FieldError>;
 
 impl<'a> MessageReader<'a> {
     /// `data`: the body, without CDR's encapsulation header.
@@ -33,10 +50,7 @@ impl<'a> MessageReader<'a> {
 
     fn take(&mut self, bytes: usize) -> Parsed<&'a [u8]> {
         let taken = self.data.get(self.at..).and_then(|rest| rest.get(..bytes));
-        let taken = taken.ok_or_else(|| {
-            let (left, at) = (self.remaining(), self.at);
-            format!("{bytes} bytes expected at byte {at}, there are {left}")
-        })?;
+        let taken = taken.ok_or(FieldError::Cut(bytes, self.at, self.remaining()))?;
         self.at += bytes;
         Ok(taken)
     }
@@ -75,9 +89,7 @@ impl<'a> MessageReader<'a> {
         let length = self.u32()? as usize;
         let limit = self.remaining() / size;
         if length > limit {
-            return Err(format!(
-                "a sequence of {length} elements, there are bytes for {limit}"
-            ));
+            return Err(FieldError::Sequence(length, limit));
         }
         Ok(length)
     }
@@ -95,7 +107,7 @@ impl<'a> MessageReader<'a> {
         } else {
             bytes
         };
-        std::str::from_utf8(text).map_err(|_| "a text is not UTF-8".to_owned())
+        Ok(std::str::from_utf8(text)?)
     }
 }
 
@@ -203,7 +215,7 @@ mod tests {
             (Ok(7), Ok("ab"), Ok(1.5))
         );
         let mut cut = MessageReader::new(&aligned[..10], true);
-        assert!(cut.u8().is_ok() && cut.str().unwrap_err().contains("bytes for 2"));
+        assert!(cut.u8().is_ok() && cut.str().unwrap_err().to_string().contains("bytes for 2"));
         assert!(MessageReader::new(&[0xFF; 4], false).bytes().is_err());
     }
 }

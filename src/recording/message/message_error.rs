@@ -1,0 +1,142 @@
+//! Why a message, or what is made of it, cannot be used.
+
+use super::ros::message::FieldError;
+use crate::stream::channel::Channel;
+use crate::stream::unpack::UnpackError;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// What is made of messages.
+pub(crate) type MessageResult<T> = Result<T, MessageError>;
+
+/// The error of Foxglove's messages in protobuf.
+pub(crate) type ProtobufError = <foxglove::messages::FrameTransform as foxglove::Decode>::Error;
+
+/// Why a message, or what is made of it, cannot be used. `Display` says it of the message, whose
+/// place the caller adds.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+#[non_exhaustive]
+pub enum MessageError {
+    Protobuf(#[source] ProtobufError),
+    /// JSON of svl's own messages.
+    OwnJson(#[from] serde_json::Error),
+    /// JSON of Foxglove's messages.
+    #[error("its JSON cannot be read: {0}")]
+    Json(#[source] serde_json::Error),
+    #[error("its CDR cannot be read: {0}")]
+    Cdr(#[source] FieldError),
+    #[error("its ROS 1 message cannot be read: {0}")]
+    Ros1(#[source] FieldError),
+    Packed(#[from] UnpackError),
+    /// Sizes, geometry or images that svl refuses, from whatever source.
+    Refused(#[from] svl_core::Error),
+    /// A message of another type, and those that are read.
+    #[error("it is a {0}, svl reads {1}")]
+    Schema(String, String),
+    #[error("has messages of {0}; distances are read from {1}")]
+    NoDistances(String, String),
+    /// A type, its encoding, and those that are read, in words.
+    #[error("its {0} is in '{1}'{2}")]
+    Encoding(String, String, String),
+    /// A part that its use needs.
+    Missing(&'static str),
+    /// A part that is of another kind than svl reads.
+    Unsuited(&'static str),
+    /// Seconds.
+    #[error("its stamp of {0} s is before 1970")]
+    Stamp(i32),
+    /// Stamps of another clock, or shared ones.
+    Stamps(String),
+    /// A pixel encoding, and those that are read, in words.
+    #[error("its pixels are '{0}'{1}")]
+    Pixels(String, String),
+    #[error("its images are {0}, not mono8")]
+    NoCodes(String),
+    #[error("a {0}x{1} {2} image without a pixel")]
+    NoPixel(usize, usize, String),
+    #[error("its sides of {0}x{1} are odd, which {2} cannot have: crop it to even ones")]
+    OddSides(usize, usize, String),
+    /// What the data are said to be, and their bytes.
+    #[error("{0} does not fit its {1} bytes")]
+    Length(String, usize),
+    #[error("{0} is shorter than its {1} bytes: its encoding or size is wrong")]
+    Surplus(String, usize),
+    /// A size with what it is of, and the one that it should be.
+    #[error("{0} {w}x{h}{2} {width}x{height}", w = .1.0, h = .1.1, width = .3.0, height = .3.1)]
+    Sizes(&'static str, (usize, usize), &'static str, (usize, usize)),
+    /// The format of an image, and the decoder's reason.
+    #[error("its image, compressed as '{0}', cannot be read as PNG or JPEG: {1}")]
+    CodedImage(String, String),
+    /// Compressed depths.
+    CodedDepths(String),
+    #[error("its points have no field '{0}'")]
+    NoField(&'static str),
+    #[error("the field '{0}' of its points is of type {1}, svl reads float32 (7) and float64 (8)")]
+    FieldType(&'static str, i32),
+    #[error("the fields of its points do not fit their {0} bytes")]
+    FieldPlaces(usize),
+    #[error("its cells are not those of a {0}x{1} grid")]
+    Grid(usize, usize),
+    NoPose(String),
+    /// A frame, its parent, and the fault.
+    #[error("its transform of '{0}' in '{1}' {2}")]
+    Transform(String, String, &'static str),
+    /// The frames of sensor and camera do not lead to each other.
+    Frames(String),
+    /// A key of RealSense's texts.
+    #[error("it has no '{0}'")]
+    NoKey(&'static str),
+    #[error("its '{0}' has to be {1} finite numbers")]
+    Numbers(&'static str, usize),
+    #[error("its {0} is {1}")]
+    Side(&'static str, f64),
+    /// Name of the codec.
+    #[error("its video is '{0}', svl reads h264 and h265: record one of them")]
+    Codec(String),
+    /// A picture that cannot be decoded, or whose order is unknown.
+    Video(Cow<'static, str>),
+    #[error("before it a keyframe is missing: {0}")]
+    Keyframe(#[source] Arc<MessageError>),
+    Picture(#[from] Arc<MessageError>),
+    /// The cameras have no calibrations that are used.
+    Calibration(Cow<'static, str>),
+    /// A matrix, its count of numbers, and the right one.
+    #[error("its {0} has {1} numbers, {2}")]
+    Matrix(char, usize, &'static str),
+    /// Why the static transforms give none either.
+    #[error("the calibrations have no baseline (fourth column of P), and {0}")]
+    NoBaseline(String),
+    /// Two calibrations that are not of a rig, and the cure.
+    #[error("{0}{1}")]
+    NoRig(#[source] svl_core::Error, &'static str),
+    /// The topic of a message.
+    #[error("{0}: {1}")]
+    On(String, #[source] Box<MessageError>),
+    /// Stamp of a pair's left image.
+    #[error("the pair at {0} ns: {1}")]
+    Pair(u64, #[source] Box<MessageError>),
+}
+
+impl MessageError {
+    /// An encoding of a channel that is not read. `known`: those that are, in words.
+    pub(crate) fn encoding(channel: &Channel, known: &str) -> Self {
+        let Channel {
+            schema, encoding, ..
+        } = channel.clone();
+        Self::Encoding(schema, encoding, known.to_owned())
+    }
+
+    /// The same with the place of the message.
+    pub(crate) fn on(self, place: &str) -> Self {
+        Self::On(place.to_owned(), Box::new(self))
+    }
+}
+
+/// For assertions: equal words.
+#[cfg(test)]
+impl PartialEq for MessageError {
+    fn eq(&self, other: &Self) -> bool {
+        self.to_string() == other.to_string()
+    }
+}
