@@ -1,7 +1,7 @@
 //! The baseline of cameras whose calibrations have none, from the static transforms.
 
 use super::transforms::Transforms;
-use crate::message::MessageError::{Calibration, NoBaseline};
+use crate::message::MessageError::{Exchanged, NoBaseline};
 use crate::message::MessageResult;
 use crate::stream::channel::Channel;
 
@@ -66,12 +66,7 @@ impl BaselineSearch {
                  {y:.3}, {z:.3}) m"
             )))
         } else if x <= 0.0 {
-            let why = format!(
-                "by the static transforms '{right}' is {:.3} m to the left of '{left}': --left \
-                 and --right name their topics",
-                -x
-            );
-            Err(Calibration(why.into()))
+            Err(Exchanged(left.to_owned(), right.to_owned(), -x))
         } else {
             Ok(x)
         }

@@ -2,9 +2,8 @@
 
 use crate::decode::head::head;
 use crate::decode::{image, json, realsense};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, Vector3};
 use svl_core::stereo::{
@@ -241,14 +240,15 @@ impl Calibration {
     pub(crate) fn check_damage(&self, known: &Self) -> MessageResult<()> {
         let is_finite = |calibration: &Self| calibration.numbers().all(f64::is_finite);
         if is_finite(known) && !is_finite(self) {
-            let why = "it has numbers that are not finite";
-            return Err(MessageError::Calibration(why.into()));
+            return Err(MessageError::Calibration(
+                "it has numbers that are not finite",
+            ));
         }
         let lost = [true, false]
             .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());
         if lost.contains(&true) {
             let why = "it has no focal length, and the one before it does";
-            return Err(MessageError::Calibration(why.into()));
+            return Err(MessageError::Calibration(why));
         }
         Ok(())
     }
@@ -311,11 +311,8 @@ impl Calibration {
     /// The check of a binning.
     fn binning_check(&self, size: (usize, usize)) -> Option<CalibrationCheck> {
         let k = self.k.ok().filter(|_| self.binning != [1, 1])?;
-        Some(CalibrationCheck::binning(
-            (k[(0, 2)], k[(1, 2)]),
-            self.binning,
-            size,
-        ))
+        let center_px = (k[(0, 2)], k[(1, 2)]);
+        Some(CalibrationCheck::binning(center_px, self.binning, size))
     }
 
     /// The doubts about the calibration of a depth camera whose principal point is `center_px`, for
@@ -382,9 +379,8 @@ impl Calibration {
 
     pub(crate) fn camera(&self) -> MessageResult<Intrinsics> {
         let distortion = self.distortion()?;
-        let k = self
-            .k
-            .map_err(|count| MessageError::Matrix('K', count, "9 make a camera"))?;
+        let wrong = |count| MessageError::Matrix('K', count, "9 make a camera");
+        let k = self.k.map_err(wrong)?;
         let size = (self.size.0 as usize, self.size.1 as usize);
         let (focal, center) = ((k[(0, 0)], k[(1, 1)]), (k[(0, 2)], k[(1, 2)]));
         Ok(Intrinsics::new(size, focal, center, distortion)?)
@@ -394,14 +390,12 @@ impl Calibration {
         // Uncalibrated cameras publish a P of zeros; NaN fails too.
         let p = self.p.ok().filter(|p| p[(0, 0)] > 0.0);
         let why = "a camera is not calibrated: its projection matrix is empty";
-        p.ok_or(MessageError::Calibration(why.into()))
+        p.ok_or(MessageError::Calibration(why))
     }
 
     pub(crate) fn rotation(&self) -> MessageResult<Rotation3<f64>> {
-        let r = self
-            .r
-            .map_err(|count| MessageError::Matrix('R', count, "not 9"))?;
-        Ok(rotation(&r)?)
+        let wrong = |count| MessageError::Matrix('R', count, "not 9");
+        Ok(rotation(&self.r.map_err(wrong)?)?)
     }
 }
 

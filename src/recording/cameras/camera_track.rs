@@ -1,7 +1,6 @@
 //! The calibrations of one camera by their stamps, and the one of each image.
 
-use super::camera;
-use super::camera::Calibration;
+use super::camera::{self, Calibration};
 use crate::message::MessageResult;
 use crate::stream::channel::Channel;
 use std::collections::BTreeMap;

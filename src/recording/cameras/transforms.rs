@@ -2,9 +2,8 @@
 
 use super::topics;
 use crate::decode::{image, realsense};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};

@@ -1,10 +1,8 @@
 //! Samples of images as floating-point numbers.
 
-use crate::decode::encoding;
-use crate::decode::encoding::{Samples, samples, u16_of};
-use crate::message::MessageResult;
-use crate::message::ros;
+use crate::decode::encoding::{self, Samples, samples, u16_of};
 use crate::message::ros::read::RawPixels;
+use crate::message::{MessageResult, ros};
 use crate::stream::channel::Channel;
 use svl_core::stereo::Plane;
 

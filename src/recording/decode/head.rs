@@ -1,9 +1,8 @@
 //! The stamp and the frame of a message of any kind.
 
 use crate::decode::{image, json};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages;
 

@@ -3,12 +3,10 @@
 use super::encoding::PixelEncoding;
 use super::pixels::MessageImage;
 use super::{encoding, json, pixels};
-use crate::message::ros;
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
-use crate::stream::channel::Channel;
-use crate::stream::channel::ROS1;
+use crate::message::{MessageError, MessageResult, ros};
+use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages::{CompressedImage, RawImage, Timestamp};
 use svl_files::{self as files, DecodedImage};
 

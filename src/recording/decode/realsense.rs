@@ -10,8 +10,7 @@
 //! The extrinsics map points of the frame `ref_0` into the stream's. Messages name the frame of a
 //! stream after it: `Infrared1`, `Depth`.
 
-use crate::message::ros;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
@@ -128,13 +127,9 @@ fn value<'a>(text: &'a str, key: &'static str) -> MessageResult<&'a str> {
 }
 
 fn numbers<const N: usize>(text: &str, key: &'static str) -> MessageResult<[f64; N]> {
-    let number = |text: &str| {
-        text.trim()
-            .parse()
-            .ok()
-            .filter(|number: &f64| number.is_finite())
-    };
-    let numbers: Option<Vec<_>> = value(text, key)?.split(',').map(number).collect();
+    let numbers = value(text, key)?.split(',');
+    let numbers: Option<Vec<f64>> = numbers.map(|text| text.trim().parse().ok()).collect();
+    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
     let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
     numbers.ok_or(MessageError::Numbers(key, N))
 }

@@ -3,10 +3,7 @@
 use super::file::McapFile;
 use super::records::Records;
 use super::search::ANOTHER;
-use crate::stream::channel::Channel;
-use crate::stream::channel::EventReader;
-use crate::stream::channel::FileEvent;
-use crate::stream::channel::Schema;
+use crate::stream::channel::{Channel, EventReader, FileEvent, Schema};
 use mcap::records::{self, Record, op};
 use std::collections::{BTreeMap, HashMap};
 use svl_core::{Result, counted};

@@ -3,8 +3,10 @@
 use super::ros::message::FieldError;
 use crate::stream::channel::Channel;
 use crate::stream::unpack::UnpackError;
-use std::borrow::Cow;
 use std::sync::Arc;
+
+/// The cure of exchanged cameras.
+const NAMES: &str = "--left and --right name their topics";
 
 /// What is made of messages.
 pub(crate) type MessageResult<T> = Result<T, MessageError>;
@@ -95,18 +97,34 @@ pub enum MessageError {
     #[error("its video is '{0}', svl reads h264 and h265: record one of them")]
     Codec(String),
     /// A picture that cannot be decoded, or whose order is unknown.
-    Video(Cow<'static, str>),
+    Video(&'static str),
+    #[error("its size changes from {0}x{1} without a keyframe")]
+    SizeChange(usize, usize),
+    #[error(
+        "it has {0} slices, those before {1}: one may be missing; record with a fixed number of \
+         slices"
+    )]
+    Slices(usize, usize),
     #[error("before it a keyframe is missing: {0}")]
     Keyframe(#[source] Arc<MessageError>),
     Picture(#[from] Arc<MessageError>),
     /// The cameras have no calibrations that are used.
-    Calibration(Cow<'static, str>),
+    Calibration(&'static str),
+    /// Topics of calibrations.
+    #[error(
+        "the names of {0} do not say which are those of the two cameras: --left-info TOPIC and \
+         --right-info TOPIC do"
+    )]
+    Infos(String),
     /// A matrix, its count of numbers, and the right one.
     #[error("its {0} has {1} numbers, {2}")]
     Matrix(char, usize, &'static str),
     /// Why the static transforms give none either.
     #[error("the calibrations have no baseline (fourth column of P), and {0}")]
     NoBaseline(String),
+    /// The frames of the cameras, and their distance.
+    #[error("by the static transforms '{1}' is {2:.3} m to the left of '{0}': {NAMES}")]
+    Exchanged(String, String, f64),
     /// Two calibrations that are not of a rig, and the cure.
     #[error("{0}{1}")]
     NoRig(#[source] svl_core::Error, &'static str),

@@ -41,9 +41,7 @@ impl PairReader {
 
     pub(crate) fn rig(&self) -> MessageResult<Rig> {
         if self.are_raw() {
-            return Err(MessageError::Calibration(
-                "the images are not rectified".into(),
-            ));
+            return Err(MessageError::Calibration("the images are not rectified"));
         }
         let [left, right] = self.both()?;
         camera::rig(left, right, self.baseline_m).map_err(|error| self.why_no_rig(error))
@@ -74,20 +72,12 @@ impl PairReader {
             }
             [Some(_), Some(_)] => {
                 let why = "it has no calibration of both cameras but one topic for both";
-                Err(MessageError::Calibration(why.into()))
+                Err(MessageError::Calibration(why))
             }
-            _ if self.info_topics.len() > 1 => {
-                let why = format!(
-                    "the names of {} do not say which are those of the two cameras: --left-info \
-                     TOPIC and --right-info TOPIC do",
-                    listed(&self.info_topics)
-                );
-                Err(MessageError::Calibration(why.into()))
-            }
-            _ => {
-                let why = "it has no calibration of both cameras";
-                Err(MessageError::Calibration(why.into()))
-            }
+            _ if self.info_topics.len() > 1 => Err(MessageError::Infos(listed(&self.info_topics))),
+            _ => Err(MessageError::Calibration(
+                "it has no calibration of both cameras",
+            )),
         }
     }
 

@@ -3,15 +3,12 @@
 
 use super::pair_stamps::PairStamps;
 use super::stamp_pairing::UnpairedImages;
-use crate::cameras::topics;
-use crate::cameras::topics::{Selection, choose};
+use crate::cameras::topics::{self, Selection, choose};
 use crate::decode::image;
 use crate::decode::video::message::is_picture;
 use crate::message::MessageError::Video;
-use crate::message::{MessageError, MessageResult};
-use crate::pairs::images::PairImage;
-use crate::pairs::images::PairImages;
-use crate::pairs::images::ReadImage;
+use crate::message::{MessageError, MessageResult, geometry};
+use crate::pairs::images::{PairImage, PairImages, ReadImage};
 
 use super::calibration_wait::CalibrationWait;
 use super::first_messages::FirstMessages;
@@ -26,7 +23,6 @@ use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::transforms::Transforms;
 use crate::decode::pixels::MessageImage;
 use crate::decode::video::topic::VideoTopic;
-use crate::message::geometry;
 use crate::message::wire::topic;
 use crate::poses::reader::PoseReader;
 use crate::stream::channel::{Channel, FileEvent, warn_once};
@@ -241,7 +237,7 @@ impl PairReader {
             // The pictures of a live topic.
             if image.is_err() && is_picture(channel, data) {
                 return Err(Video(
-                    "a video, which svl reads from a bag: record it first".into(),
+                    "a video, which svl reads from a bag: record it first",
                 ));
             }
             return Ok((stamp, image.map(PairImage::Image)));
@@ -262,7 +258,7 @@ impl PairReader {
             PairImage::Picture(number) => number,
         };
         let video = self.videos[side as usize].as_mut();
-        let picture = video.map_or_else(|| Err(Video("no video".into())), |v| v.picture(number));
+        let picture = video.map_or_else(|| Err(Video("no video")), |v| v.picture(number));
         picture.map_err(|e| e.on(&self.images[side as usize]))
     }
 

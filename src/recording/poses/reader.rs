@@ -4,8 +4,7 @@
 use super::motion::{PoseStep, jump, steps};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::{Placed, StampedTransform, Transforms, plain};
-use crate::message::MessageResult;
-use crate::message::ros;
+use crate::message::{MessageResult, ros};
 use crate::stream::channel::{Channel, EventReader, FileEvent, warn_once};
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -289,16 +288,14 @@ impl PoseReader {
                         continue;
                     };
                     let found = found.unwrap_or_else(|why| {
+                        let why = why.to_string();
                         let path = self.recording.path().display();
                         warn_once(format!(
                             "{path}: {}: a pose is not used: {why}",
                             channel.topic
                         ));
                         let topic = channel.topic.clone();
-                        self.faulty
-                            .entry(topic)
-                            .or_insert_with(|| (0, why.to_string()))
-                            .0 += 1;
+                        self.faulty.entry(topic).or_insert((0, why)).0 += 1;
                         Vec::new()
                     });
                     for (child, placed, stamp) in found {

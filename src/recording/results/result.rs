@@ -1,7 +1,6 @@
 //! The result of an algorithm for one pair: as a hash, and as all that a recording has of it.
 
-use super::cells;
-use super::cells::AlgorithmCells;
+use super::cells::{self, AlgorithmCells};
 use crate::bags::opened::Recording;
 use crate::decode::floats::floats;
 use crate::message::MessageError;

@@ -1,14 +1,11 @@
 //! Depth images (REP 118): 16UC1 in millimetres, 32FC1 and 64FC1 in metres, raw or compressed, and
 //! disparity images.
 
-use crate::decode::encoding;
-use crate::decode::encoding::Samples;
-use crate::decode::floats::metres;
-use crate::decode::floats::values;
-use crate::message::ros;
+use crate::decode::encoding::{self, Samples};
+use crate::decode::floats::{metres, values};
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::DynamicImage;

@@ -3,12 +3,10 @@
 use super::{depth_image, points};
 use crate::decode::floats;
 use crate::decode::head::head;
-use crate::message::ros;
 use crate::message::wire::{decode_protobuf, topic};
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::pairs::truth;
-use crate::stream::channel::Channel;
-use crate::stream::channel::ROS1;
+use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages;
 use nalgebra::Point3;
 use svl_core::joined;

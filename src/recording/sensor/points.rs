@@ -1,9 +1,8 @@
 //! Points of lidars: PointCloud2, LaserScan, and Foxglove's.
 
 use crate::message::MessageError::Unsuited;
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages::{LaserScan, PointCloud, Pose};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};

@@ -1,8 +1,7 @@
 //! Distances that another sensor or program of the recording measured, as truth or as the map of an
 //! algorithm: depth images, disparity images, point clouds, laser scans.
 
-use super::kind;
-use super::kind::Measured;
+use super::kind::{self, Measured};
 use super::measurements::{Measurements, TopicLatency};
 use super::view::{PairCamera, SensorSetup, View};
 use crate::bags::opened::Recording;

@@ -7,11 +7,10 @@
 //! to the next keyframe.
 
 use super::matroska::RawPictures;
-use super::message;
-use super::message::Codec;
+use super::message::{self, Codec};
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
-use crate::message::MessageError::{Sizes, Video};
+use crate::message::MessageError::{SizeChange, Sizes, Video};
 use crate::message::MessageResult;
 use crate::stream::channel::FileEvent;
 use std::fs::File;
@@ -119,13 +118,13 @@ impl VideoDecoder {
                 Some((found, picture)) if found == number => return picture,
                 Some(later) if later.0 > number => {
                     self.ahead = Some(later);
-                    return Err(Video("ffmpeg cannot decode it".into()));
+                    return Err(Video("ffmpeg cannot decode it"));
                 }
                 _ => {}
             }
             match self.advance()? {
                 Some(next) => self.ahead = Some(next),
-                None => return Err(Video("ffmpeg cannot decode it".into())),
+                None => return Err(Video("ffmpeg cannot decode it")),
             }
         }
     }
@@ -162,7 +161,7 @@ impl VideoDecoder {
         let follows = is_key || self.last.is_some_and(|last| last + 1 == number);
         self.last = None;
         if !follows {
-            return Err(Video("ffmpeg cannot decode a message before it".into()));
+            return Err(Video("ffmpeg cannot decode a message before it"));
         }
         let (width, height) = self.current.as_ref().map_or((0, 0), |s| s.pictures.size);
         let (width, height) = (width as usize, height as usize);
@@ -172,9 +171,7 @@ impl VideoDecoder {
         } else if bytes.len() == pixels.saturating_mul(3) {
             DecodedImage::from_rgb(width, height, &bytes)
         } else {
-            return Err(Video(
-                format!("its size changes from {width}x{height} without a keyframe").into(),
-            ));
+            return Err(SizeChange(width, height));
         }?;
         self.last = Some(number);
         let first = *self.size.get_or_insert((width, height));

@@ -22,7 +22,7 @@ pub(crate) fn units(data: &[u8]) -> MessageResult<Vec<&[u8]>> {
         .is_some_and(|&first| first <= 1 && data[0] == 0);
     if !begins {
         let why = "its video is not in Annex B: it begins without a start code";
-        return Err(MessageError::Video(why.into()));
+        return Err(MessageError::Video(why));
     }
     let ends = starts[1..].iter().copied().chain([data.len()]);
     let units = starts.iter().zip(ends);

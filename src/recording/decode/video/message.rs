@@ -1,9 +1,8 @@
 //! Messages that hold a coded picture of a video each.
 
 use crate::decode::{image, json};
-use crate::message::MessageError;
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages::CompressedVideo;
 use std::borrow::Cow;

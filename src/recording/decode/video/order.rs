@@ -3,15 +3,12 @@
 //! A decoder conceals a missing picture: it repeats the one before. So svl looks for gaps itself,
 //! and omits all pictures from there to the next keyframe.
 
-use super::headers;
-use super::headers::{CodecParameters, UnitKind};
+use super::headers::{self, CodecParameters, UnitKind};
 use super::message::{Codec, CodedResult, Packet};
-use crate::message::MessageError;
-use crate::message::MessageError::{Keyframe, Video};
-use std::borrow::Cow;
+use crate::message::MessageError::{self, Keyframe, Slices, Video};
 use xxhash_rust::xxh3::xxh3_64;
 
-const NO_PARAMETERS: MessageError = Video(Cow::Borrowed("it has no parameters of its video"));
+const NO_PARAMETERS: MessageError = Video("it has no parameters of its video");
 
 /// The pictures of a topic so far.
 pub(crate) struct PictureOrder {
@@ -41,7 +38,7 @@ impl Default for PictureOrder {
             sequence: None,
             hash: 0,
             is_new: false,
-            next: Err(Video("the video begins without one".into()).into()),
+            next: Err(Video("the video begins without one").into()),
             slices: 0,
             last_ns: None,
             periods_ns: (0, 0),
@@ -97,30 +94,30 @@ impl PictureOrder {
         let begins = |kind: &UnitKind| matches!(kind, UnitKind::Slice { is_first: true, .. });
         let pictures = kinds.iter().filter(|kind| begins(kind)).count();
         let Some(&UnitKind::Slice { is_key, is_first }) = slices.next() else {
-            return Err(Video("it contains no picture".into()).into());
+            return Err(Video("it contains no picture").into());
         };
         if !is_first || pictures != 1 {
-            return Err(Video("it does not contain one whole picture".into()).into());
+            return Err(Video("it does not contain one whole picture").into());
         }
         if !is_key && let Err(reason) = &self.next {
             return Err(Keyframe(reason.clone()).into());
         }
         let slice_count = kinds.iter().filter(is_slice).count();
         self.take_in_parameters(codec, &units, &kinds, is_key)?;
-        let unread = || Video("the header of its picture cannot be read".into());
+        let unread = || Video("the header of its picture cannot be read");
         let (_, parameters) = self.sequence.ok_or(NO_PARAMETERS)?;
         let mut slices = units.iter().zip(&kinds).filter(|(_, kind)| begins(kind));
         let slice = slices.next().map(|(unit, _)| unit).ok_or_else(unread)?;
         let number = parameters.number(codec, slice).ok_or_else(unread)?;
         if number.is_bidirectional {
             let why = "it has B-frames, which refer to later messages: record without";
-            return Err(Video(why.into()).into());
+            return Err(Video(why).into());
         }
         if let Ok(expected) = self.next
             && !is_key
             && number.number != expected
         {
-            return Err(Video("a message before it is missing, or it has B-frames".into()).into());
+            return Err(Video("a message before it is missing, or it has B-frames").into());
         }
         self.check_slices(slice_count, is_key)?;
         let numbers = parameters.numbers();
@@ -157,11 +154,7 @@ impl PictureOrder {
         if count == before || before == 0 || (is_key && count > before) {
             return Ok(());
         }
-        let why = format!(
-            "it has {count} slices, those before {before}: one may be missing; record with a fixed \
-             number of slices"
-        );
-        Err(Video(why.into()).into())
+        Err(Slices(count, before).into())
     }
 
     /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of
@@ -174,7 +167,7 @@ impl PictureOrder {
         let (total_ns, count) = self.periods_ns;
         if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
             let why = "as many messages before it may be missing as have other numbers";
-            return Err(Video(why.into()).into());
+            return Err(Video(why).into());
         }
         self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
         Ok(())
@@ -197,7 +190,7 @@ impl PictureOrder {
                         continue;
                     }
                     if !is_key {
-                        return Err(Video("its parameters change without a keyframe".into()).into());
+                        return Err(Video("its parameters change without a keyframe").into());
                     }
                     (self.sequence, self.hash, self.is_new) = (None, hash, true);
                     self.slices = 0;
@@ -209,14 +202,14 @@ impl PictureOrder {
                 }
                 _ => continue,
             };
-            let parameters = parameters.ok_or(Video("its parameters cannot be read".into()))?;
+            let parameters = parameters.ok_or(Video("its parameters cannot be read"))?;
             self.sequence = Some((codec, parameters));
         }
         match self.sequence {
             Some((known, _)) if known == codec => Ok(()),
             _ => {
                 let why = "it has no parameters of its video: record them with each keyframe";
-                Err(Video(why.into()).into())
+                Err(Video(why).into())
             }
         }
     }

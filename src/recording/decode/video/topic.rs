@@ -1,7 +1,6 @@
 //! Images that are pictures of a video: each message holds one.
 
-use super::decoder;
-use super::decoder::VideoDecoder;
+use super::decoder::{self, VideoDecoder};
 use super::message::{CodedResult, packet};
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
@@ -51,7 +50,7 @@ impl VideoTopic {
     pub(crate) fn picture(&mut self, number: u64) -> MessageResult<MessageImage> {
         if self.last.replace(number) > Some(number) {
             return Err(MessageError::Video(
-                "its stamp is after that of a later message".into(),
+                "its stamp is after that of a later message",
             ));
         }
         Ok(MessageImage {
