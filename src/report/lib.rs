@@ -31,6 +31,7 @@ pub use rows::columns::ColumnDescription;
 pub use rows::csv_rows::{RowReader, read_rows};
 pub use rows::records::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
+    RowError,
 };
 pub use show::junit::{TestCase, TestResult, junit};
 pub use show::words::shell_word;

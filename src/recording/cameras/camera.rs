@@ -240,9 +240,8 @@ impl Calibration {
     pub(crate) fn check_damage(&self, known: &Self) -> MessageResult<()> {
         let is_finite = |calibration: &Self| calibration.numbers().all(f64::is_finite);
         if is_finite(known) && !is_finite(self) {
-            return Err(MessageError::Calibration(
-                "it has numbers that are not finite",
-            ));
+            let why = "it has numbers that are not finite";
+            return Err(MessageError::Calibration(why));
         }
         let lost = [true, false]
             .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());

@@ -248,7 +248,8 @@ fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> MessageResult<(S
     };
     if !fault.is_empty() {
         // Without the numbers, which differ between messages of one fault.
-        return Err(MessageError::Transform(child, parent, fault));
+        let why = format!("its transform of '{child}' in '{parent}' {fault}");
+        return Err(MessageError::Transform(why));
     }
     let pose = Isometry3::from_parts(
         Translation3::new(x, y, z),

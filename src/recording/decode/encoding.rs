@@ -97,20 +97,23 @@ pub(crate) fn named(name: &str) -> Option<&'static PixelEncoding> {
 /// The reason why pixels of an encoding are no image.
 pub(crate) fn why_no_image(name: &str) -> MessageError {
     if named(name).is_some() {
-        let cure = ", which are depths: name its topic with --truth, and topics of images with \
-                    --left and --right";
-        return MessageError::Pixels(name.to_owned(), cure.to_owned());
+        return MessageError::Pixels(format!(
+            "its pixels are '{name}', which are depths: name its topic with --truth, and topics \
+             of images with --left and --right"
+        ));
     }
     let images = ENCODINGS.iter().filter(|encoding| encoding.is_image());
     let known = joined(images.map(|encoding| encoding.names[0]));
-    let known = format!(", svl reads {known}: record one of them");
-    MessageError::Pixels(name.to_owned(), known)
+    MessageError::Pixels(format!(
+        "its pixels are '{name}', svl reads {known}: record one of them"
+    ))
 }
 
 /// The reason why pixels of an encoding are no depths.
 pub(crate) fn why_no_depths(name: &str) -> MessageError {
-    let known = "; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres";
-    MessageError::Pixels(name.to_owned(), known.to_owned())
+    MessageError::Pixels(format!(
+        "its pixels are '{name}'; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres"
+    ))
 }
 
 /// Bytes behind an image that are padding, as of a page of memory.

@@ -95,7 +95,9 @@ pub(crate) fn ros_stamp(
     let signed = sec.cast_signed();
     // ROS 1's seconds are unsigned.
     if signed < 0 && channel.encoding != ROS1 {
-        return Err(MessageError::Stamp(signed));
+        return Err(MessageError::Stamps(format!(
+            "its stamp of {signed} s is before 1970"
+        )));
     }
     Ok(stamp(channel, Some((sec, nanosec))))
 }

@@ -60,13 +60,13 @@ pub(crate) struct StreamCamera {
 /// The calibration of a stream. Its images are rectified by the camera, so P is K; the baseline is
 /// in the extrinsics.
 pub(crate) fn calibration(text: &str) -> MessageResult<StreamCamera> {
-    let number = |key: &'static str| numbers::<1>(text, key).map(|[number]| number);
-    let side = |key: &'static str| {
+    let number = |key: &str| numbers::<1>(text, key).map(|[number]| number);
+    let side = |key: &str| {
         let side = number(key)?;
         if (0.0..1e5).contains(&side) {
             Ok(side as u32)
         } else {
-            Err(MessageError::Side(key, side))
+            Err(MessageError::Key(format!("its {key} is {side}")))
         }
     };
     let [fx, fy, cx, cy] = [number("fx")?, number("fy")?, number("ppx")?, number("ppy")?];
@@ -120,18 +120,20 @@ pub(crate) fn unit_m(channel: &Channel, data: &[u8]) -> Option<f32> {
 }
 
 /// The value of `key` in `key=value;…`.
-fn value<'a>(text: &'a str, key: &'static str) -> MessageResult<&'a str> {
+fn value<'a>(text: &'a str, key: &str) -> MessageResult<&'a str> {
     let mut pairs = text.split(';').filter_map(|pair| pair.split_once('='));
     let found = pairs.find_map(|(name, value)| (name.trim() == key).then_some(value.trim()));
-    found.ok_or(MessageError::NoKey(key))
+    found.ok_or_else(|| MessageError::Key(format!("it has no '{key}'")))
 }
 
-fn numbers<const N: usize>(text: &str, key: &'static str) -> MessageResult<[f64; N]> {
-    let numbers = value(text, key)?.split(',');
-    let numbers: Option<Vec<f64>> = numbers.map(|text| text.trim().parse().ok()).collect();
-    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-    let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
-    numbers.ok_or(MessageError::Numbers(key, N))
+fn numbers<const N: usize>(text: &str, key: &str) -> MessageResult<[f64; N]> {
+    let value = value(text, key)?;
+    let wrong = || MessageError::Key(format!("its '{key}' has to be {N} finite numbers"));
+    let numbers = value.split(',').map(|number| number.trim().parse::<f64>());
+    let numbers: Vec<_> = numbers.collect::<Result<_, _>>().map_err(|_| wrong())?;
+    let is_finite = numbers.iter().all(|number| number.is_finite());
+    let numbers = numbers.try_into().ok().filter(|_| is_finite);
+    numbers.ok_or_else(wrong)
 }
 
 #[cfg(test)]

@@ -95,9 +95,8 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> MessageResult<(Opti
         ..
     } = decode_protobuf(data)?
     else {
-        return Err(MessageError::Missing(
-            "it has no translation or no rotation",
-        ));
+        let why = "it has no translation or no rotation";
+        return Err(MessageError::Missing(why));
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     // A corrupt quaternion is rejected; a unit one is kept bit by bit.
@@ -111,7 +110,7 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> MessageResult<(Opti
         let stamp = parts.and_then(|parts| StampRule::default().stamp(parts));
         Ok((stamp, pose))
     } else {
-        Err(MessageError::NoPose(format!(
+        Err(MessageError::Transform(format!(
             "translation {t:?} and rotation {q:?} are not a pose"
         )))
     }

@@ -14,6 +14,9 @@ pub(crate) type MessageResult<T> = Result<T, MessageError>;
 /// The error of Foxglove's messages in protobuf.
 pub(crate) type ProtobufError = <foxglove::messages::FrameTransform as foxglove::Decode>::Error;
 
+/// Width and height, pixels.
+type Size = (usize, usize);
+
 /// Why a message, or what is made of it, cannot be used. `Display` says it of the message, whose
 /// place the caller adds.
 #[derive(Debug, thiserror::Error)]
@@ -45,16 +48,10 @@ pub enum MessageError {
     Missing(&'static str),
     /// A part that is of another kind than svl reads.
     Unsuited(&'static str),
-    /// Seconds.
-    #[error("its stamp of {0} s is before 1970")]
-    Stamp(i32),
-    /// Stamps of another clock, or shared ones.
+    /// Stamps that are no time, of another clock, or shared.
     Stamps(String),
-    /// A pixel encoding, and those that are read, in words.
-    #[error("its pixels are '{0}'{1}")]
-    Pixels(String, String),
-    #[error("its images are {0}, not mono8")]
-    NoCodes(String),
+    /// Pixels in an encoding that is not read there.
+    Pixels(String),
     #[error("a {0}x{1} {2} image without a pixel")]
     NoPixel(usize, usize, String),
     #[error("its sides of {0}x{1} are odd, which {2} cannot have: crop it to even ones")]
@@ -64,9 +61,14 @@ pub enum MessageError {
     Length(String, usize),
     #[error("{0} is shorter than its {1} bytes: its encoding or size is wrong")]
     Surplus(String, usize),
-    /// A size with what it is of, and the one that it should be.
-    #[error("{0} {w}x{h}{2} {width}x{height}", w = .1.0, h = .1.1, width = .3.0, height = .3.1)]
-    Sizes(&'static str, (usize, usize), &'static str, (usize, usize)),
+    #[error("truth is {}x{}, the images are {}x{}", .0.0, .0.1, .1.0, .1.1)]
+    TruthSize(Size, Size),
+    #[error("it has {}x{} pixels, the video began with {}x{}", .0.0, .0.1, .1.0, .1.1)]
+    VideoSize(Size, Size),
+    #[error("its maps are {}x{}, the left images {}x{}", .0.0, .0.1, .1.0, .1.1)]
+    MapSize(Size, Size),
+    #[error("a depth image is {}x{}, the first was {}x{}", .0.0, .0.1, .1.0, .1.1)]
+    DepthSize(Size, Size),
     /// The format of an image, and the decoder's reason.
     #[error("its image, compressed as '{0}', cannot be read as PNG or JPEG: {1}")]
     CodedImage(String, String),
@@ -80,19 +82,12 @@ pub enum MessageError {
     FieldPlaces(usize),
     #[error("its cells are not those of a {0}x{1} grid")]
     Grid(usize, usize),
-    NoPose(String),
-    /// A frame, its parent, and the fault.
-    #[error("its transform of '{0}' in '{1}' {2}")]
-    Transform(String, String, &'static str),
+    /// A transform that is none.
+    Transform(String),
     /// The frames of sensor and camera do not lead to each other.
     Frames(String),
     /// A key of RealSense's texts.
-    #[error("it has no '{0}'")]
-    NoKey(&'static str),
-    #[error("its '{0}' has to be {1} finite numbers")]
-    Numbers(&'static str, usize),
-    #[error("its {0} is {1}")]
-    Side(&'static str, f64),
+    Key(String),
     /// Name of the codec.
     #[error("its video is '{0}', svl reads h264 and h265: record one of them")]
     Codec(String),

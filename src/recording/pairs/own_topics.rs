@@ -5,7 +5,7 @@ use super::truth;
 use crate::decode::floats::floats;
 use crate::decode::head::head;
 use crate::decode::image::decode;
-use crate::message::MessageError::{Missing, Sizes, Unsuited};
+use crate::message::MessageError::{Missing, TruthSize, Unsuited};
 use crate::message::sync::{PairGeometry, StereoSync};
 use crate::message::wire::topic;
 use crate::message::{MessageError, MessageResult, geometry};
@@ -143,14 +143,13 @@ impl OwnTopics {
                 truth.surface.as_ref().map(Plane::size),
             ];
             if let Some(other) = sizes.into_iter().flatten().find(|other| *other != size) {
-                return Err(Sizes("truth is", other, ", the images are", size));
+                return Err(TruthSize(other, size));
             }
         }
         let color = left.color.zip(right.color).map(<[Rgb; 2]>::from);
         if color.iter().flatten().any(|color| color.size() != size) {
-            return Err(Unsuited(
-                "its colour images differ in size from its grey ones",
-            ));
+            let why = "its colour images differ in size from its grey ones";
+            return Err(Unsuited(why));
         }
         Ok(Frame {
             sequence: sync.sequence,

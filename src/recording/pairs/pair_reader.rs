@@ -236,9 +236,8 @@ impl PairReader {
             let (stamp, image) = image::decode(channel, data)?;
             // The pictures of a live topic.
             if image.is_err() && is_picture(channel, data) {
-                return Err(Video(
-                    "a video, which svl reads from a bag: record it first",
-                ));
+                let why = "a video, which svl reads from a bag: record it first";
+                return Err(Video(why));
             }
             return Ok((stamp, image.map(PairImage::Image)));
         };

@@ -3,9 +3,10 @@
 
 use crate::decode::encoding::{self, Samples};
 use crate::decode::floats::{metres, values};
+use crate::message::MessageError::{CodedDepths, Missing, Pixels, Unsuited};
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
-use crate::message::{MessageError, MessageResult, ros};
+use crate::message::{MessageResult, ros};
 use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::DynamicImage;
@@ -45,7 +46,10 @@ pub(crate) fn codes(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>>
     let (_, image) = ros::read(channel, data, ros::image)?;
     let (width, step) = (image.width as usize, image.step as usize);
     if image.encoding != "mono8" || step < width || width == 0 {
-        return Err(MessageError::NoCodes(image.encoding.to_owned()));
+        return Err(Pixels(format!(
+            "its images are {}, not mono8",
+            image.encoding
+        )));
     }
     let rows = image.data.chunks_exact(step).take(image.height as usize);
     let samples = rows.flat_map(|row| row[..width].iter().copied().map(f32::from));
@@ -98,7 +102,7 @@ fn decompress(format: &str, data: &[u8]) -> MessageResult<Plane<f32>> {
         [encoding, "png", ..] => (encoding, None),
         ["png"] => ("16UC1", None),
         _ => {
-            return Err(MessageError::CodedDepths(format!(
+            return Err(CodedDepths(format!(
                 "it is compressed as '{format}'; depths are compressedDepth in PNG or RVL, or a \
                  PNG of 16 bits"
             )));
@@ -111,10 +115,10 @@ fn decompress(format: &str, data: &[u8]) -> MessageResult<Plane<f32>> {
     }
     let header = if is_rvl.is_some() { RVL_HEADER } else { 0 };
     let split = data.split_at_checked(header);
-    let (header, packed) = split.ok_or(MessageError::Missing("it is shorter than its header"))?;
+    let (header, packed) = split.ok_or(Missing("it is shorter than its header"))?;
     let codes = if is_rvl == Some(true) {
         files::decode_rvl(packed)
-            .map_err(|e| MessageError::CodedDepths(format!("its RVL cannot be read: {e}")))?
+            .map_err(|e| CodedDepths(format!("its RVL cannot be read: {e}")))?
     } else {
         png(packed)?
     };
@@ -128,15 +132,13 @@ fn decompress(format: &str, data: &[u8]) -> MessageResult<Plane<f32>> {
 /// The samples of a PNG of one channel of 16 bits.
 fn png(bytes: &[u8]) -> MessageResult<Plane<u16>> {
     let image = files::decode_bytes(bytes)
-        .map_err(|e| MessageError::CodedDepths(format!("its PNG cannot be read: {e}")))?;
+        .map_err(|e| CodedDepths(format!("its PNG cannot be read: {e}")))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     match image {
         DynamicImage::ImageLuma16(samples) => {
             Ok(Plane::from_vec(width, height, samples.into_raw())?)
         }
-        _ => Err(MessageError::Unsuited(
-            "its PNG is not of one channel of 16 bits",
-        )),
+        _ => Err(Unsuited("its PNG is not of one channel of 16 bits")),
     }
 }
 
@@ -145,17 +147,14 @@ fn png(bytes: &[u8]) -> MessageResult<Plane<u16>> {
 pub(crate) fn disparity_image(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let message = ros::read(channel, data, ros::disparity_image)?;
     if message.image.encoding != "32FC1" {
-        let encoding = message.image.encoding.to_owned();
-        return Err(MessageError::Pixels(
-            encoding,
-            "; disparities are 32FC1".to_owned(),
-        ));
+        let encoding = message.image.encoding;
+        return Err(Pixels(format!(
+            "its pixels are '{encoding}'; disparities are 32FC1"
+        )));
     }
     let (scale, min) = (message.focal_px * message.baseline_m, message.min_disparity);
     if !(scale > 0.0 && scale.is_finite()) {
-        return Err(MessageError::Missing(
-            "it has no focal length or no baseline",
-        ));
+        return Err(Missing("it has no focal length or no baseline"));
     }
     // Disparities of invalid pixels are 0 or less, which `depths` makes NaN too.
     let disparities = depths(&message.image)?;

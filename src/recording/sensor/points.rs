@@ -20,9 +20,8 @@ type Fields = [(usize, i32); 3];
 pub(crate) fn ros_cloud(channel: &Channel, data: &[u8]) -> MessageResult<Points> {
     let cloud = ros::read(channel, data, ros::point_cloud)?;
     if cloud.big_endian {
-        return Err(Unsuited(
-            "its points are big-endian, svl reads little-endian ones",
-        ));
+        let why = "its points are big-endian, svl reads little-endian ones";
+        return Err(Unsuited(why));
     }
     let fields = fields(|name| {
         let (_, offset, kind) = cloud.fields.iter().find(|(known, ..)| *known == name)?;

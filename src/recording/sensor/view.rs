@@ -271,12 +271,7 @@ impl SensorSetup {
             Measured::Points(_) => return Ok(View::Points(left_from_sensor)),
             Measured::Disparity(map) if map.size() == size => return Ok(View::Aligned),
             Measured::Disparity(map) => {
-                return Err(MessageError::Sizes(
-                    "its maps are",
-                    map.size(),
-                    ", the left images",
-                    size,
-                ));
+                return Err(MessageError::MapSize(map.size(), size));
             }
         };
         let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
@@ -313,9 +308,9 @@ impl SensorSetup {
                 (raw.intrinsics, UnitQuaternion::identity())
             }
             _ => {
-                return Err(MessageError::Missing(
-                    "its depth images are from another camera, and it has no camera_info for that",
-                ));
+                let why =
+                    "its depth images are from another camera, and it has no camera_info for that";
+                return Err(MessageError::Missing(why));
             }
         };
         Ok(View::Camera {
@@ -544,12 +539,9 @@ impl View {
             _ => size,
         };
         match (self, measured) {
-            (_, Measured::Depth(depth)) if depth.size() != expected => Err(MessageError::Sizes(
-                "a depth image is",
-                depth.size(),
-                ", the first was",
-                expected,
-            )),
+            (_, Measured::Depth(depth)) if depth.size() != expected => {
+                Err(MessageError::DepthSize(depth.size(), expected))
+            }
             (
                 Self::Camera {
                     rays,

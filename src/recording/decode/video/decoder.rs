@@ -10,7 +10,7 @@ use super::matroska::RawPictures;
 use super::message::{self, Codec};
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
-use crate::message::MessageError::{SizeChange, Sizes, Video};
+use crate::message::MessageError::{SizeChange, Video, VideoSize};
 use crate::message::MessageResult;
 use crate::stream::channel::FileEvent;
 use std::fs::File;
@@ -176,12 +176,7 @@ impl VideoDecoder {
         self.last = Some(number);
         let first = *self.size.get_or_insert((width, height));
         if (width, height) != first {
-            return Err(Sizes(
-                "it has",
-                (width, height),
-                " pixels, the video began with",
-                first,
-            ));
+            return Err(VideoSize((width, height), first));
         }
         Ok(picture)
     }

@@ -49,9 +49,8 @@ impl VideoTopic {
     /// The reason why it cannot be decoded.
     pub(crate) fn picture(&mut self, number: u64) -> MessageResult<MessageImage> {
         if self.last.replace(number) > Some(number) {
-            return Err(MessageError::Video(
-                "its stamp is after that of a later message",
-            ));
+            let why = "its stamp is after that of a later message";
+            return Err(MessageError::Video(why));
         }
         Ok(MessageImage {
             image: self.decoder.picture(number)?,
