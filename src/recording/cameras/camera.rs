@@ -35,10 +35,8 @@ type Matrix<const C: usize> = Result<SMatrix<f64, 3, C>, usize>;
 
 /// The matrix of its numbers, row by row.
 fn matrix<const C: usize>(numbers: &[f64]) -> Matrix<C> {
-    let is_whole = numbers.len() == 3 * C;
-    is_whole
-        .then(|| SMatrix::from_row_slice(numbers))
-        .ok_or(numbers.len())
+    let matrix = (numbers.len() == 3 * C).then(|| SMatrix::from_row_slice(numbers));
+    matrix.ok_or(numbers.len())
 }
 
 /// One camera's calibration.

@@ -122,7 +122,7 @@ mod tests {
 
     fn back(rig: &Rig) -> Rig {
         let projection = |camera| {
-            let message = encode_calibration(rig, (640, 480), camera, RosStamp(0));
+            let message = encode_calibration(rig, (640, 480), camera, RosStamp::new(0).unwrap());
             let CameraCalibration { p, .. } = decode_protobuf(&message.data).unwrap();
             Matrix3x4::from_row_slice(&p)
         };

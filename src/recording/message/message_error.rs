@@ -134,9 +134,7 @@ pub enum MessageError {
 impl MessageError {
     /// An encoding of a channel that is not read. `known`: those that are, in words.
     pub(crate) fn encoding(channel: &Channel, known: &str) -> Self {
-        let Channel {
-            schema, encoding, ..
-        } = channel.clone();
+        let (schema, encoding) = (channel.schema.clone(), channel.encoding.clone());
         Self::Encoding(schema, encoding, known.to_owned())
     }
 

@@ -253,8 +253,14 @@ mod tests {
         assert!(
             read("16UC1", false, &[0, 0, 0])
                 .unwrap_err()
+                .to_string()
                 .contains("does not fit")
         );
-        assert!(read("mono8", false, &[0, 0]).unwrap_err().contains("16UC1"));
+        assert!(
+            read("mono8", false, &[0, 0])
+                .unwrap_err()
+                .to_string()
+                .contains("16UC1")
+        );
     }
 }

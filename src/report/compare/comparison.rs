@@ -12,12 +12,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::{Result, counted};
 use svl_score::bootstrap::{self, Interval, Resamples, Sample, TestMethod, middle};
-use svl_score::holm;
 use svl_score::judge::{
     AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit,
 };
 use svl_score::manifest::{Manifest, Purpose};
-use svl_score::sign_test;
+use svl_score::{holm, sign_test};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
