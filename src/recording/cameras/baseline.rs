@@ -45,15 +45,12 @@ impl BaselineSearch {
     /// The reason why they have no baseline.
     pub(crate) fn metres(&self, left: &str, right: &str) -> MessageResult<f64> {
         if left == right {
-            return Err(NoBaseline(format!(
-                "both cameras are in one frame, '{left}'"
-            )));
+            let why = format!("both cameras are in one frame, '{left}'");
+            return Err(NoBaseline(why));
         }
-        let pose = self.transforms.between(left, right).ok_or_else(|| {
-            NoBaseline(format!(
-                "no static transform leads from '{left}' to '{right}'"
-            ))
-        })?;
+        let pose = self.transforms.between(left, right);
+        let why = || format!("no static transform leads from '{left}' to '{right}'");
+        let pose = pose.ok_or_else(|| NoBaseline(why()))?;
         let [x, y, z] = pose.translation.vector.into();
         let degrees = pose.rotation.angle().to_degrees();
         if pose.rotation.angle() >= MAX_ROTATION {

@@ -114,10 +114,7 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> MessageResult<Calibrati
         (schema, _) if SCHEMAS.contains(&schema) => {
             Err(MessageError::encoding(channel, image::ENCODINGS))
         }
-        (schema, _) => Err(MessageError::Schema(
-            schema.to_owned(),
-            svl_core::joined(SCHEMAS),
-        )),
+        _ => Err(MessageError::schema(channel, &svl_core::joined(SCHEMAS))),
     }
 }
 

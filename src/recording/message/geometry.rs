@@ -83,10 +83,7 @@ pub(crate) fn encode_transform(
 /// The stamp of a pose, if it has one, and the pose.
 pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> MessageResult<(Option<u64>, Pose)> {
     if channel.schema != TRANSFORM {
-        return Err(MessageError::Schema(
-            channel.schema.clone(),
-            TRANSFORM.to_owned(),
-        ));
+        return Err(MessageError::schema(channel, TRANSFORM));
     }
     let FrameTransform {
         timestamp,

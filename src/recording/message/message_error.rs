@@ -132,6 +132,11 @@ pub enum MessageError {
 }
 
 impl MessageError {
+    /// A channel of another type. `known`: those that are read.
+    pub(crate) fn schema(channel: &Channel, known: &str) -> Self {
+        Self::Schema(channel.schema.clone(), known.to_owned())
+    }
+
     /// An encoding of a channel that is not read. `known`: those that are, in words.
     pub(crate) fn encoding(channel: &Channel, known: &str) -> Self {
         let (schema, encoding) = (channel.schema.clone(), channel.encoding.clone());
