@@ -32,6 +32,7 @@ pub(crate) fn values(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
     Ok(Plane::from_vec(width, height, depths)?)
 }
 
+/// A depth in metres.
 pub(crate) fn metres(millimetres: u16) -> f32 {
     f32::from(millimetres) / 1000.0
 }

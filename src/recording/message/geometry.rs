@@ -1,7 +1,7 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
+use super::message_error::{MessageError, MessageResult};
 use super::wire::{Encoded, RosStamp, decode_protobuf, frame_id};
-use super::{MessageError, MessageResult};
 use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampRule;
 use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};

@@ -1,6 +1,5 @@
 //! Why a message, or what is made of it, cannot be used.
 
-use super::ros::message::FieldError;
 use crate::stream::channel::Channel;
 use crate::stream::unpack::UnpackError;
 use std::sync::Arc;
@@ -13,6 +12,23 @@ pub(crate) type MessageResult<T> = Result<T, MessageError>;
 
 /// The error of Foxglove's messages in protobuf.
 pub(crate) type ProtobufError = <foxglove::messages::FrameTransform as foxglove::Decode>::Error;
+
+/// Why the fields of a ROS message cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FieldError {
+    /// Bytes of a field, its place, and the bytes that are there.
+    #[error("{0} bytes expected at byte {1}, there are {2}")]
+    Cut(usize, usize, usize),
+    /// Elements of a sequence, and those that there are bytes for.
+    #[error("a sequence of {0} elements, there are bytes for {1}")]
+    Sequence(usize, usize),
+    /// A count, what is counted, and the limit.
+    #[error("{0} {1}, at most {2} expected")]
+    Count(usize, &'static str, usize),
+    #[error("a text is not UTF-8")]
+    Text(#[from] std::str::Utf8Error),
+}
 
 /// Width and height, pixels.
 type Size = (usize, usize);

@@ -7,5 +7,4 @@ pub(crate) mod ros;
 pub(crate) mod sync;
 pub(crate) mod wire;
 
-pub use message_error::MessageError;
-pub(crate) use message_error::MessageResult;
+pub(crate) use message_error::{MessageError, MessageResult};

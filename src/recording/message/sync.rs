@@ -1,7 +1,7 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
+use super::message_error::{MessageError, MessageResult};
 use super::wire::Encoded;
-use super::{MessageError, MessageResult};
 use serde::{Deserialize, Serialize};
 use svl_core::stereo::{Exposure, Frame, Geometry, TruthKind};
 

@@ -2,29 +2,13 @@
 //! read.
 
 use super::write::CDR_LE;
+use crate::message::message_error::FieldError;
 
 /// Reads the fields of one message in their order. Everything it returns is within the bytes.
 pub(crate) struct MessageReader<'a> {
     data: &'a [u8],
     at: usize,
     is_cdr: bool,
-}
-
-/// Why the fields of a ROS message cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum FieldError {
-    /// Bytes of a field, its place, and the bytes that are there.
-    #[error("{0} bytes expected at byte {1}, there are {2}")]
-    Cut(usize, usize, usize),
-    /// Elements of a sequence, and those that there are bytes for.
-    #[error("a sequence of {0} elements, there are bytes for {1}")]
-    Sequence(usize, usize),
-    /// A count, what is counted, and the limit.
-    #[error("{0} {1}, at most {2} expected")]
-    Count(usize, &'static str, usize),
-    #[error("a text is not UTF-8")]
-    Text(#[from] std::str::Utf8Error),
 }
 
 pub(crate) type Parsed<T> = Result<T, FieldError>;

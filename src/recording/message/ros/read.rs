@@ -1,7 +1,7 @@
 //! Decodes messages of ROS 2, in CDR, and of ROS 1.
 
-use super::message::{FieldError, MessageReader, Parsed};
-use crate::message::{MessageError, MessageResult};
+use super::message::{MessageReader, Parsed};
+use crate::message::message_error::{FieldError, MessageError, MessageResult};
 use crate::stream::channel::{Channel, ROS1};
 use crate::stream::unpack::unpack_message;
 
