@@ -1,6 +1,8 @@
 //! The baseline of cameras whose calibrations have none, from the static transforms.
 
 use super::transforms::Transforms;
+use crate::message::MessageError::{Exchanged, NoBaseline};
+use crate::message::MessageResult;
 use crate::stream::channel::Channel;
 
 /// Limits on cameras that are parallel and side by side: rotation in radians, and the other two
@@ -41,36 +43,27 @@ impl BaselineSearch {
     ///
     /// # Errors
     /// The reason why they have no baseline.
-    pub(crate) fn metres(&self, left: &str, right: &str) -> Result<f64, String> {
-        let none = "the calibrations have no baseline (fourth column of P)";
+    pub(crate) fn metres(&self, left: &str, right: &str) -> MessageResult<f64> {
         if left == right {
-            return Err(format!(
-                "{none}, and both cameras are in one frame, '{left}'"
-            ));
+            let why = format!("both cameras are in one frame, '{left}'");
+            return Err(NoBaseline(why));
         }
-        let Some(pose) = self.transforms.between(left, right) else {
-            return Err(format!(
-                "{none}, and no static transform leads from '{left}' to '{right}'"
-            ));
-        };
+        let pose = self.transforms.between(left, right);
+        let why = || format!("no static transform leads from '{left}' to '{right}'");
+        let pose = pose.ok_or_else(|| NoBaseline(why()))?;
         let [x, y, z] = pose.translation.vector.into();
         let degrees = pose.rotation.angle().to_degrees();
         if pose.rotation.angle() >= MAX_ROTATION {
-            Err(format!(
-                "{none}, and by the static transforms the cameras are turned by {degrees:.1}° to \
-                 each other"
-            ))
+            Err(NoBaseline(format!(
+                "by the static transforms the cameras are turned by {degrees:.1}° to each other"
+            )))
         } else if y.abs().max(z.abs()) > MAX_OFFSET * x.abs() {
-            Err(format!(
-                "{none}, and by the static transforms '{right}' is not beside '{left}', but at \
-                 ({x:.3}, {y:.3}, {z:.3}) m"
-            ))
+            Err(NoBaseline(format!(
+                "by the static transforms '{right}' is not beside '{left}', but at ({x:.3}, \
+                 {y:.3}, {z:.3}) m"
+            )))
         } else if x <= 0.0 {
-            Err(format!(
-                "by the static transforms '{right}' is {:.3} m to the left of '{left}': --left \
-                 and --right name their topics",
-                -x
-            ))
+            Err(Exchanged(left.to_owned(), right.to_owned(), -x))
         } else {
             Ok(x)
         }

@@ -1,11 +1,11 @@
 //! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
 
 use crate::decode::head::head;
-use crate::decode::{json, realsense};
-use crate::message::ros;
+use crate::decode::{image, json, realsense};
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
-use nalgebra::{Matrix3, Matrix3x4, Rotation3};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, Vector3};
 use svl_core::stereo::{
     CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,
     StereoCalibration, check_offsets, check_size, rotation,
@@ -30,6 +30,15 @@ const BASELINE_TOLERANCE: f64 = 0.1;
 /// pixels.
 const MAX_SAME_PX: f64 = 0.01;
 
+/// A matrix of a calibration; or the count of its numbers, where it is another.
+type Matrix<const C: usize> = Result<SMatrix<f64, 3, C>, usize>;
+
+/// The matrix of its numbers, row by row.
+fn matrix<const C: usize>(numbers: &[f64]) -> Matrix<C> {
+    let matrix = (numbers.len() == 3 * C).then(|| SMatrix::from_row_slice(numbers));
+    matrix.ok_or(numbers.len())
+}
+
 /// One camera's calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Calibration {
@@ -39,14 +48,14 @@ pub(crate) struct Calibration {
     binning: [u32; 2],
     /// Name of the distortion model.
     model: String,
-    /// Intrinsics before rectification, row-major 3x3.
-    k: Vec<f64>,
+    /// Intrinsics before rectification.
+    k: Matrix<3>,
     /// Distortion coefficients.
     d: Vec<f64>,
-    /// Rotation into the rectified frame, row-major 3x3.
-    r: Vec<f64>,
-    /// Projection of the rectified camera, row-major 3x4.
-    p: Vec<f64>,
+    /// Rotation into the rectified frame.
+    r: Matrix<3>,
+    /// Projection of the rectified camera.
+    p: Matrix<4>,
 }
 
 /// True if the messages of a channel are calibrations.
@@ -62,7 +71,7 @@ pub(crate) fn decode(
     channel: &Channel,
     log_time: u64,
     data: &[u8],
-) -> Result<(u64, Calibration), String> {
+) -> MessageResult<(u64, Calibration)> {
     let calibration = decode_calibration(channel, data)?;
     // RealSense's is a text.
     let stamp = if realsense::is_calibration(channel) {
@@ -73,15 +82,15 @@ pub(crate) fn decode(
     Ok((stamp.unwrap_or(log_time), calibration))
 }
 
-fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+fn decode_calibration(channel: &Channel, data: &[u8]) -> MessageResult<Calibration> {
     let unbinned = |size, model, [k, d, r, p]: [Vec<f64>; 4]| Calibration {
         size,
         binning: [1, 1],
         model,
-        k,
+        k: matrix(&k),
         d,
-        r,
-        p,
+        r: matrix(&r),
+        p: matrix(&p),
     };
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
@@ -102,13 +111,10 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
         ("std_msgs/msg/String", "cdr") => {
             realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
         }
-        (schema, encoding) if SCHEMAS.contains(&schema) => Err(format!(
-            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
-        )),
-        (schema, _) => {
-            let known = svl_core::joined(SCHEMAS);
-            Err(format!("it is a {schema}, svl reads {known}"))
+        (schema, _) if SCHEMAS.contains(&schema) => {
+            Err(MessageError::encoding(channel, image::ENCODINGS))
         }
+        _ => Err(MessageError::schema(channel, &svl_core::joined(SCHEMAS))),
     }
 }
 
@@ -116,14 +122,15 @@ fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, Str
 /// transforms.
 fn from_stream(camera: realsense::StreamCamera) -> Calibration {
     let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
+    let k = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
     Calibration {
         size: camera.size,
         binning: [1, 1],
         model: camera.model,
-        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        k: Ok(k),
         d: camera.distortion.to_vec(),
-        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        r: Ok(Matrix3::identity()),
+        p: Ok(k.insert_column(3, 0.0)),
     }
 }
 
@@ -135,9 +142,9 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
         height,
         model,
         distortion: d,
-        mut k,
+        k,
         r,
-        mut p,
+        p,
         binning,
         roi,
     } = info;
@@ -148,28 +155,31 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
         side(roi.width, width) / columns,
         side(roi.height, height) / rows,
     );
-    for matrix in [&mut k[..], &mut p[..]] {
-        let row = matrix.len() / 3;
-        // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
-        matrix[2] -= f64::from(roi.x);
-        matrix[row + 2] -= f64::from(roi.y);
-        matrix[..row]
-            .iter_mut()
-            // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
-            .for_each(|v| *v /= f64::from(columns));
-        matrix[row..2 * row]
-            .iter_mut()
-            .for_each(|v| *v /= f64::from(rows));
-    }
     Calibration {
         size,
         binning: [columns, rows],
         model,
-        k: k.to_vec(),
+        k: published(&k, &roi, [columns, rows]),
         d,
-        r: r.to_vec(),
-        p: p.to_vec(),
+        r: matrix(&r),
+        p: published(&p, &roi, [columns, rows]),
     }
+}
+
+/// A matrix of the sensor's pixels, as that of the published ones.
+fn published<const C: usize>(
+    numbers: &[f64],
+    roi: &ros::RegionOfInterest,
+    [columns, rows]: [u32; 2],
+) -> Matrix<C> {
+    let mut matrix = SMatrix::<f64, 3, C>::from_row_slice(numbers);
+    // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
+    matrix[(0, 2)] -= f64::from(roi.x);
+    matrix[(1, 2)] -= f64::from(roi.y);
+    // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
+    matrix.row_mut(0).unscale_mut(f64::from(columns));
+    matrix.row_mut(1).unscale_mut(f64::from(rows));
+    Ok(matrix)
 }
 
 /// Differences of a calibration from the previous one.
@@ -199,22 +209,18 @@ impl std::fmt::Display for CalibrationChange {
 
 impl Calibration {
     /// The numbers of K, D, R and P.
-    fn numbers(&self) -> Vec<f64> {
-        [&self.k[..], &self.d, &self.r, &self.p].concat()
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let (k, r, p) = (self.k.iter(), self.r.iter(), self.p.iter());
+        let numbers = k.flatten().chain(&self.d).chain(r.flatten());
+        numbers.chain(p.flatten()).copied()
     }
 
     /// Differences of `next`; `None` if all numbers are equal.
     pub(crate) fn change(&self, next: &Self) -> Option<CalibrationChange> {
         // NaN, from an uncalibrated camera, equals itself here.
-        let bits = |calibration: &Self| {
-            let numbers = calibration.numbers().into_iter();
-            numbers.map(f64::to_bits).collect::<Vec<_>>()
-        };
-        let is_same =
-            self.size == next.size && self.model == next.model && bits(self) == bits(next);
-        let both = |index: usize| {
-            [self, next].map(|calibration| calibration.p.get(index).copied().unwrap_or_default())
-        };
+        let [own, other] = [self, next].map(|calibration| calibration.numbers().map(f64::to_bits));
+        let is_same = self.size == next.size && self.model == next.model && own.eq(other);
+        let both = |column| [self, next].map(|own| own.p.map_or(0.0, |p| p[(0, column)]));
         (!is_same).then(|| CalibrationChange {
             focal_px: both(0),
             offset: both(3),
@@ -226,18 +232,17 @@ impl Calibration {
     ///
     /// # Errors
     /// The fault. A camera that was never calibrated has it from the start, and no `known` without.
-    pub(crate) fn check_damage(&self, known: &Self) -> Result<(), String> {
-        let is_finite = |calibration: &Self| {
-            let numbers = calibration.numbers();
-            numbers.iter().all(|number| number.is_finite())
-        };
+    pub(crate) fn check_damage(&self, known: &Self) -> MessageResult<()> {
+        let is_finite = |calibration: &Self| calibration.numbers().all(f64::is_finite);
         if is_finite(known) && !is_finite(self) {
-            return Err("it has numbers that are not finite".to_owned());
+            let why = "it has numbers that are not finite";
+            return Err(MessageError::Calibration(why));
         }
         let lost = [true, false]
             .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());
         if lost.contains(&true) {
-            return Err("it has no focal length, and the one before it does".to_owned());
+            let why = "it has no focal length, and the one before it does";
+            return Err(MessageError::Calibration(why));
         }
         Ok(())
     }
@@ -249,11 +254,9 @@ impl Calibration {
 
     /// Focal lengths along x and y: from K for a raw camera, else from P. `None` if unknown.
     pub(crate) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
-        let focal = if is_raw {
-            (*self.k.first()?, *self.k.get(4)?)
-        } else {
-            (*self.p.first()?, *self.p.get(5)?)
-        };
+        let raw = || self.k.map(|k| (k[(0, 0)], k[(1, 1)]));
+        let rectified = || self.p.map(|p| (p[(0, 0)], p[(1, 1)]));
+        let focal = if is_raw { raw() } else { rectified() }.ok()?;
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }
 
@@ -266,22 +269,20 @@ impl Calibration {
     /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
     pub(crate) fn lacks_baseline(&self, right: &Self) -> bool {
         // Rounding is no baseline.
-        let is_zero = |calibration: &&Self| match calibration.p[..] {
+        let is_zero = |p: Matrix3x4<f64>| {
+            let (focal, offset) = (p[(0, 0)], p[(0, 3)]);
             // A P of zeros is that of a camera without a calibration.
-            [focal, _, _, offset, ..] => focal > 0.0 && offset.abs() <= ROUNDING * focal.max(1.0),
-            _ => false,
+            focal > 0.0 && offset.abs() <= ROUNDING * focal.max(1.0)
         };
-        [self, right].iter().all(is_zero)
+        self.p.is_ok_and(is_zero) && right.p.is_ok_and(is_zero)
     }
 
     /// True if the two P put the right camera to the left of the left one.
     pub(crate) fn has_reversed_baseline(&self, right: &Self) -> bool {
-        match (&self.p[..], &right.p[..]) {
-            ([focal, _, _, left, ..], [_, _, _, right, ..]) => {
-                right - left > ROUNDING * focal.max(1.0)
-            }
-            _ => false,
-        }
+        let (Ok(left), Ok(right)) = (self.p, right.p) else {
+            return false;
+        };
+        right[(0, 3)] - left[(0, 3)] > ROUNDING * left[(0, 0)].max(1.0)
     }
 
     /// True if the baseline has to come from the static transforms.
@@ -293,21 +294,19 @@ impl Calibration {
     ///
     /// # Errors
     /// The size that it is for.
-    pub(crate) fn check_size(&self, size: (usize, usize)) -> Result<(), String> {
+    pub(crate) fn check_size(&self, size: (usize, usize)) -> MessageResult<()> {
         let own = (self.size.0 as usize, self.size.1 as usize);
         if own == (0, 0) {
             return Ok(());
         }
-        check_size(own, size).map_err(|e| e.to_string())
+        Ok(check_size(own, size)?)
     }
 
     /// The check of a binning.
     fn binning_check(&self, size: (usize, usize)) -> Option<CalibrationCheck> {
-        let [_, _, cx, _, _, cy, ..] = self.k[..] else {
-            return None;
-        };
-        let is_binned = self.binning != [1, 1];
-        is_binned.then(|| CalibrationCheck::binning((cx, cy), self.binning, size))
+        let k = self.k.ok().filter(|_| self.binning != [1, 1])?;
+        let center_px = (k[(0, 2)], k[(1, 2)]);
+        Some(CalibrationCheck::binning(center_px, self.binning, size))
     }
 
     /// The doubts about the calibration of a depth camera whose principal point is `center_px`, for
@@ -326,16 +325,12 @@ impl Calibration {
         if self.is_rectified_by_depthai() {
             return false;
         }
-        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
         // of a product of rotations.
-        let turned = self.r.iter().any(|v| *v != 0.0)
-            && self
-                .r
-                .iter()
-                .zip(identity)
-                .any(|(a, b)| (a - b).abs() > 1e-9);
-        turned || self.is_projected_anew() || self.is_distorted()
+        let is_turned = |r: Matrix3<f64>| {
+            r != Matrix3::zeros() && (r - Matrix3::identity()).iter().any(|v| v.abs() > 1e-9)
+        };
+        self.r.is_ok_and(is_turned) || self.is_projected_anew() || self.is_distorted()
     }
 
     /// True if it has a coefficient, or is a fisheye, whose coefficients may be 0.
@@ -349,60 +344,52 @@ impl Calibration {
     /// R to 1, but leaves the rest of R and the raw K. No rotation but the identity has that
     /// diagonal.
     fn is_rectified_by_depthai(&self) -> bool {
-        let [a, b, c, d, e, f, g, h, i] = self.r[..] else {
-            return false;
-        };
-        [a, e, i] == [1.0; 3]
-            && [b, c, d, f, g, h].iter().any(|v| *v != 0.0)
-            && self.d.iter().all(|coefficient| *coefficient == 0.0)
+        let is_reset =
+            |r: Matrix3<f64>| r.diagonal() == Vector3::repeat(1.0) && r != Matrix3::identity();
+        self.r.is_ok_and(is_reset) && self.d.iter().all(|coefficient| *coefficient == 0.0)
     }
 
     /// True if P projects to other pixels than K does.
     fn is_projected_anew(&self) -> bool {
-        let (Some(_), Some(_)) = (self.focal_px(true), self.focal_px(false)) else {
+        let (Ok(k), Ok(p)) = (self.k, self.p) else {
             return false;
         };
-        // K has three columns, P four: focal lengths and principal point.
-        let same = [(0, 0), (2, 2), (4, 5), (5, 6)];
-        let differs = |(k, p): (usize, usize)| (self.k[k] - self.p[p]).abs() > MAX_SAME_PX;
-        self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
+        // Focal lengths and principal point.
+        let same = [(0, 0), (0, 2), (1, 1), (1, 2)];
+        let differs = |at: (usize, usize)| (k[at] - p[at]).abs() > MAX_SAME_PX;
+        let are_known = self.focal_px(true).is_some() && self.focal_px(false).is_some();
+        are_known && same.into_iter().any(differs)
     }
 
-    fn distortion(&self) -> Result<Distortion, String> {
+    fn distortion(&self) -> MessageResult<Distortion> {
         // A camera that was never calibrated names no model.
         let model = if self.model.is_empty() {
             Ok(DistortionModel::PlumbBob)
         } else {
             self.model.parse::<DistortionModel>()
         };
-        let distortion = model.and_then(|model| model.with_coefficients(&self.d));
-        distortion.map_err(|e| e.to_string())
+        Ok(model?.with_coefficients(&self.d)?)
     }
 
-    pub(crate) fn camera(&self) -> Result<Intrinsics, String> {
+    pub(crate) fn camera(&self) -> MessageResult<Intrinsics> {
         let distortion = self.distortion()?;
-        let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
-            return Err(format!(
-                "its K has {} numbers, 9 make a camera",
-                self.k.len()
-            ));
-        };
+        let wrong = |count| MessageError::Matrix('K', count, "9 make a camera");
+        let k = self.k.map_err(wrong)?;
         let size = (self.size.0 as usize, self.size.1 as usize);
-        Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
+        let (focal, center) = ((k[(0, 0)], k[(1, 1)]), (k[(0, 2)], k[(1, 2)]));
+        Ok(Intrinsics::new(size, focal, center, distortion)?)
     }
 
-    pub(crate) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
-        match <[f64; 12]>::try_from(&self.p[..]) {
-            // Uncalibrated cameras publish a P of zeros; NaN fails too.
-            Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
-            _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
-        }
+    pub(crate) fn projection(&self) -> MessageResult<Matrix3x4<f64>> {
+        // Uncalibrated cameras publish a P of zeros; NaN fails too.
+        let p = self.p.ok().filter(|p| p[(0, 0)] > 0.0);
+        let why = "a camera is not calibrated: its projection matrix is empty";
+        p.ok_or(MessageError::Calibration(why))
     }
 
-    pub(crate) fn rotation(&self) -> Result<Rotation3<f64>, String> {
-        let r = <[f64; 9]>::try_from(&self.r[..])
-            .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
-        rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
+    pub(crate) fn rotation(&self) -> MessageResult<Rotation3<f64>> {
+        let wrong = |count| MessageError::Matrix('R', count, "not 9");
+        Ok(rotation(&self.r.map_err(wrong)?)?)
     }
 }
 
@@ -415,7 +402,7 @@ pub(crate) fn rig(
     left: &Calibration,
     right: &Calibration,
     baseline_m: Option<f64>,
-) -> Result<Rig, String> {
+) -> MessageResult<Rig> {
     let baseline_m = baseline_m.filter(|_| left.needs_baseline(right));
     let (left, mut right) = (left.projection()?, right.projection()?);
     if let Some(baseline_m) = baseline_m {
@@ -433,17 +420,16 @@ pub(crate) fn rig(
         Rig::from_projections(&left, &right, focal, row, LengthUnit::Metres)
     });
     rig.map_err(|e| {
-        if left[(0, 3)] < right[(0, 3)] {
+        let cure = if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
-            format!(
-                "{e}: if the images are exchanged, too, --left and --right name their topics; if \
-                 the calibrations alone are, --calib FILE replaces them, or a /tf_static with the \
-                 cameras' frames shows that only the sign of P is wrong (DepthAI: \
-                 i_reverse_stereo_socket_order)"
-            )
+            ": if the images are exchanged, too, --left and --right name their topics; if the \
+             calibrations alone are, --calib FILE replaces them, or a /tf_static with the cameras' \
+             frames shows that only the sign of P is wrong (DepthAI: \
+             i_reverse_stereo_socket_order)"
         } else {
-            format!("{e}; --calib FILE replaces it")
-        }
+            "; --calib FILE replaces it"
+        };
+        MessageError::NoRig(e, cure)
     })
 }
 
@@ -500,7 +486,7 @@ pub(crate) fn calibration(
     left: &Calibration,
     right: &Calibration,
     baseline_m: Option<f64>,
-) -> Result<StereoCalibration, String> {
+) -> MessageResult<StereoCalibration> {
     let rig = rig(left, right, baseline_m)?;
     let cameras = [left.camera()?, right.camera()?];
     let rectification = Rectification {
@@ -511,10 +497,8 @@ pub(crate) fn calibration(
     };
     let [left, right] = cameras;
     let calibration =
-        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
-    Ok(calibration
-        .map_err(|e| e.to_string())?
-        .with_rectification(rectification))
+        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres)?;
+    Ok(calibration.with_rectification(rectification))
 }
 
 #[cfg(test)]
@@ -523,10 +507,10 @@ pub(crate) fn calibration_of_size(size: (u32, u32)) -> Calibration {
         size,
         binning: [1, 1],
         model: String::new(),
-        k: vec![],
+        k: Err(0),
         d: vec![],
-        r: vec![],
-        p: vec![],
+        r: Err(0),
+        p: Err(0),
     }
 }
 
@@ -535,14 +519,11 @@ mod tests {
     use super::*;
 
     fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
-        let p = vec![
+        let p = matrix(&[
             focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
-        ];
-        let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
-        let (d, r) = (
-            vec![0.0; 5],
-            vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        );
+        ]);
+        let k = matrix(&[focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0]);
+        let (d, r) = (vec![0.0; 5], Ok(Matrix3::identity()));
         Calibration {
             size: (320, 240),
             binning: [1, 1],
@@ -557,12 +538,12 @@ mod tests {
     #[test]
     fn damage_is_of_a_camera_that_was_calibrated() {
         let good = Calibration {
-            k: vec![300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0],
+            k: matrix(&[300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0]),
             ..calibration_of_size((4, 3))
         };
         let with = |focal: f64| {
             let mut other = good.clone();
-            other.k[0] = focal;
+            other.k.as_mut().unwrap()[(0, 0)] = focal;
             other
         };
         assert!(good.check_damage(&good).is_ok() && with(310.0).check_damage(&good).is_ok());
@@ -570,12 +551,14 @@ mod tests {
             with(f64::NAN)
                 .check_damage(&good)
                 .unwrap_err()
+                .to_string()
                 .contains("finite")
         );
         assert!(
             with(0.0)
                 .check_damage(&good)
                 .unwrap_err()
+                .to_string()
                 .contains("focal length")
         );
         for focal in [f64::NAN, 0.0] {
@@ -594,7 +577,7 @@ mod tests {
         let alone = camera(500.0, 120.0, 0.0);
         assert_eq!(rig(&alone, &alone, Some(0.05)).unwrap().baseline_m(), 0.05);
         let says = |left: &Calibration, right: &Calibration, what: &str| {
-            let error = rig(left, right, None).unwrap_err();
+            let error = rig(left, right, None).unwrap_err().to_string();
             assert!(error.contains(what), "{error}");
         };
         let left = camera(500.0, 120.0, 0.0);
@@ -627,7 +610,7 @@ mod tests {
         says(
             &left,
             &Calibration {
-                p: vec![0.0; 12],
+                p: matrix(&[0.0; 12]),
                 ..left.clone()
             },
             "not calibrated",
@@ -635,7 +618,7 @@ mod tests {
         says(
             &left,
             &Calibration {
-                p: vec![],
+                p: Err(0),
                 ..left.clone()
             },
             "not calibrated",
@@ -652,7 +635,7 @@ mod tests {
         assert!((found.baseline_m() - 0.101).abs() < 1e-12);
         // Another length: one of the two is wrong in more than its sign.
         for metres in [None, Some(0.2)] {
-            let error = rig(&left, &reversed, metres).unwrap_err();
+            let error = rig(&left, &reversed, metres).unwrap_err().to_string();
             assert!(error.contains("i_reverse_stereo_socket_order"), "{error}");
         }
         let sound = camera(500.0, 120.0, -50.0);
@@ -664,15 +647,15 @@ mod tests {
     fn depthai_s_rectified_images_are_no_raw_ones() {
         // The raw K, the rectified P, and a rotation of which the diagonal alone was reset.
         let mut rectified = camera(500.0, 120.0, 0.0);
-        rectified.k[0] = 510.0;
-        rectified.r = vec![1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0];
+        rectified.k.as_mut().unwrap()[(0, 0)] = 510.0;
+        rectified.r = matrix(&[1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0]);
         assert!(!rectified.is_of_raw_camera());
         let raw = Calibration {
             d: vec![0.1],
             ..rectified.clone()
         };
         assert!(raw.is_of_raw_camera());
-        rectified.r[4] = 0.9999;
+        rectified.r.as_mut().unwrap()[(1, 1)] = 0.9999;
         assert!(rectified.is_of_raw_camera());
     }
 
@@ -696,16 +679,18 @@ mod tests {
                 width,
             },
         };
+        let k = |found: &Calibration| found.k.unwrap().transpose().as_slice().to_vec();
+        let p = |found: &Calibration| found.p.unwrap().transpose().as_slice().to_vec();
         let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
         assert_eq!(
-            (whole.size, whole.k[0], whole.p[3]),
+            (whole.size, k(&whole)[0], p(&whole)[3]),
             ((640, 480), 600.0, -60.0)
         );
         // The order of image_geometry's PinholeCameraModel: first the offset, then the binning; Tx
         // is scaled too, so the baseline is unchanged.
         let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
-            (binned.size, &binned.p[..4], &binned.p[4..8]),
+            (binned.size, &p(&binned)[..4], &p(&binned)[4..8]),
             (
                 (320, 240),
                 &[300.0, 0.0, 161.0, -30.0][..],
@@ -714,17 +699,18 @@ mod tests {
         );
         let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
         assert_eq!(
-            (part.size, &part.k[..6]),
+            (part.size, &k(&part)[..6]),
             ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
         );
         assert_eq!(
-            (&part.p[..4], part.p[6]),
+            (&p(&part)[..4], p(&part)[6]),
             (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
         );
         assert!(part.check_size((160, 240)).is_ok());
         assert!(
             part.check_size((320, 240))
                 .unwrap_err()
+                .to_string()
                 .contains("of 160x240 pixels, these have 320x240")
         );
         assert!(
@@ -758,8 +744,9 @@ mod tests {
             d: d.to_vec(),
             ..left.clone()
         };
-        let error =
-            |left: Calibration, right: &Calibration| calibration(&left, right, None).unwrap_err();
+        let error = |left: Calibration, right: &Calibration| {
+            calibration(&left, right, None).unwrap_err().to_string()
+        };
         let (fisheye, rational) = (
             with("equidistant", &[0.1, 0.0, 0.0, 0.0]),
             with("rational_polynomial", &[0.1; 8]),
@@ -787,9 +774,9 @@ mod tests {
         };
         assert!(calibration(&zeros, &right, None).is_ok());
         for (k, r) in [
-            (vec![], left.r.clone()),
-            (left.k.clone(), vec![]),
-            (left.k.clone(), vec![0.0; 9]),
+            (Err(0), left.r),
+            (left.k, Err(0)),
+            (left.k, Ok(Matrix3::zeros())),
         ] {
             assert!(
                 calibration(
@@ -830,7 +817,7 @@ mod tests {
         assert!(!rectified.is_of_raw_camera());
         assert!(
             !Calibration {
-                r: vec![0.0; 9],
+                r: Ok(Matrix3::zeros()),
                 ..rectified.clone()
             }
             .is_of_raw_camera()
@@ -844,14 +831,14 @@ mod tests {
         );
         assert!(
             Calibration {
-                r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                r: matrix(&[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
                 ..rectified.clone()
             }
             .is_of_raw_camera()
         );
         // Without distortion, but projected anew: by another focal length or principal point.
         let with = |focal: f64, cy: f64| Calibration {
-            k: vec![focal, 0.0, rectified.p[2], 0.0, focal, cy, 0.0, 0.0, 1.0],
+            k: matrix(&[focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0]),
             ..rectified.clone()
         };
         assert!(!with(500.0, 120.0).is_of_raw_camera());

@@ -1,7 +1,7 @@
 //! The calibrations of one camera by their stamps, and the one of each image.
 
-use super::camera;
-use super::camera::Calibration;
+use super::camera::{self, Calibration};
+use crate::message::MessageResult;
 use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -67,7 +67,7 @@ impl CameraTrack {
     ///
     /// # Errors
     /// The errors of [`Calibration::check_damage`] against the one before it.
-    pub(crate) fn check_damage(&self, stamp_ns: u64, next: &Calibration) -> Result<(), String> {
+    pub(crate) fn check_damage(&self, stamp_ns: u64, next: &Calibration) -> MessageResult<()> {
         self.at(stamp_ns)
             .map_or(Ok(()), |known| next.check_damage(known))
     }

@@ -2,8 +2,8 @@
 
 use super::topics;
 use crate::decode::{image, realsense};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -103,7 +103,7 @@ impl Transforms {
     ///
     /// # Errors
     /// The reason why it cannot be read.
-    pub(crate) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
+    pub(crate) fn add(&mut self, channel: &Channel, data: &[u8]) -> MessageResult<()> {
         for (child, link, _) in Self::read(channel, data)? {
             let is_new = self.0.len() < MAX_FRAMES && !self.0.contains_key(&child);
             let ends_cycle = |parent| {
@@ -164,7 +164,7 @@ impl Transforms {
     ///
     /// # Errors
     /// The reason why there are none.
-    pub(crate) fn read(channel: &Channel, data: &[u8]) -> Result<Vec<StampedTransform>, String> {
+    pub(crate) fn read(channel: &Channel, data: &[u8]) -> MessageResult<Vec<StampedTransform>> {
         if realsense::is_transform(channel) {
             let text = ros::read(channel, data, ros::string)?;
             let (child, placed) = realsense::transform(&channel.topic, text)?;
@@ -175,7 +175,7 @@ impl Transforms {
             "foxglove.FrameTransforms" => {
                 let message: FrameTransforms = decode_protobuf(data)?;
                 let links = message.transforms.into_iter().map(link);
-                links.collect::<Result<_, _>>()?
+                links.collect::<MessageResult<_>>()?
             }
             _ => {
                 let stamped = ros::read(channel, data, ros::transforms)?;
@@ -191,7 +191,7 @@ impl Transforms {
     pub(crate) fn placed(
         channel: &Channel,
         (stamp, link): (ros::RosTime, Link),
-    ) -> Result<StampedTransform, String> {
+    ) -> MessageResult<StampedTransform> {
         let (child, placed) = place(link)?;
         Ok((child, placed, image::ros_stamp(channel, stamp)?))
     }
@@ -236,7 +236,7 @@ impl Transforms {
     }
 }
 
-fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, Placed), String> {
+fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> MessageResult<(String, Placed)> {
     let rotation = Quaternion::new(qw, qx, qy, qz);
     let numbers = [x, y, z, rotation.norm()];
     let fault = if !numbers.iter().all(|v| v.is_finite()) {
@@ -248,7 +248,8 @@ fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, 
     };
     if !fault.is_empty() {
         // Without the numbers, which differ between messages of one fault.
-        return Err(format!("its transform of '{child}' in '{parent}' {fault}"));
+        let why = format!("its transform of '{child}' in '{parent}' {fault}");
+        return Err(MessageError::Transform(why));
     }
     let pose = Isometry3::from_parts(
         Translation3::new(x, y, z),
@@ -260,8 +261,8 @@ fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, 
 /// The valid ones of a message's transforms: one that is not must not cost the others.
 fn valid(
     channel: &Channel,
-    all: impl Iterator<Item = Result<StampedTransform, String>>,
-) -> Result<Vec<StampedTransform>, String> {
+    all: impl Iterator<Item = MessageResult<StampedTransform>>,
+) -> MessageResult<Vec<StampedTransform>> {
     let (mut found, mut faults) = (Vec::new(), Vec::new());
     for one in all {
         match one {
@@ -269,8 +270,8 @@ fn valid(
             Err(fault) => faults.push(fault),
         }
     }
-    match faults.first() {
-        Some(fault) if found.is_empty() => return Err(fault.clone()),
+    match faults.into_iter().next() {
+        Some(fault) if found.is_empty() => return Err(fault),
         Some(fault) => warn_once(format!("{}: {fault}; it is not used", channel.topic)),
         None => {}
     }
@@ -282,7 +283,7 @@ pub(crate) fn plain(frame: &str) -> &str {
     frame.trim_start_matches('/')
 }
 
-fn link(message: FrameTransform) -> Result<Link, String> {
+fn link(message: FrameTransform) -> MessageResult<Link> {
     let FrameTransform {
         parent_frame_id,
         child_frame_id,
@@ -291,7 +292,7 @@ fn link(message: FrameTransform) -> Result<Link, String> {
         ..
     } = message
     else {
-        return Err("it lacks translation or rotation".to_owned());
+        return Err(MessageError::Missing("it lacks translation or rotation"));
     };
     let rotation = [q.x, q.y, q.z, q.w];
     Ok((parent_frame_id, child_frame_id, [t.x, t.y, t.z], rotation))

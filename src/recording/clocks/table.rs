@@ -8,8 +8,7 @@ use super::measure::TopicClock;
 use super::pixels;
 use super::scan::ClockScan;
 use crate::bags::opened::Recording;
-use crate::cameras::topics;
-use crate::cameras::topics::{Selection, choose};
+use crate::cameras::topics::{self, Selection, choose};
 use crate::cameras::transforms::Transforms;
 use crate::pairs::steps::StepWatch;
 use crate::stream::channel::{Channel, warn_once};
@@ -131,9 +130,9 @@ impl ClockTable {
     ///
     /// # Errors
     /// The first that permits no pair.
-    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), String> {
+    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), &ClockFault> {
         if let Some(fault) = self.faults.iter().find(|fault| fault.denies_pairs) {
-            return Err(fault.to_string());
+            return Err(fault);
         }
         for fault in &self.faults {
             warn_once(format!("{name}: {fault}"));
@@ -145,10 +144,10 @@ impl ClockTable {
     ///
     /// # Errors
     /// The fault of its stamps.
-    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), String> {
+    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), &ClockFault> {
         let mut faults = self.faults.iter();
         match faults.find(|fault| fault.topic == topic && fault.is_of_unit) {
-            Some(fault) => Err(fault.reason.clone()),
+            Some(fault) => Err(fault),
             None => Ok(()),
         }
     }

@@ -4,6 +4,7 @@
 use super::bayer::Tile;
 use crate::message::ros;
 use crate::message::ros::read::RawPixels;
+use crate::message::{MessageError, MessageResult};
 use crate::stream::channel::Channel;
 use Chroma::{Full, Half, Interleaved};
 use Samples::{Bayer8, Bayer16, Color8, Color16, Float32, Float64, Grey8, Grey16};
@@ -97,21 +98,25 @@ pub(crate) fn named(name: &str) -> Option<&'static PixelEncoding> {
 }
 
 /// The reason why pixels of an encoding are no image.
-pub(crate) fn why_no_image(name: &str) -> String {
+pub(crate) fn why_no_image(name: &str) -> MessageError {
     if named(name).is_some() {
-        return format!(
+        return MessageError::Pixels(format!(
             "its pixels are '{name}', which are depths: name its topic with --truth, and topics \
              of images with --left and --right"
-        );
+        ));
     }
     let images = ENCODINGS.iter().filter(|encoding| encoding.is_image());
     let known = joined(images.map(|encoding| encoding.names[0]));
-    format!("its pixels are '{name}', svl reads {known}: record one of them")
+    MessageError::Pixels(format!(
+        "its pixels are '{name}', svl reads {known}: record one of them"
+    ))
 }
 
 /// The reason why pixels of an encoding are no depths.
-pub(crate) fn why_no_depths(name: &str) -> String {
-    format!("its pixels are '{name}'; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres")
+pub(crate) fn why_no_depths(name: &str) -> MessageError {
+    MessageError::Pixels(format!(
+        "its pixels are '{name}'; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres"
+    ))
 }
 
 /// Bytes behind an image that are padding, as of a page of memory.
@@ -155,19 +160,14 @@ impl PixelEncoding {
     pub(crate) fn rows<'a>(
         &self,
         raw: &RawPixels<'a>,
-    ) -> Result<impl Iterator<Item = &'a [u8]>, String> {
+    ) -> MessageResult<impl Iterator<Item = &'a [u8]>> {
         let (width, height) = (raw.width as usize, raw.height as usize);
-        let encoding = raw.encoding;
+        let (encoding, got) = (raw.encoding, raw.data.len());
         if width == 0 || height == 0 || raw.data.is_empty() {
-            return Err(format!(
-                "a {width}x{height} {encoding} image without a pixel"
-            ));
+            return Err(MessageError::NoPixel(width, height, encoding.to_owned()));
         }
         if self.chroma == Half && (width % 2, height % 2) != (0, 0) {
-            return Err(format!(
-                "its sides of {width}x{height} are odd, which {encoding} cannot have: crop it to \
-                 even ones"
-            ));
+            return Err(MessageError::OddSides(width, height, encoding.to_owned()));
         }
         // Saturating: the sizes are untrusted numbers from a message.
         let row_bytes = width.saturating_mul(self.bytes());
@@ -179,22 +179,15 @@ impl PixelEncoding {
             Half => (height.saturating_add(height / 2), " and its chroma"),
             Full => (height.saturating_mul(3), " and its chroma"),
         };
+        let what =
+            || format!("a {width}x{height} {encoding} image with rows of {step} bytes{chroma}");
         // A payload of another encoding, as three channels said to be one.
         let whole = all_rows.saturating_mul(step.max(row_bytes));
-        if raw.data.len() > whole.saturating_add(MAX_PADDING_BYTES) {
-            let got = raw.data.len();
-            return Err(format!(
-                "a {width}x{height} {encoding} image with rows of {step} bytes{chroma} is shorter \
-                 than its {got} bytes: its encoding or size is wrong"
-            ));
+        if got > whole.saturating_add(MAX_PADDING_BYTES) {
+            return Err(MessageError::Surplus(what(), got));
         }
-        let rows = files::strided_rows(raw.data, row_bytes, all_rows, step).map_err(|_| {
-            let got = raw.data.len();
-            format!(
-                "a {width}x{height} {encoding} image with rows of {step} bytes{chroma} does not \
-                 fit its {got} bytes"
-            )
-        })?;
+        let rows = files::strided_rows(raw.data, row_bytes, all_rows, step)
+            .map_err(|_| MessageError::Length(what(), got))?;
         Ok(rows.take(height))
     }
 }
@@ -217,12 +210,12 @@ pub(crate) fn u16_of(raw: &RawPixels<'_>) -> fn([u8; 2]) -> u16 {
 }
 
 /// The samples of an image of floats, as they are.
-pub(crate) fn floats(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn floats(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     values(&ros::read(channel, data, ros::image)?.1)
 }
 
 /// The samples of an image of depths, in metres, before invalid ones are removed.
-pub(crate) fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+pub(crate) fn values(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
     let encoding = named(raw.encoding).ok_or_else(|| why_no_depths(raw.encoding))?;
     let rows = encoding.rows(raw)?;
     let depths: Vec<f32> = match (encoding.samples, raw.big_endian) {
@@ -238,7 +231,7 @@ pub(crate) fn values(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
         _ => return Err(why_no_depths(raw.encoding)),
     };
     let (width, height) = (raw.width as usize, raw.height as usize);
-    Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
+    Ok(Plane::from_vec(width, height, depths)?)
 }
 
 pub(crate) fn metres(millimetres: u16) -> f32 {
@@ -276,7 +269,7 @@ mod tests {
             let is_even = encoding.chroma != Half || (width % 2, height % 2) == (0, 0);
             let is_whole = data.len() == length;
             if fits && is_even && is_whole && encoding.is_image() {
-                let image = read.map_err(TestCaseError::fail)?;
+                let image = read.map_err(|e| TestCaseError::fail(e.to_string()))?;
                 prop_assert_eq!(image.image.size(), (width as usize, height as usize));
             } else if let Ok(image) = read {
                 // Missing padding of the last row alone.
@@ -300,15 +293,15 @@ mod tests {
 
     #[test]
     fn a_wrong_encoding_is_named_with_the_cure() {
-        let unknown = why_no_image("h264");
+        let unknown = why_no_image("h264").to_string();
         let words = ["'h264'", "mono8", "nv12", "bayer_grbg16", "record one"];
         words
             .iter()
             .for_each(|word| assert!(unknown.contains(word), "{unknown}"));
         assert!(!unknown.contains("32FC1"), "{unknown}");
-        let depths = why_no_image("64FC1");
+        let depths = why_no_image("64FC1").to_string();
         assert!(depths.contains("'64FC1', which are depths: name its topic with --truth"));
-        let image = why_no_depths("nv12");
+        let image = why_no_depths("nv12").to_string();
         assert!(image.contains("'nv12'; depths are 16UC1 in millimetres"));
     }
 
@@ -329,12 +322,13 @@ mod tests {
         assert_eq!(rows("mono8", (2, 2, 3), 5), Ok(vec![2, 2]));
         assert_eq!(rows("mono8", (2, 2, 0), 4), Ok(vec![2, 2]));
         for (size, bytes) in [((0, 0, 0), 0), ((2, 2, 2), 0)] {
-            let error = rows("mono8", size, bytes).unwrap_err();
+            let error = rows("mono8", size, bytes).unwrap_err().to_string();
             assert!(error.contains("image without a pixel"), "{error}");
         }
         assert!(
             rows("mono8", (2, 2, 3), 4)
                 .unwrap_err()
+                .to_string()
                 .contains("2x2 mono8 image with rows of 3")
         );
         // Chroma: half as many rows, and rows of two bytes per pixel.
@@ -342,6 +336,7 @@ mod tests {
         assert!(
             rows("nv21", (4, 2, 6), 15)
                 .unwrap_err()
+                .to_string()
                 .contains("and its chroma does not fit")
         );
         assert_eq!(rows("nv24", (2, 2, 2), 12), Ok(vec![2, 2]));
@@ -349,7 +344,7 @@ mod tests {
         // The height of a matrix of OpenCV's, with the rows of the chroma.
         assert!(rows("nv12", (4, 6, 4), 24).is_err());
         for odd in [(3, 2, 4), (4, 3, 4)] {
-            let error = rows("nv12", odd, 99).unwrap_err();
+            let error = rows("nv12", odd, 99).unwrap_err().to_string();
             assert!(error.contains("are odd, which nv12 cannot have"), "{error}");
         }
         for encoding in ENCODINGS {

@@ -1,13 +1,13 @@
 //! The stamp and the frame of a message of any kind.
 
 use super::{image, json};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages;
 
 /// The stamp of a message, if any, and the name of its frame.
-pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
+pub(crate) fn head(channel: &Channel, data: &[u8]) -> MessageResult<(Option<u64>, String)> {
     macro_rules! foxglove {
         ($kind:ident) => {{
             let message: messages::$kind = decode_protobuf(data)?;
@@ -37,6 +37,6 @@ pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Strin
         ("foxglove.CompressedVideo", _) => foxglove!(CompressedVideo),
         ("foxglove.PointCloud", _) => foxglove!(PointCloud),
         ("foxglove.LaserScan", _) => foxglove!(LaserScan),
-        (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
+        _ => Err(MessageError::encoding(channel, "")),
     }
 }

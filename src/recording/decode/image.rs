@@ -3,9 +3,9 @@
 use super::encoding::PixelEncoding;
 use super::pixels::MessageImage;
 use super::{encoding, json, pixels};
-use crate::message::ros;
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages::{CompressedImage, RawImage, Timestamp};
 use svl_files::{self as files, DecodedImage};
@@ -18,12 +18,15 @@ pub(crate) const SCHEMAS: [&str; 4] = [
     "foxglove.CompressedImage",
 ];
 
+/// The encodings that are read, in words.
+pub(crate) const ENCODINGS: &str = ", svl reads cdr, ros1, protobuf and json";
+
 /// The stamp in a message, if any, and its image, or the reason why that cannot be read.
-pub(crate) type Stamped = (Option<u64>, Result<MessageImage, String>);
+pub(crate) type Stamped = (Option<u64>, MessageResult<MessageImage>);
 
 /// # Errors
 /// The reason why the message cannot be read.
-pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
+pub(crate) fn decode(channel: &Channel, data: &[u8]) -> MessageResult<Stamped> {
     let raw = |(width, height, step), encoding: &str, data: &[u8]| {
         pixels::decode(&RawPixels {
             width,
@@ -65,25 +68,22 @@ pub(crate) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
             let image = decompress(&m.data, &m.format);
             Ok((of_json(m.timestamp), image))
         }
-        (schema, encoding) => Err(format!(
-            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
-        )),
+        _ => Err(MessageError::encoding(channel, ENCODINGS)),
     }
 }
 
 /// Decodes a PNG or JPEG. The encoding before compression comes first in `format`, as
 /// image_transport writes it: `bayer_rggb8; png compressed `.
-fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
-    let image = files::decode_bytes(data).map_err(|e| {
-        format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
-    })?;
+fn decompress(data: &[u8], format: &str) -> MessageResult<MessageImage> {
+    let image = files::decode_bytes(data)
+        .map_err(|reason| MessageError::CodedImage(format.to_owned(), reason))?;
     // One channel is the mosaic of the sensor; more channels were demosaiced before compression.
     // `bayer_*; png compressed`: the PNG contains the mosaic, not its colours.
     let encoding = format.split(';').next().unwrap_or_default().trim();
     let mosaic = encoding::named(encoding).and_then(PixelEncoding::mosaic);
     let mosaic = mosaic.filter(|_| image.color().channel_count() == 1);
     Ok(MessageImage {
-        image: DecodedImage::new(image).map_err(|e| e.to_string())?,
+        image: DecodedImage::new(image)?,
         mosaic,
     })
 }
@@ -91,11 +91,13 @@ fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
 pub(crate) fn ros_stamp(
     channel: &Channel,
     ros::RosTime { sec, nanosec }: ros::RosTime,
-) -> Result<Option<u64>, String> {
+) -> MessageResult<Option<u64>> {
     let signed = sec.cast_signed();
     // ROS 1's seconds are unsigned.
     if signed < 0 && channel.encoding != ROS1 {
-        return Err(format!("its stamp of {signed} s is before 1970"));
+        return Err(MessageError::Stamps(format!(
+            "its stamp of {signed} s is before 1970"
+        )));
     }
     Ok(stamp(channel, Some((sec, nanosec))))
 }

@@ -1,5 +1,6 @@
 //! Foxglove messages in JSON: the fields of the protobuf messages, with bytes in base64.
 
+use crate::message::{MessageError, MessageResult};
 use base64::Engine as _;
 use serde::{Deserialize, Deserializer, de};
 
@@ -58,8 +59,8 @@ pub(crate) struct JsonCalibration {
     pub(crate) p: Vec<f64>,
 }
 
-pub(crate) fn read<'a, T: Deserialize<'a>>(data: &'a [u8]) -> Result<T, String> {
-    serde_json::from_slice(data).map_err(|e| format!("its JSON cannot be read: {e}"))
+pub(crate) fn read<'a, T: Deserialize<'a>>(data: &'a [u8]) -> MessageResult<T> {
+    serde_json::from_slice(data).map_err(MessageError::Json)
 }
 
 fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {

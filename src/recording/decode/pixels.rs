@@ -3,6 +3,7 @@
 use super::bayer::Tile;
 use super::encoding::{Samples, samples, u16_of};
 use super::{bayer, encoding};
+use crate::message::MessageResult;
 use crate::message::ros::read::RawPixels;
 use svl_core::stereo::Plane;
 use svl_files::{BitDepth, DecodedImage, every_byte};
@@ -25,7 +26,7 @@ impl MessageImage {
 
 /// # Errors
 /// The reason why it cannot be read.
-pub(crate) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
+pub(crate) fn decode(raw: &RawPixels<'_>) -> MessageResult<MessageImage> {
     let why_no_image = || encoding::why_no_image(raw.encoding);
     let encoding = encoding::named(raw.encoding).ok_or_else(why_no_image)?;
     let rows = encoding.rows(raw)?;
@@ -52,7 +53,7 @@ pub(crate) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
         Samples::Float32 | Samples::Float64 => return Err(why_no_image()),
     };
     Ok(MessageImage {
-        image: image.map_err(|e| e.to_string())?,
+        image: image?,
         mosaic: encoding.mosaic(),
     })
 }
@@ -66,7 +67,7 @@ mod tests {
         (width, height): (u32, u32),
         step: u32,
         data: &[u8],
-    ) -> Result<Vec<u8>, String> {
+    ) -> MessageResult<Vec<u8>> {
         let raw = RawPixels {
             width,
             height,
@@ -164,7 +165,7 @@ mod tests {
     fn more_data_than_padding_is_another_encoding() {
         let padded = |bytes: usize| read("mono8", (2, 2), 2, &vec![7; 4 + bytes]);
         assert_eq!(padded(4096), Ok(vec![7; 4]));
-        let long = padded(4097).unwrap_err();
+        let long = padded(4097).unwrap_err().to_string();
         assert!(long.contains("is shorter than its 4101 bytes"), "{long}");
     }
 
@@ -172,9 +173,11 @@ mod tests {
     fn pixels_that_are_no_image_are_refused() {
         assert!(read("mono8", (2, 0), 2, &[0; 9]).is_err());
         assert!(read("bgra8", (u32::MAX, u32::MAX), u32::MAX, &[0; 9]).is_err());
-        let depths = read("32FC1", (1, 1), 4, &[0; 4]).unwrap_err();
+        let depths = read("32FC1", (1, 1), 4, &[0; 4]).unwrap_err().to_string();
         assert!(depths.contains("'32FC1', which are depths"), "{depths}");
-        let unknown = read("bayer_rgbg8", (1, 1), 1, &[0]).unwrap_err();
+        let unknown = read("bayer_rgbg8", (1, 1), 1, &[0])
+            .unwrap_err()
+            .to_string();
         assert!(
             unknown.contains("'bayer_rgbg8', svl reads mono8"),
             "{unknown}"

@@ -10,7 +10,7 @@
 //! The extrinsics map points of the frame `ref_0` into the stream's. Messages name the frame of a
 //! stream after it: `Infrared1`, `Depth`.
 
-use crate::message::ros;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
@@ -59,14 +59,14 @@ pub(crate) struct StreamCamera {
 
 /// The calibration of a stream. Its images are rectified by the camera, so P is K; the baseline is
 /// in the extrinsics.
-pub(crate) fn calibration(text: &str) -> Result<StreamCamera, String> {
+pub(crate) fn calibration(text: &str) -> MessageResult<StreamCamera> {
     let number = |key: &str| numbers::<1>(text, key).map(|[number]| number);
     let side = |key: &str| {
         let side = number(key)?;
         if (0.0..1e5).contains(&side) {
             Ok(side as u32)
         } else {
-            Err(format!("its {key} is {side}"))
+            Err(MessageError::Key(format!("its {key} is {side}")))
         }
     };
     let [fx, fy, cx, cy] = [number("fx")?, number("fy")?, number("ppx")?, number("ppy")?];
@@ -90,10 +90,11 @@ pub(crate) fn calibration(text: &str) -> Result<StreamCamera, String> {
 pub(crate) fn transform(
     topic: &str,
     text: &str,
-) -> Result<(String, (String, Isometry3<f64>)), String> {
-    let (stream, reference) = stream_and_reference(topic).ok_or("its topic names no stream")?;
+) -> MessageResult<(String, (String, Isometry3<f64>))> {
+    let (stream, reference) =
+        stream_and_reference(topic).ok_or(MessageError::Unsuited("its topic names no stream"))?;
     let turn = Matrix3::from_column_slice(&numbers::<9>(text, "rotation")?);
-    let turn = rotation(&turn).map_err(|e| e.to_string())?;
+    let turn = rotation(&turn)?;
     let [x, y, z] = numbers::<3>(text, "translation")?;
     let into_stream = Isometry3::from_parts(
         Translation3::new(x, y, z),
@@ -119,15 +120,15 @@ pub(crate) fn unit_m(channel: &Channel, data: &[u8]) -> Option<f32> {
 }
 
 /// The value of `key` in `key=value;…`.
-fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
+fn value<'a>(text: &'a str, key: &str) -> MessageResult<&'a str> {
     let mut pairs = text.split(';').filter_map(|pair| pair.split_once('='));
     let found = pairs.find_map(|(name, value)| (name.trim() == key).then_some(value.trim()));
-    found.ok_or_else(|| format!("it has no '{key}'"))
+    found.ok_or_else(|| MessageError::Key(format!("it has no '{key}'")))
 }
 
-fn numbers<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
+fn numbers<const N: usize>(text: &str, key: &str) -> MessageResult<[f64; N]> {
     let value = value(text, key)?;
-    let wrong = || format!("its '{key}' has to be {N} finite numbers");
+    let wrong = || MessageError::Key(format!("its '{key}' has to be {N} finite numbers"));
     let numbers = value.split(',').map(|number| number.trim().parse::<f64>());
     let numbers: Vec<_> = numbers.collect::<Result<_, _>>().map_err(|_| wrong())?;
     let is_finite = numbers.iter().all(|number| number.is_finite());

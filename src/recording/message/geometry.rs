@@ -1,5 +1,6 @@
 //! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
 
+use super::message_error::{MessageError, MessageResult};
 use super::wire::{Encoded, RosStamp, decode_protobuf, frame_id};
 use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampRule;
@@ -35,14 +36,13 @@ pub(crate) fn encode_calibration(
 }
 
 /// The rig with exactly these projection matrices, so that rigs survive the round trip.
-pub(crate) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
-    let rig = Rig::from_projections(left, right, 0.0, 0.0, LengthUnit::Metres)
-        .map_err(|e| e.to_string())?;
+pub(crate) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> svl_core::Result<Rig> {
+    let rig = Rig::from_projections(left, right, 0.0, 0.0, LengthUnit::Metres)?;
     let (focal, center) = (rig.focal_px(), rig.center_px());
     let (shift, cx) = (right[(0, 3)], right[(0, 2)]);
     let baseline_m = plainest(rig.baseline_m(), |b| -focal * b == shift);
     let doffs_px = plainest(rig.doffs_px(), |doffs| center.0 + doffs == cx);
-    Rig::new(focal, center, baseline_m, doffs_px).map_err(|e| e.to_string())
+    Rig::new(focal, center, baseline_m, doffs_px)
 }
 
 /// The decimal number with the fewest digits near `value` for which `fits` is true: several doubles
@@ -81,9 +81,9 @@ pub(crate) fn encode_transform(
 }
 
 /// The stamp of a pose, if it has one, and the pose.
-pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, Pose), String> {
+pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> MessageResult<(Option<u64>, Pose)> {
     if channel.schema != TRANSFORM {
-        return Err(format!("it is a {}, svl reads {TRANSFORM}", channel.schema));
+        return Err(MessageError::schema(channel, TRANSFORM));
     }
     let FrameTransform {
         timestamp,
@@ -92,7 +92,8 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>
         ..
     } = decode_protobuf(data)?
     else {
-        return Err("it has no translation or no rotation".to_owned());
+        let why = "it has no translation or no rotation";
+        return Err(MessageError::Missing(why));
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     // A corrupt quaternion is rejected; a unit one is kept bit by bit.
@@ -106,9 +107,9 @@ pub(crate) fn decode_pose(channel: &Channel, data: &[u8]) -> Result<(Option<u64>
         let stamp = parts.and_then(|parts| StampRule::default().stamp(parts));
         Ok((stamp, pose))
     } else {
-        Err(format!(
+        Err(MessageError::Transform(format!(
             "translation {t:?} and rotation {q:?} are not a pose"
-        ))
+        )))
     }
 }
 
@@ -118,7 +119,7 @@ mod tests {
 
     fn back(rig: &Rig) -> Rig {
         let projection = |camera| {
-            let message = encode_calibration(rig, (640, 480), camera, RosStamp(0));
+            let message = encode_calibration(rig, (640, 480), camera, RosStamp::new(0).unwrap());
             let CameraCalibration { p, .. } = decode_protobuf(&message.data).unwrap();
             Matrix3x4::from_row_slice(&p)
         };
@@ -153,7 +154,7 @@ mod tests {
     fn cameras_that_are_not_a_pair_are_refused() {
         let good = Rig::new(300.0, (160.0, 120.0), 0.1, 0.0).unwrap();
         let (left, mut right) = (good.projection(Side::Left), good.projection(Side::Right));
-        assert_eq!(rig(&left, &right), Ok(good));
+        assert_eq!(rig(&left, &right).unwrap(), good);
         right[(0, 0)] = 301.0;
         assert!(rig(&left, &right).is_err());
         assert!(rig(&left, &left).is_err(), "no baseline");

@@ -2,6 +2,9 @@
 
 pub(crate) mod geometry;
 pub(crate) mod images;
+pub(crate) mod message_error;
 pub(crate) mod ros;
 pub(crate) mod sync;
 pub(crate) mod wire;
+
+pub(crate) use message_error::{MessageError, MessageResult};

@@ -1,5 +1,6 @@
 //! The JSON message of a pair: its stamps, geometry and exposure.
 
+use super::message_error::{MessageError, MessageResult};
 use super::wire::Encoded;
 use serde::{Deserialize, Serialize};
 use svl_core::stereo::{Exposure, Frame, Geometry, TruthKind};
@@ -74,10 +75,10 @@ impl StereoSync {
         Encoded::json(SCHEMA, DEFINITION, self)
     }
 
-    pub(crate) fn decode(schema: &str, data: &[u8]) -> Result<Self, String> {
+    pub(crate) fn decode(schema: &str, data: &[u8]) -> MessageResult<Self> {
         if schema != SCHEMA {
-            return Err(format!("it is a {schema}, svl reads {SCHEMA}"));
+            return Err(MessageError::Schema(schema.to_owned(), SCHEMA.to_owned()));
         }
-        serde_json::from_slice(data).map_err(|e| e.to_string())
+        Ok(serde_json::from_slice(data)?)
     }
 }

@@ -1,5 +1,6 @@
 //! What svl's own recordings are written with: names, topics, frames, stamps, encoded messages.
 
+use super::message_error::{MessageError, MessageResult, ProtobufError};
 use std::borrow::Cow;
 use svl_core::stereo::Side;
 use svl_core::{Error, Result};
@@ -95,8 +96,11 @@ impl Encoded {
     }
 }
 
-pub(crate) fn decode_protobuf<T: foxglove::Decode>(data: &[u8]) -> std::result::Result<T, String> {
-    T::decode(data).map_err(|e| e.to_string())
+pub(crate) fn decode_protobuf<T>(data: &[u8]) -> MessageResult<T>
+where
+    T: foxglove::Decode<Error = ProtobufError>,
+{
+    T::decode(data).map_err(MessageError::Protobuf)
 }
 
 /// A stamp that fits into ROS 2 messages, whose seconds are signed 32-bit: up to January 2038.

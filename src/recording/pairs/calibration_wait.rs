@@ -73,11 +73,12 @@ impl CalibrationWait {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::MessageError;
 
     const MS: u64 = 1_000_000;
 
     fn pair(stamp_ns: u64) -> PairImages {
-        [(), ()].map(|()| (stamp_ns, Err(String::new())))
+        [(), ()].map(|()| (stamp_ns, Err(MessageError::Missing(""))))
     }
 
     /// Milliseconds until a pair is released that never gets its calibrations.

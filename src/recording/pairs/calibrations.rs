@@ -5,6 +5,7 @@ use crate::cameras::camera::{Calibration, CalibrationChange};
 use crate::cameras::topics::Selection;
 use crate::cameras::transforms::plain;
 use crate::cameras::{camera, topics};
+use crate::message::{MessageError, MessageResult};
 use crate::stream::channel::{Channel, warn_once};
 use std::sync::Arc;
 use svl_core::listed;
@@ -38,16 +39,16 @@ impl PairReader {
         }
     }
 
-    pub(crate) fn rig(&self) -> Result<Rig, String> {
+    pub(crate) fn rig(&self) -> MessageResult<Rig> {
         if self.are_raw() {
-            return Err("the images are not rectified".to_owned());
+            return Err(MessageError::Calibration("the images are not rectified"));
         }
         let [left, right] = self.both()?;
         camera::rig(left, right, self.baseline_m).map_err(|error| self.why_no_rig(error))
     }
 
     /// The reason why there is no rig: that of the baseline if it is missing.
-    pub(crate) fn why_no_rig(&self, error: String) -> String {
+    pub(crate) fn why_no_rig(&self, error: MessageError) -> MessageError {
         match &self.frames {
             [Some(left), Some(right)] if self.lacks_baseline() => {
                 let why = self.baseline.metres(left, right).err();
@@ -60,7 +61,7 @@ impl PairReader {
     }
 
     /// The calibrations of both cameras, for images of the current size.
-    pub(crate) fn both(&self) -> Result<[&Calibration; 2], String> {
+    pub(crate) fn both(&self) -> MessageResult<[&Calibration; 2]> {
         match &self.cameras {
             // One topic cannot carry the projections of two cameras.
             [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
@@ -70,14 +71,13 @@ impl PairReader {
                 Ok([left, right])
             }
             [Some(_), Some(_)] => {
-                Err("it has no calibration of both cameras but one topic for both".to_owned())
+                let why = "it has no calibration of both cameras but one topic for both";
+                Err(MessageError::Calibration(why))
             }
-            _ if self.info_topics.len() > 1 => Err(format!(
-                "the names of {} do not say which are those of the two cameras: --left-info TOPIC \
-                 and --right-info TOPIC do",
-                listed(&self.info_topics)
+            _ if self.info_topics.len() > 1 => Err(MessageError::Infos(listed(&self.info_topics))),
+            _ => Err(MessageError::Calibration(
+                "it has no calibration of both cameras",
             )),
-            _ => Err("it has no calibration of both cameras".to_owned()),
         }
     }
 
@@ -126,7 +126,7 @@ impl PairReader {
     ///
     /// # Errors
     /// The missing part.
-    pub(crate) fn stereo_calibration(&self) -> Result<StereoCalibration, String> {
+    pub(crate) fn stereo_calibration(&self) -> MessageResult<StereoCalibration> {
         let [left, right] = self.both()?;
         camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
     }
@@ -138,15 +138,15 @@ impl PairReader {
         size: (usize, usize),
     ) -> Vec<CalibrationCheck> {
         let rig = match raw {
-            Some(calibration) => calibration.rig().ok_or_else(String::new),
-            None => self.rig(),
+            Some(calibration) => calibration.rig(),
+            None => self.rig().ok(),
         };
         let apart_m = match &self.frames {
             [Some(left), Some(right)] => self.baseline.apart_m(left, right),
             _ => None,
         };
         match (self.both(), rig) {
-            (Ok(cameras), Ok(rig)) => camera::checks((cameras, size), &rig, raw, apart_m),
+            (Ok(cameras), Some(rig)) => camera::checks((cameras, size), &rig, raw, apart_m),
             _ => Vec::new(),
         }
     }
@@ -157,7 +157,7 @@ impl PairReader {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> Result<(), String> {
+    ) -> MessageResult<()> {
         for side in Side::BOTH {
             let place = side as usize;
             if self.calibrations[place].as_ref() == Some(&channel.topic) {

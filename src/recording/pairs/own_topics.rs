@@ -6,9 +6,10 @@ use super::truth;
 use crate::decode::encoding::floats;
 use crate::decode::head::head;
 use crate::decode::image::decode;
-use crate::message::geometry;
+use crate::message::MessageError::{Missing, TruthSize, Unsuited};
 use crate::message::sync::{PairGeometry, StereoSync};
 use crate::message::wire::topic;
+use crate::message::{MessageError, MessageResult, geometry};
 use crate::stream::channel::Channel;
 use std::collections::BTreeMap;
 use svl_core::stereo::{
@@ -46,17 +47,17 @@ impl OwnTopics {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> Result<Option<Joined>, String> {
+    ) -> MessageResult<Option<Joined>> {
         let at = |stamp: Option<u64>| stamp.unwrap_or(log_time);
         let image = || {
             let (stamp, image) = decode(channel, data)?;
-            Ok::<_, String>((at(stamp), image?.image))
+            Ok::<_, MessageError>((at(stamp), image?.image))
         };
         let codes = || match image()? {
             (stamp, DecodedImage::Gray(codes)) => Ok((stamp, codes)),
-            _ => Err("its pixels are no codes of 8 bits".to_owned()),
+            _ => Err(Unsuited("its pixels are no codes of 8 bits")),
         };
-        let values = || Ok::<_, String>((at(head(channel, data)?.0), floats(channel, data)?));
+        let values = || Ok::<_, MessageError>((at(head(channel, data)?.0), floats(channel, data)?));
         match channel.topic.as_str() {
             // The calibration contains it too; this message is for viewers.
             topic::BASELINE => {}
@@ -94,7 +95,7 @@ impl OwnTopics {
                 let (stamp, color) = match image()? {
                     (stamp, DecodedImage::Color(color)) => (stamp, color),
                     (stamp, DecodedImage::Gray(grey)) => (stamp, grey.map(|value| [value; 3])),
-                    _ => return Err("its pixels are no colours of 8 bits".to_owned()),
+                    _ => return Err(Unsuited("its pixels are no colours of 8 bits")),
                 };
                 self.at(side, stamp).color = Some(color);
             }
@@ -121,10 +122,10 @@ impl OwnTopics {
         frame: Frame,
         [left_ns, right_ns]: [u64; 2],
         rig: Option<Rig>,
-    ) -> Result<Frame, String> {
+    ) -> MessageResult<Frame> {
         let left = self.0.remove(&(left_ns, false)).unwrap_or_default();
         let right = self.0.remove(&(right_ns, true)).unwrap_or_default();
-        let sync = left.sync.ok_or("its /stereo/sync is missing")?;
+        let sync = left.sync.ok_or(Missing("its /stereo/sync is missing"))?;
         let disparity = true_disparity(left.disparity, left.depth, rig.as_ref())?;
         let truth = disparity.map(|disparity| Truth {
             disparity,
@@ -141,14 +142,14 @@ impl OwnTopics {
                 truth.visibility.as_ref().map(Plane::size),
                 truth.surface.as_ref().map(Plane::size),
             ];
-            if let Some((w, h)) = sizes.into_iter().flatten().find(|other| *other != size) {
-                let (width, height) = size;
-                return Err(format!("truth is {w}x{h}, the images are {width}x{height}"));
+            if let Some(other) = sizes.into_iter().flatten().find(|other| *other != size) {
+                return Err(TruthSize(other, size));
             }
         }
         let color = left.color.zip(right.color).map(<[Rgb; 2]>::from);
         if color.iter().flatten().any(|color| color.size() != size) {
-            return Err("its colour images differ in size from its grey ones".to_owned());
+            let why = "its colour images differ in size from its grey ones";
+            return Err(Unsuited(why));
         }
         Ok(Frame {
             sequence: sync.sequence,
@@ -171,13 +172,14 @@ fn true_disparity(
     disparity: Option<Plane<f32>>,
     depth: Option<Plane<f32>>,
     rig: Option<&Rig>,
-) -> Result<Option<Plane<f32>>, String> {
+) -> MessageResult<Option<Plane<f32>>> {
     match (disparity, depth, rig) {
         // Written if depth could not represent the truth, so it takes precedence over a depth.
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
         (None, Some(_), None) => {
-            Err("its true depth has no calibration, which is needed for disparities".to_owned())
+            let why = "its true depth has no calibration, which is needed for disparities";
+            Err(Missing(why))
         }
         (None, None, _) => Ok(None),
     }

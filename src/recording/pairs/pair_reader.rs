@@ -4,10 +4,11 @@
 use super::pair_stamps::PairStamps;
 use super::stamp_order::{PairImage, PairImages, ReadImage};
 use super::stamp_pairing::UnpairedImages;
-use crate::cameras::topics;
-use crate::cameras::topics::{Selection, choose};
+use crate::cameras::topics::{self, Selection, choose};
 use crate::decode::image;
 use crate::decode::video::message::is_picture;
+use crate::message::MessageError::Video;
+use crate::message::{MessageError, MessageResult, geometry};
 
 use super::calibration_wait::CalibrationWait;
 use super::own_topics::OwnTopics;
@@ -20,7 +21,6 @@ use crate::cameras::camera_track::CameraTrack;
 use crate::cameras::transforms::Transforms;
 use crate::decode::pixels::MessageImage;
 use crate::decode::video::topic::VideoTopic;
-use crate::message::geometry;
 use crate::message::wire::topic;
 use crate::poses::reader::PoseReader;
 use crate::stream::channel::{Channel, warn_once};
@@ -191,32 +191,34 @@ impl PairReader {
         side: Side,
         channel: &Channel,
         data: &[u8],
-    ) -> Result<(Option<u64>, ReadImage), String> {
+    ) -> MessageResult<(Option<u64>, ReadImage)> {
         let Some(video) = &mut self.videos[side as usize] else {
             let (stamp, image) = image::decode(channel, data)?;
             // The pictures of a live topic.
             if image.is_err() && is_picture(channel, data) {
-                return Err("a video, which svl reads from a bag: record it first".to_owned());
+                let why = "a video, which svl reads from a bag: record it first";
+                return Err(Video(why));
             }
             return Ok((stamp, image.map(PairImage::Image)));
         };
         let number = self.counts[side as usize] - 1;
         let (stamp, coded) = video.take_in(channel, data)?;
-        Ok((stamp, coded.map(|()| PairImage::Picture(number))))
+        let picture = coded.map(|()| PairImage::Picture(number));
+        Ok((stamp, picture.map_err(MessageError::Picture)))
     }
 
     /// The pixels of an image that found its partner.
     ///
     /// # Errors
     /// The reason why a picture of a video cannot be decoded.
-    fn pixels(&mut self, side: Side, image: PairImage) -> Result<MessageImage, String> {
+    fn pixels(&mut self, side: Side, image: PairImage) -> MessageResult<MessageImage> {
         let number = match image {
             PairImage::Image(image) => return Ok(image),
             PairImage::Picture(number) => number,
         };
         let video = self.videos[side as usize].as_mut();
-        let picture = video.map_or_else(|| Err("no video".to_owned()), |v| v.picture(number));
-        picture.map_err(|reason| format!("{}: {reason}", self.images[side as usize]))
+        let picture = video.map_or_else(|| Err(Video("no video")), |v| v.picture(number));
+        picture.map_err(|e| e.on(&self.images[side as usize]))
     }
 
     /// Warns once of images that have no stamp, of images that share one, and of a live clock that
@@ -334,7 +336,7 @@ impl PairReader {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> Result<(), String> {
+    ) -> MessageResult<()> {
         if let Some(own) = &mut self.own
             && let Some(joined) = own.take_in(channel, log_time, data)?
         {
@@ -367,7 +369,7 @@ impl PairReader {
                 let read = self.image(side, channel, data);
                 self.without_stamp[side as usize] += u64::from(read.is_err());
                 let (stamp, image) = read?;
-                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let image = image.map_err(|e| e.on(&channel.topic));
                 let bytes = match &image {
                     Ok(PairImage::Image(image)) => image.image.bytes(),
                     _ => 0,
@@ -387,7 +389,7 @@ impl PairReader {
     ///
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.
-    pub(crate) fn pop(&mut self) -> Option<Result<Frame, String>> {
+    pub(crate) fn pop(&mut self) -> Option<MessageResult<Frame>> {
         let [(left_ns, left), (right_ns, right)] = self.next_images()?;
         let sequence = self.sequence;
         self.sequence += 1;
@@ -408,7 +410,7 @@ impl PairReader {
                     None => Ok(images),
                 };
                 let pair = images.and_then(|images| self.depth.pair(images));
-                pair.map_err(|e| e.to_string())
+                pair.map_err(MessageError::Refused)
             }
             (Err(reason), _) | (_, Err(reason)) => Err(reason),
         };
@@ -431,11 +433,11 @@ impl PairReader {
         });
         let frame = frame.and_then(|frame| self.completed(frame, [left_ns, right_ns]));
         self.pairs += u64::from(frame.is_ok());
-        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
+        Some(frame.map_err(|e| MessageError::Pair(left_ns, Box::new(e))))
     }
 
     /// The frame with what svl's own recording has of it besides its images.
-    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> Result<Frame, String> {
+    fn completed(&mut self, frame: Frame, stamps: [u64; 2]) -> MessageResult<Frame> {
         let Some(own) = &mut self.own else {
             return Ok(frame);
         };
@@ -501,8 +503,8 @@ impl PairReader {
         let are_raw = self.are_raw();
         let raw = are_raw.then(|| self.stereo_calibration());
         let fault = match &raw {
-            Some(calibration) => calibration.as_ref().err().cloned(),
-            None => self.rig().err(),
+            Some(calibration) => calibration.as_ref().err().map(ToString::to_string),
+            None => self.rig().err().map(|e| e.to_string()),
         };
         let left = self.cameras[0].as_ref();
         let raw_left = left.filter(|_| are_raw);

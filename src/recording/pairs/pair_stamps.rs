@@ -1,6 +1,7 @@
 //! The stamps of a recording's pairs, without their images.
 
 use super::stamp_order::ImagePairing;
+use crate::message::MessageResult;
 use crate::message::sync::StereoSync;
 use crate::message::wire::topic;
 use crate::stream::channel::Channel;
@@ -20,7 +21,7 @@ pub(crate) enum PairStamps {
 }
 
 /// Reads the stamp of a message, if it has one, and its frame.
-type ReadHead = fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>;
+type ReadHead = fn(&Channel, &[u8]) -> MessageResult<(Option<u64>, String)>;
 
 impl PairStamps {
     /// Adds stamp and sequence of the pairs that a message completes. `head` reads the stamp of an

@@ -2,6 +2,7 @@
 
 use super::stamp_pairing::StampPairing;
 use crate::decode::pixels::MessageImage;
+use crate::message::MessageResult;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use svl_core::stereo::Side;
@@ -203,7 +204,7 @@ pub(crate) enum PairImage {
 }
 
 /// An image, or the reason why it cannot be read.
-pub(crate) type ReadImage = Result<PairImage, String>;
+pub(crate) type ReadImage = MessageResult<PairImage>;
 
 /// The images of a pair, left and right, with their stamps.
 pub(crate) type PairImages = [(u64, ReadImage); 2];

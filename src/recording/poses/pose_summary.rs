@@ -1,7 +1,6 @@
 //! What the poses of a recording are worth to its pairs, as `svl info` shows it.
 
-use super::motion;
-use super::motion::PoseStep;
+use super::motion::{self, PoseStep};
 use super::reader::{PoseReader, PosesOfFrame};
 use crate::bags::opened::Recording;
 use crate::stream::channel::Channel;

@@ -4,7 +4,7 @@
 use super::motion::{PoseStep, jump, steps};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::{Placed, StampedTransform, Transforms, plain};
-use crate::message::ros;
+use crate::message::{MessageResult, ros};
 use crate::stream::channel::{Channel, EventReader, FileEvent, warn_once};
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -288,6 +288,7 @@ impl PoseReader {
                         continue;
                     };
                     let found = found.unwrap_or_else(|why| {
+                        let why = why.to_string();
                         let path = self.recording.path().display();
                         warn_once(format!(
                             "{path}: {}: a pose is not used: {why}",
@@ -447,7 +448,7 @@ fn add(
 }
 
 /// The pose in a message of odometry: child frame, its pose in the parent, stamp.
-fn odometry(channel: &Channel, data: &[u8]) -> std::result::Result<Vec<StampedTransform>, String> {
+fn odometry(channel: &Channel, data: &[u8]) -> MessageResult<Vec<StampedTransform>> {
     let link = ros::read(channel, data, ros::odometry)?;
     Transforms::placed(channel, link).map(|placed| vec![placed])
 }

@@ -83,7 +83,7 @@ impl Reader {
             Some(clocks) => {
                 let name = recording.path().display().to_string();
                 let checked = clocks.check(&name);
-                checked.map_err(|reason| Error::format(recording.path(), reason))?;
+                checked.map_err(|fault| Error::format(recording.path(), fault.to_string()))?;
                 recording.restamped(clocks.rules())
             }
             None => recording,
@@ -189,8 +189,8 @@ impl Reader {
     /// [`Error::Format`] for a topic that cannot have any; [`Error::Io`].
     pub fn sensor(&self, selection: &SensorSelection) -> Result<SensorTopic> {
         let checked = self.clocks.check_measurements(&selection.topic);
-        checked.map_err(|reason| {
-            let reason = format!("{}: {reason}", selection.asked());
+        checked.map_err(|fault| {
+            let reason = format!("{}: {}", selection.asked(), fault.reason);
             Error::format(self.recording.path(), reason)
         })?;
         SensorTopic::open(
@@ -263,7 +263,7 @@ impl Reader {
             if let Some(frame) = self.source.pop() {
                 return frame
                     .map(Some)
-                    .map_err(|reason| Error::format(self.recording.path(), reason));
+                    .map_err(|e| Error::format(self.recording.path(), e.to_string()));
             }
             if ended {
                 return self

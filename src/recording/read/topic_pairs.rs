@@ -8,6 +8,7 @@ use crate::clocks::table::ClockTable;
 use crate::decode::head::head;
 use crate::decode::image;
 use crate::decode::video::message;
+use crate::message::MessageError;
 use crate::message::wire::LEFT_FRAME;
 use crate::pairs::calibration_wait::CalibrationWait;
 use crate::pairs::first_messages::FirstMessages;
@@ -163,7 +164,7 @@ impl TopicPairs {
         topic: usize,
         received_ns: u64,
         data: &[u8],
-    ) -> std::result::Result<(), String> {
+    ) -> std::result::Result<(), MessageError> {
         let channel = &self.channels[topic];
         if let Some(first) = self.pairs.frames[0].as_deref().filter(|_| topic == 0)
             && !self.warned_of_frame
@@ -180,7 +181,7 @@ impl TopicPairs {
             );
         }
         let taken = self.pairs.take_in(channel, received_ns, data);
-        taken.map_err(|why| format!("{}: {why}", channel.topic))
+        taken.map_err(|e| e.on(&channel.topic))
     }
 
     /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits
@@ -189,7 +190,7 @@ impl TopicPairs {
     ///
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.
-    pub fn pop(&mut self, now_ns: u64) -> Option<std::result::Result<Frame, String>> {
+    pub fn pop(&mut self, now_ns: u64) -> Option<std::result::Result<Frame, MessageError>> {
         self.pairs
             .wait
             .iter_mut()
@@ -239,7 +240,10 @@ mod tests {
         data[name] = 0xff;
         assert!(!pairs.look_at(0, 0, &data) && pairs.facts().frame_id.is_none());
         let reason = pairs.take_in(0, 0, &data).unwrap_err();
-        assert!(reason.starts_with("/left/image_rect: "), "{reason}");
+        assert!(
+            reason.to_string().starts_with("/left/image_rect: "),
+            "{reason}"
+        );
         // Cut anywhere, it is unreadable too.
         data[name] = b'l';
         for end in 0..data.len() {

@@ -2,6 +2,7 @@
 
 use crate::bags::opened::Recording;
 use crate::message::wire::Encoded;
+use crate::message::{MessageError, MessageResult};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use svl_core::Result;
@@ -98,16 +99,13 @@ impl AlgorithmCells {
     }
 
     /// The cells in a message.
-    pub(crate) fn decode(data: &[u8]) -> std::result::Result<Self, String> {
-        let cells: Self = serde_json::from_slice(data).map_err(|e| e.to_string())?;
+    pub(crate) fn decode(data: &[u8]) -> MessageResult<Self> {
+        let cells: Self = serde_json::from_slice(data)?;
         let is_inside = |cell: &CellReport| cell.column < cells.columns && cell.row < cells.rows;
         let expected = cells.columns.checked_mul(cells.rows);
         let is_complete = expected == Some(cells.cells.len()) && expected > Some(0);
         if !is_complete || !cells.cells.iter().all(is_inside) {
-            let Self { columns, rows, .. } = cells;
-            return Err(format!(
-                "its cells are not those of a {columns}x{rows} grid"
-            ));
+            return Err(MessageError::Grid(cells.columns, cells.rows));
         }
         Ok(cells)
     }

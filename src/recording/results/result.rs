@@ -1,9 +1,9 @@
 //! The result of an algorithm for one pair: as a hash, and as all that a recording has of it.
 
-use super::cells;
-use super::cells::AlgorithmCells;
+use super::cells::{self, AlgorithmCells};
 use crate::bags::opened::Recording;
 use crate::decode::encoding::floats;
+use crate::message::MessageError;
 use crate::message::wire::Encoded;
 use crate::pairs::truth;
 use crate::stream::channel::{EventReader, FileEvent};
@@ -168,9 +168,9 @@ impl StoredResults {
                 Err(error) => return Err(error),
             };
             let topic = &channel.topic;
-            let bad = |e: String| Error::Invalid(format!("{topic} at {log_time} ns: {e}"));
+            let bad = |e: MessageError| Error::Invalid(format!("{topic} at {log_time} ns: {e}"));
             if let Some(result) = AlgorithmResult::decode(&channel.schema, &data) {
-                let result = result.map_err(|e| bad(e.to_string()))?;
+                let result = result.map_err(|e| bad(e.into()))?;
                 if let (Some(disparity), Some(cells)) = (self.disparity.take(), self.cells.take()) {
                     return Ok(Some(PairResult {
                         disparity,

@@ -1,11 +1,11 @@
 //! Depth images (REP 118): 16UC1 in millimetres, 32FC1 and 64FC1 in metres, raw or compressed, and
 //! disparity images.
 
-use crate::decode::encoding;
-use crate::decode::encoding::{Samples, metres, values};
-use crate::message::ros;
+use crate::decode::encoding::{self, Samples, metres, values};
+use crate::message::MessageError::{CodedDepths, Missing, Pixels, Unsuited};
 use crate::message::ros::read::RawPixels;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageResult, ros};
 use crate::stream::channel::{Channel, warn_once};
 use foxglove::messages::{CompressedImage, RawImage};
 use image::DynamicImage;
@@ -14,7 +14,7 @@ use svl_files::{self as files, InverseDepth, RVL_HEADER};
 
 /// Depths in metres; NaN for invalid pixels, and for 0 (REP 118); `+∞` for what is too far (REP
 /// 117).
-pub(crate) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn ros_image(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let image = ros::read(channel, data, ros::image)?.1;
     let depths = depths(&image)?;
     warn_of_values(channel, &depths);
@@ -41,19 +41,22 @@ fn warn_of_values(channel: &Channel, depths: &Plane<f32>) {
 }
 
 /// The samples of an image of 8 bits.
-pub(crate) fn codes(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn codes(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let (_, image) = ros::read(channel, data, ros::image)?;
     let (width, step) = (image.width as usize, image.step as usize);
     if image.encoding != "mono8" || step < width || width == 0 {
-        return Err(format!("its images are {}, not mono8", image.encoding));
+        return Err(Pixels(format!(
+            "its images are {}, not mono8",
+            image.encoding
+        )));
     }
     let rows = image.data.chunks_exact(step).take(image.height as usize);
     let samples = rows.flat_map(|row| row[..width].iter().copied().map(f32::from));
     let plane = Plane::from_vec(width, image.height as usize, samples.collect());
-    plane.map_err(|e| e.to_string())
+    Ok(plane?)
 }
 
-pub(crate) fn foxglove_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn foxglove_image(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let image: RawImage = decode_protobuf(data)?;
     let depths = depths(&RawPixels {
         width: image.width,
@@ -67,17 +70,17 @@ pub(crate) fn foxglove_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32
     Ok(depths)
 }
 
-pub(crate) fn ros_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn ros_compressed(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let message = ros::read(channel, data, ros::compressed_image)?;
     compressed(channel, message.format, message.data)
 }
 
-pub(crate) fn foxglove_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn foxglove_compressed(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let message: CompressedImage = decode_protobuf(data)?;
     compressed(channel, &message.format, &message.data)
 }
 
-fn compressed(channel: &Channel, format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+fn compressed(channel: &Channel, format: &str, data: &[u8]) -> MessageResult<Plane<f32>> {
     let depths = decompress(format, data)?;
     warn_of_values(channel, &depths);
     Ok(depths)
@@ -87,7 +90,7 @@ fn compressed(channel: &Channel, format: &str, data: &[u8]) -> Result<Plane<f32>
 /// - `16UC1; compressedDepth png`, or `rvl`, or neither for PNG: behind a header of 12 bytes, of
 ///   ROS's compressed_depth_image_transport. `32FC1` is quantized to inverse depths.
 /// - `16UC1; png compressed`, or `png`: a PNG, of ROS's compressed_image_transport and others.
-fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+fn decompress(format: &str, data: &[u8]) -> MessageResult<Plane<f32>> {
     let words = format.split([';', ' ']).filter(|word| !word.is_empty());
     let words: Vec<_> = words.collect();
     let (encoding, is_rvl) = match words[..] {
@@ -98,10 +101,10 @@ fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
         [encoding, "png", ..] => (encoding, None),
         ["png"] => ("16UC1", None),
         _ => {
-            return Err(format!(
+            return Err(CodedDepths(format!(
                 "it is compressed as '{format}'; depths are compressedDepth in PNG or RVL, or a \
                  PNG of 16 bits"
-            ));
+            )));
         }
     };
     let is_inverse = is_rvl.is_some() && encoding == "32FC1";
@@ -111,9 +114,10 @@ fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
     }
     let header = if is_rvl.is_some() { RVL_HEADER } else { 0 };
     let split = data.split_at_checked(header);
-    let (header, packed) = split.ok_or("it is shorter than its header")?;
+    let (header, packed) = split.ok_or(Missing("it is shorter than its header"))?;
     let codes = if is_rvl == Some(true) {
-        files::decode_rvl(packed).map_err(|e| format!("its RVL cannot be read: {e}"))?
+        files::decode_rvl(packed)
+            .map_err(|e| CodedDepths(format!("its RVL cannot be read: {e}")))?
     } else {
         png(packed)?
     };
@@ -125,37 +129,38 @@ fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
 }
 
 /// The samples of a PNG of one channel of 16 bits.
-fn png(bytes: &[u8]) -> Result<Plane<u16>, String> {
-    let image = files::decode_bytes(bytes).map_err(|e| format!("its PNG cannot be read: {e}"))?;
+fn png(bytes: &[u8]) -> MessageResult<Plane<u16>> {
+    let image = files::decode_bytes(bytes)
+        .map_err(|e| CodedDepths(format!("its PNG cannot be read: {e}")))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     match image {
         DynamicImage::ImageLuma16(samples) => {
-            Plane::from_vec(width, height, samples.into_raw()).map_err(|e| e.to_string())
+            Ok(Plane::from_vec(width, height, samples.into_raw())?)
         }
-        _ => Err("its PNG is not of one channel of 16 bits".to_owned()),
+        _ => Err(Unsuited("its PNG is not of one channel of 16 bits")),
     }
 }
 
 /// stereo_msgs/DisparityImage: depths by its own focal length and baseline. Disparities below its
 /// smallest one are invalid.
-pub(crate) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(crate) fn disparity_image(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>> {
     let message = ros::read(channel, data, ros::disparity_image)?;
     if message.image.encoding != "32FC1" {
         let encoding = message.image.encoding;
-        return Err(format!(
+        return Err(Pixels(format!(
             "its pixels are '{encoding}'; disparities are 32FC1"
-        ));
+        )));
     }
     let (scale, min) = (message.focal_px * message.baseline_m, message.min_disparity);
     if !(scale > 0.0 && scale.is_finite()) {
-        return Err("it has no focal length or no baseline".to_owned());
+        return Err(Missing("it has no focal length or no baseline"));
     }
     // Disparities of invalid pixels are 0 or less, which `depths` makes NaN too.
     let disparities = depths(&message.image)?;
     Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
 }
 
-fn depths(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+fn depths(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
     values(raw).map(|depths| depths.map(known))
 }
 
@@ -194,7 +199,7 @@ mod tests {
         }
     }
 
-    fn read(encoding: &str, big_endian: bool, data: &[u8]) -> Result<Vec<f32>, String> {
+    fn read(encoding: &str, big_endian: bool, data: &[u8]) -> MessageResult<Vec<f32>> {
         let (width, step) = (2, data.len() as u32);
         let image = RawPixels {
             width,
@@ -247,8 +252,14 @@ mod tests {
         assert!(
             read("16UC1", false, &[0, 0, 0])
                 .unwrap_err()
+                .to_string()
                 .contains("does not fit")
         );
-        assert!(read("mono8", false, &[0, 0]).unwrap_err().contains("16UC1"));
+        assert!(
+            read("mono8", false, &[0, 0])
+                .unwrap_err()
+                .to_string()
+                .contains("16UC1")
+        );
     }
 }

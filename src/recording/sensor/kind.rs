@@ -3,8 +3,8 @@
 use super::{depth_image, points};
 use crate::decode::encoding;
 use crate::decode::head::head;
-use crate::message::ros;
 use crate::message::wire::{decode_protobuf, topic};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::pairs::truth;
 use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages;
@@ -45,7 +45,7 @@ impl Measured {
 }
 
 /// Reads a message of a channel.
-type Read<T> = fn(&Channel, &[u8]) -> Result<T, String>;
+type Read<T> = fn(&Channel, &[u8]) -> MessageResult<T>;
 
 /// A type of message that measures distances.
 pub(crate) struct MeasuredKind {
@@ -137,29 +137,25 @@ const fn cloud(
 ///
 /// # Errors
 /// The type of the messages, if it is none that measures distances.
-pub(crate) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
+pub(crate) fn find(channel: &Channel) -> MessageResult<&'static MeasuredKind> {
     if is_bare_disparity(channel) {
         let is_own = is_own_result(channel) && channel.schema == OWN_RESULT.schema;
-        return is_own.then_some(&OWN_RESULT).ok_or_else(|| {
+        return is_own.then_some(&OWN_RESULT).ok_or(MessageError::Unsuited(
             "its images are disparities, by their name, and do not say of which scale and camera: \
-             name depth images, or publish stereo_msgs/msg/DisparityImage"
-                .to_owned()
-        });
+             name depth images, or publish stereo_msgs/msg/DisparityImage",
+        ));
     }
     let kind = KINDS.iter().find(|kind| kind.schema == channel.schema);
     let kind = kind.ok_or_else(|| {
         let known = joined(KINDS.iter().map(|kind| kind.schema));
-        let schema = &channel.schema;
-        format!("has messages of {schema}; distances are read from {known}")
+        MessageError::NoDistances(channel.schema.clone(), known)
     })?;
     let is_ros1 = channel.encoding == ROS1 && kind.encoding == "cdr";
     if kind.encoding == channel.encoding || is_ros1 {
         Ok(kind)
     } else {
-        Err(format!(
-            "its {} is in '{}', svl reads {} there",
-            channel.schema, channel.encoding, kind.encoding
-        ))
+        let known = format!(", svl reads {} there", kind.encoding);
+        Err(MessageError::encoding(channel, &known))
     }
 }
 
@@ -218,7 +214,7 @@ impl MeasuredKind {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> Result<(u64, Measured), String> {
+    ) -> MessageResult<(u64, Measured)> {
         let stamp = head(channel, data)?.0.unwrap_or(log_time);
         let measured = match self.decode {
             Decode::Depth(decode) => Measured::Depth(decode(channel, data)?),

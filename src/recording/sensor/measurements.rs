@@ -8,6 +8,7 @@ use super::kind::{SensorRole, SensorSelection};
 use crate::bags::opened::Recording;
 use crate::cameras::transforms::plain;
 use crate::decode::head;
+use crate::message::{MessageError, MessageResult};
 use crate::pairs::pair_stamps::PairStamps;
 use crate::stream::channel::{Channel, EventReader, FileEvent};
 use kind::{Measured, MeasuredKind};
@@ -149,17 +150,17 @@ impl StampScan {
 ///
 /// # Errors
 /// The fault.
-fn check_frame(frame: &str, sensor: &str) -> std::result::Result<(), String> {
+fn check_frame(frame: &str, sensor: &str) -> MessageResult<()> {
     if sensor.is_empty() || plain(frame) == sensor {
         return Ok(());
     }
-    Err(format!(
+    Err(MessageError::Frames(format!(
         "it is in '{frame}', not in '{sensor}' as the first one"
-    ))
+    )))
 }
 
 /// Warns of the first measurement that cannot be read.
-fn warn_of_first(recording: &Recording, topic: &str, log_time: u64, reason: &str) {
+fn warn_of_first(recording: &Recording, topic: &str, log_time: u64, reason: &MessageError) {
     let path = recording.path().display();
     tracing::warn!("{path}: {topic} at {log_time} ns: {reason}; left out");
 }
@@ -201,7 +202,7 @@ impl Measurements {
         kind: &'static MeasuredKind,
         pair_stamps: PairStamps,
         look: &mut dyn FnMut(&Channel, u64, &[u8]),
-    ) -> Result<std::result::Result<Self, String>> {
+    ) -> Result<MessageResult<Self>> {
         let StampScan {
             pairs,
             stamps,
@@ -244,7 +245,7 @@ impl Measurements {
     }
 
     /// Rejects stamps of pairs and measurements from different times.
-    fn check_clock(&self) -> std::result::Result<(), String> {
+    fn check_clock(&self) -> MessageResult<()> {
         let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
             return Ok(());
         };
@@ -263,17 +264,17 @@ impl Measurements {
                 if ns > 0 { "behind" } else { "ahead" }
             )
         });
-        Err(format!(
+        Err(MessageError::Stamps(format!(
             "its stamps are from another time: the pairs are from {}, the measurements from {}{}",
             range(pairs),
             range(measured),
             offset.unwrap_or_default()
-        ))
+        )))
     }
 
     /// Warns if measurements are assigned to pairs by order, and leaves those out whose stamps no
     /// order resolves; rejects stamps of which that is so for all.
-    fn check_stamps(&mut self) -> std::result::Result<(), String> {
+    fn check_stamps(&mut self) -> MessageResult<()> {
         let (mut by_order, mut unique) = (0, 0);
         let mut fault = None;
         for &(stamp, _) in &self.pairs.0 {
@@ -310,9 +311,9 @@ impl Measurements {
             );
         }
         match fault {
-            Some(fault) if unique + by_order == 0 => Err(format!(
+            Some(fault) if unique + by_order == 0 => Err(MessageError::Stamps(format!(
                 "{fault}; name another topic, or give the messages stamps of their own"
-            )),
+            ))),
             Some(fault) => {
                 let left_out = counted(self.unreadable.len() as u64, "such measurement");
                 tracing::warn!("{path}: {asked}: {fault}; {left_out} left out");

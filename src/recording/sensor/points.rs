@@ -1,7 +1,8 @@
 //! Points of lidars: PointCloud2, LaserScan, and Foxglove's.
 
-use crate::message::ros;
+use crate::message::MessageError::Unsuited;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages::{LaserScan, PointCloud, Pose};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
@@ -16,10 +17,11 @@ type Points = Vec<Point3<f64>>;
 /// Offset and type of x, y and z in the bytes of a point.
 type Fields = [(usize, i32); 3];
 
-pub(crate) fn ros_cloud(channel: &Channel, data: &[u8]) -> Result<Points, String> {
+pub(crate) fn ros_cloud(channel: &Channel, data: &[u8]) -> MessageResult<Points> {
     let cloud = ros::read(channel, data, ros::point_cloud)?;
     if cloud.big_endian {
-        return Err("its points are big-endian, svl reads little-endian ones".to_owned());
+        let why = "its points are big-endian, svl reads little-endian ones";
+        return Err(Unsuited(why));
     }
     let fields = fields(|name| {
         let (_, offset, kind) = cloud.fields.iter().find(|(known, ..)| *known == name)?;
@@ -40,18 +42,16 @@ pub(crate) fn ros_cloud(channel: &Channel, data: &[u8]) -> Result<Points, String
         .saturating_mul(height.saturating_sub(1))
         .saturating_add(row_bytes);
     if height > 0 && width > 0 && (row < row_bytes || cloud.data.len() < needed) {
-        return Err(format!(
-            "a cloud of {width}x{height} points of {step} bytes, with rows of {row}, does not fit \
-             its {} bytes",
-            cloud.data.len()
-        ));
+        let what =
+            format!("a cloud of {width}x{height} points of {step} bytes, with rows of {row},");
+        return Err(MessageError::Length(what, cloud.data.len()));
     }
     let rows =
         (0..if width == 0 { 0 } else { height }).map(|y| &cloud.data[y * row..][..row_bytes]);
     Ok(rows.flat_map(|row| points(row, step, fields)).collect())
 }
 
-pub(crate) fn foxglove_cloud(_: &Channel, data: &[u8]) -> Result<Points, String> {
+pub(crate) fn foxglove_cloud(_: &Channel, data: &[u8]) -> MessageResult<Points> {
     let cloud: PointCloud = decode_protobuf(data)?;
     let fields = fields(|name| {
         let field = cloud.fields.iter().find(|field| field.name == name)?;
@@ -65,7 +65,7 @@ pub(crate) fn foxglove_cloud(_: &Channel, data: &[u8]) -> Result<Points, String>
         .collect())
 }
 
-pub(crate) fn ros_scan(channel: &Channel, data: &[u8]) -> Result<Points, String> {
+pub(crate) fn ros_scan(channel: &Channel, data: &[u8]) -> MessageResult<Points> {
     let scan = ros::read(channel, data, ros::laser_scan)?;
     let within = |range: f64| range > 0.0 && range >= scan.range_min && range <= scan.range_max;
     let ranges = scan.ranges.iter().enumerate();
@@ -77,7 +77,7 @@ pub(crate) fn ros_scan(channel: &Channel, data: &[u8]) -> Result<Points, String>
         .collect())
 }
 
-pub(crate) fn foxglove_scan(_: &Channel, data: &[u8]) -> Result<Points, String> {
+pub(crate) fn foxglove_scan(_: &Channel, data: &[u8]) -> MessageResult<Points> {
     let scan: LaserScan = decode_protobuf(data)?;
     let pose = pose(scan.pose)?;
     // From the first to the last ray.
@@ -99,17 +99,14 @@ fn polar(range: f64, angle: f64) -> Point3<f64> {
     Point3::new(range * angle.cos(), range * angle.sin(), 0.0)
 }
 
-fn fields(field: impl Fn(&str) -> Option<(u32, i32)>) -> Result<Fields, String> {
+fn fields(field: impl Fn(&str) -> Option<(u32, i32)>) -> MessageResult<Fields> {
     let mut fields = [(0, 0); 3];
     for (place, name) in fields.iter_mut().zip(["x", "y", "z"]) {
         let Some((offset, kind)) = field(name) else {
-            return Err(format!("its points have no field '{name}'"));
+            return Err(MessageError::NoField(name));
         };
         if ![FLOAT32, FLOAT64].contains(&kind) {
-            return Err(format!(
-                "the field '{name}' of its points is of type {kind}, svl reads float32 (7) and \
-                 float64 (8)"
-            ));
+            return Err(MessageError::FieldType(name, kind));
         }
         *place = (offset as usize, kind);
     }
@@ -117,13 +114,11 @@ fn fields(field: impl Fn(&str) -> Option<(u32, i32)>) -> Result<Fields, String> 
 }
 
 /// Checks that the fields are within a point's bytes.
-fn check(fields: &Fields, step: usize) -> Result<(), String> {
+fn check(fields: &Fields, step: usize) -> MessageResult<()> {
     let end = |&(offset, kind): &(usize, i32)| offset.saturating_add(bytes(kind));
     match fields.iter().map(end).max() {
         Some(end) if end <= step => Ok(()),
-        _ => Err(format!(
-            "the fields of its points do not fit their {step} bytes"
-        )),
+        _ => Err(MessageError::FieldPlaces(step)),
     }
 }
 
@@ -148,7 +143,7 @@ fn points(data: &[u8], step: usize, fields: Fields) -> impl Iterator<Item = Poin
     points.filter(|point| *point != Point3::origin())
 }
 
-fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
+fn pose(pose: Option<Pose>) -> MessageResult<Isometry3<f64>> {
     let Some(Pose {
         position,
         orientation,
@@ -174,7 +169,7 @@ fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
     {
         Ok(pose)
     } else {
-        Err("its pose is not finite".to_owned())
+        Err(Unsuited("its pose is not finite"))
     }
 }
 

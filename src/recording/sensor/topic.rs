@@ -1,12 +1,12 @@
 //! Distances that another sensor or program of the recording measured, as truth or as the map of an
 //! algorithm: depth images, disparity images, point clouds, laser scans.
 
-use super::kind;
-use super::kind::Measured;
+use super::kind::{self, Measured};
 use super::measurements::{Measurements, TopicLatency};
 use super::view::{PairCamera, SensorSetup, View};
 use crate::bags::opened::Recording;
 use crate::cameras::topics;
+use crate::message::MessageError;
 use crate::message::wire::topic;
 use crate::pairs::pair_stamps::PairStamps;
 use crate::poses::motion::PoseStep;
@@ -124,13 +124,14 @@ impl SensorTopic {
                 known => format!("no such topic{meant}; distances are in {}", joined(known)),
             }));
         };
-        let kind = kind::find(channel).map_err(wrong)?;
+        let unusable = |error: MessageError| wrong(error.to_string());
+        let kind = kind::find(channel).map_err(unusable)?;
         let surfaces = channels.iter().find_map(|channel| kind::surfaces(channel));
         let surfaces = surfaces.filter(|_| selection.role == SensorRole::Truth);
         let surface_pairs = surfaces.map(|_| pairs.clone());
         let left = (topics[0].as_str(), info);
         let setup = SensorSetup::find(recording, &channels, left, topic, kind)?;
-        let mut setup = setup.map_err(wrong)?;
+        let mut setup = setup.map_err(unusable)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
         let sensor = (sensor_frame.as_str(), setup.unit_m());
@@ -152,7 +153,7 @@ impl SensorTopic {
                  from the bag"
             );
         }
-        let measurements = measurements.map_err(wrong)?;
+        let measurements = measurements.map_err(unusable)?;
         let surfaces = surfaces.zip(surface_pairs).map(|(kind, pairs)| {
             let selection = SensorSelection {
                 topic: topic::SURFACE.to_owned(),
@@ -232,7 +233,7 @@ impl SensorTopic {
             Some((last_camera, view)) if last_camera == camera => view,
             _ => {
                 let view = self.setup.view(&self.selection.topic, &measured, &camera);
-                view.map_err(|reason| self.wrong(&reason))?
+                view.map_err(|e| self.wrong(&e.to_string()))?
             }
         };
         let motion = match self.motion(stamp_ns, frame.stamp_ns, &camera) {

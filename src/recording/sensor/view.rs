@@ -8,6 +8,7 @@ use crate::cameras::topics;
 use crate::cameras::transforms::{Conflict, Transforms, plain};
 use crate::decode::{head, realsense};
 use crate::message::wire::FLOOR_FRAME;
+use crate::message::{MessageError, MessageResult};
 use crate::pairs::truth;
 use crate::stream::channel::{Channel, FileEvent, warn_once};
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
@@ -79,7 +80,7 @@ pub(crate) struct SensorSetup {
 struct Found {
     left_frame: Option<String>,
     left: CameraTrack,
-    frame: Option<std::result::Result<String, String>>,
+    frame: Option<MessageResult<String>>,
     own: CameraTrack,
     unit_m: Option<f32>,
     transforms: Transforms,
@@ -117,7 +118,7 @@ impl SensorSetup {
         (left, left_info): (&str, Option<String>),
         topic: &str,
         kind: &MeasuredKind,
-    ) -> Result<std::result::Result<Self, String>> {
+    ) -> Result<MessageResult<Self>> {
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
@@ -142,9 +143,13 @@ impl SensorSetup {
                     continue;
                 };
                 if let Err(reason) = found.take_in(&wanted, channel, log_time, &data) {
-                    return Ok(Err(format!("{} at {log_time} ns: {reason}", channel.topic)));
+                    let place = format!("{} at {log_time} ns", channel.topic);
+                    return Ok(Err(reason.on(&place)));
                 }
             }
+        }
+        if let Some(Err(reason)) = found.frame.take_if(|frame| frame.is_err()) {
+            return Ok(Err(reason));
         }
         Ok(found.pose().map(|left_from_sensor| Self {
             left_from_sensor,
@@ -221,16 +226,16 @@ impl SensorSetup {
     ///
     /// # Errors
     /// The reason why it is not below the camera.
-    pub(crate) fn floor(&self) -> std::result::Result<Option<FloorPlane>, String> {
+    pub(crate) fn floor(&self) -> MessageResult<Option<FloorPlane>> {
         let Some(camera) = self.with_floor.between(FLOOR_FRAME, &self.frames[0]) else {
             return Ok(None);
         };
         FloorPlane::from_pose(&camera).map(Some).ok_or_else(|| {
-            format!(
+            MessageError::Frames(format!(
                 "by /tf_static the left camera is {:.2} m above '{FLOOR_FRAME}', which is the \
                  floor below a robot: --camera-height M says how high it is",
                 camera.translation.z
-            )
+            ))
         })
     }
 
@@ -256,7 +261,7 @@ impl SensorSetup {
         topic: &str,
         measured: &Measured,
         camera: &PairCamera,
-    ) -> std::result::Result<View, String> {
+    ) -> MessageResult<View> {
         let &PairCamera { size, raw, .. } = camera;
         let rig = &camera.rig;
         let left_from_sensor = self.rotation(camera) * self.left_from_sensor;
@@ -265,20 +270,16 @@ impl SensorSetup {
             Measured::Points(_) => return Ok(View::Points(left_from_sensor)),
             Measured::Disparity(map) if map.size() == size => return Ok(View::Aligned),
             Measured::Disparity(map) => {
-                let ((w, h), (width, height)) = (map.size(), size);
-                return Err(format!(
-                    "its maps are {w}x{h}, the left images {width}x{height}"
-                ));
+                return Err(MessageError::MapSize(map.size(), size));
             }
         };
-        let (width, height) = depth.size();
         let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
         // Disparities, and images named so, have the pixels of the rectified camera: of raw pairs,
         // those by the projection in the left camera's CameraInfo.
         let of_left = camera.left.as_ref();
         let of_left = of_left.filter(|_| is_rectified && self.is_left && raw.is_some());
         let own = camera.own.as_ref().or(of_left).map(|own| {
-            own.check_size((width, height))
+            own.check_size(depth.size())
                 .and_then(|()| pinhole(own, is_rectified, depth.size()))
         });
         let own = own.transpose()?;
@@ -293,11 +294,11 @@ impl SensorSetup {
                 return Ok(View::Aligned);
             }
             if own.is_none() {
-                return Err(format!(
-                    "its depth images are {width}x{height}, the left images {}x{}, and it has no \
-                     camera_info for that camera",
-                    size.0, size.1
-                ));
+                let ((width, height), (w, h)) = (depth.size(), size);
+                return Err(MessageError::Frames(format!(
+                    "its depth images are {width}x{height}, the left images {w}x{h}, and it has no \
+                     camera_info for that camera"
+                )));
             }
         }
         let (camera, back) = match (own, raw) {
@@ -306,10 +307,9 @@ impl SensorSetup {
                 (raw.intrinsics, UnitQuaternion::identity())
             }
             _ => {
-                return Err(
-                    "its depth images are from another camera, and it has no camera_info for that"
-                        .to_owned(),
-                );
+                let why =
+                    "its depth images are from another camera, and it has no camera_info for that";
+                return Err(MessageError::Missing(why));
             }
         };
         Ok(View::Camera {
@@ -351,7 +351,7 @@ impl Found {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-    ) -> std::result::Result<(), String> {
+    ) -> MessageResult<()> {
         let is_on = |name: &Option<String>| name.as_ref() == Some(&channel.topic);
         if channel.topic == wanted.left && self.left_frame.is_none() {
             self.left_frame = head::head(channel, data).ok().map(|head| head.1);
@@ -386,14 +386,15 @@ impl Found {
     }
 
     /// The pose of the sensor in the left camera's frame.
-    fn pose(&self) -> std::result::Result<Isometry3<f64>, String> {
-        let frame = self.frame.as_ref().ok_or("has no message")?;
-        let frame = plain(frame.as_ref().map_err(String::clone)?);
+    fn pose(&self) -> MessageResult<Isometry3<f64>> {
+        let Some(Ok(frame)) = &self.frame else {
+            return Err(MessageError::Missing("has no message"));
+        };
         let left = self
             .left_frame
             .as_deref()
-            .map(plain)
-            .ok_or("no left image has a frame_id")?;
+            .ok_or(MessageError::Missing("no left image has a frame_id"))?;
+        let (frame, left) = (plain(frame), plain(left));
         if frame == left {
             return Ok(Isometry3::identity());
         }
@@ -406,10 +407,10 @@ impl Found {
                 }
                 None => "",
             };
-            format!(
+            MessageError::Frames(format!(
                 "no transform leads from its frame '{frame}' to '{left}' of the left images; \
                  /tf_static has {listed}{moving}"
-            )
+            ))
         })
     }
 }
@@ -420,7 +421,7 @@ fn pinhole(
     calibration: &Calibration,
     is_rectified: bool,
     size: (usize, usize),
-) -> std::result::Result<(Intrinsics, UnitQuaternion<f64>), String> {
+) -> MessageResult<(Intrinsics, UnitQuaternion<f64>)> {
     let raw = calibration.camera();
     match raw {
         Ok(camera) if !is_rectified => return Ok((camera, UnitQuaternion::identity())),
@@ -434,11 +435,11 @@ fn pinhole(
         (p[(0, 0)], p[(1, 1)]),
         (p[(0, 2)], p[(1, 2)]),
         [0.0; 5],
-    );
+    )?;
     let rotation = calibration.rotation().ok();
     let rotation = rotation.map(|r| UnitQuaternion::from_rotation_matrix(&r).inverse());
     let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
-    Ok((camera.map_err(|e| e.to_string())?, rotation))
+    Ok((camera, rotation))
 }
 
 fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
@@ -526,7 +527,7 @@ impl View {
         rig: &Rig,
         size: (usize, usize),
         role: SensorRole,
-    ) -> std::result::Result<(Plane<f32>, MapDensity), String> {
+    ) -> MessageResult<(Plane<f32>, MapDensity)> {
         let depth_of = |z: f32| match z {
             f32::INFINITY => INFINITY_M,
             z => f64::from(z),
@@ -538,10 +539,7 @@ impl View {
         };
         match (self, measured) {
             (_, Measured::Depth(depth)) if depth.size() != expected => {
-                let ((w, h), (width, height)) = (depth.size(), expected);
-                Err(format!(
-                    "a depth image is {w}x{h}, the first was {width}x{height}"
-                ))
+                Err(MessageError::DepthSize(depth.size(), expected))
             }
             (
                 Self::Camera {
@@ -580,7 +578,9 @@ impl View {
                 Ok(map_from_points(points, rig, size, role))
             }
             (_, Measured::Disparity(map)) => Ok((map.clone(), MapDensity::Dense)),
-            (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
+            (_, Measured::Points(_)) => {
+                Err(MessageError::Unsuited("points instead of depth images"))
+            }
         }
     }
 }

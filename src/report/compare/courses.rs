@@ -2,8 +2,7 @@
 
 use crate::results::change::{Change, Judgement, NotMeasured};
 use crate::show::table::model::{Table, TableCell};
-use crate::subjects::drives;
-use crate::subjects::drives::{DriveRow, drive_parts, has_driven};
+use crate::subjects::drives::{self, DriveRow, drive_parts, has_driven};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;

@@ -113,21 +113,20 @@ pub(crate) fn row_writer<R: Record, W: Write>(file: W) -> csv::Result<csv::Write
 }
 
 /// Rows as the text of a CSV file.
-pub(crate) fn rows_to_text<R: Record>(rows: &[R]) -> std::result::Result<String, String> {
-    let written = row_writer::<R, _>(Vec::new()).and_then(|mut writer| {
-        rows.iter()
-            .try_for_each(|row| writer.serialize(row.values()))?;
-        Ok(writer)
-    });
-    let bytes = written.map_err(|e| e.to_string())?.into_inner();
-    String::from_utf8(bytes.map_err(|e| e.to_string())?).map_err(|e| e.to_string())
+pub(crate) fn rows_to_text<R: Record>(rows: &[R]) -> csv::Result<String> {
+    let mut writer = row_writer::<R, _>(Vec::new())?;
+    let mut rows = rows.iter();
+    rows.try_for_each(|row| writer.serialize(row.values()))?;
+    let bytes = writer
+        .into_inner()
+        .map_err(csv::IntoInnerError::into_error)?;
+    String::from_utf8(bytes).map_err(|e| std::io::Error::other(e).into())
 }
 
 /// The rows of such a text.
-pub(crate) fn rows_from_text<R: Record>(text: &str) -> std::result::Result<Vec<R>, String> {
+pub(crate) fn rows_from_text<R: Record>(text: &str) -> Result<Vec<R>> {
     let text = Cursor::new(text.to_owned());
-    let rows = RowReader::new(Path::new("rows"), Box::new(text));
-    rows.and_then(Iterator::collect).map_err(|e| e.to_string())
+    RowReader::new(Path::new("rows"), Box::new(text))?.collect()
 }
 
 pub(crate) fn csv_error(path: &Path, error: csv::Error) -> Error {

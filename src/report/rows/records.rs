@@ -29,14 +29,25 @@ pub trait Record: Sized {
     /// The row from the texts of its columns, in `cells`.
     ///
     /// # Errors
-    /// The column that is missing or has no value of its type, in words.
-    fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
+    /// The column that is missing or has no value of its type.
+    fn parse(cells: CsvCells<'_>) -> Result<Self, RowError>;
 
     /// The rows as a data frame, typed also without rows.
     ///
     /// # Errors
     /// The error of polars.
     fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
+}
+
+/// Why a line of a table is no row.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RowError {
+    #[error("has no column '{0}'")]
+    NoColumn(String),
+    /// The text, and its column.
+    #[error("'{0}' in column '{1}' cannot be read")]
+    Value(String, String),
 }
 
 /// A value in a column of a row.
@@ -57,10 +68,10 @@ pub struct CsvCells<'a> {
 }
 
 impl<'a> CsvCells<'a> {
-    fn get(self, column: &str) -> Result<&'a str, String> {
+    fn get(self, column: &str) -> Result<&'a str, RowError> {
         // By name: users may reorder them.
         let cell = self.places.cell(self.line, column);
-        cell.ok_or_else(|| format!("has no column '{column}'"))
+        cell.ok_or_else(|| RowError::NoColumn(column.to_owned()))
     }
 }
 
@@ -95,7 +106,7 @@ macro_rules! record {
 
             fn parse(
                 cells: $crate::rows::records::CsvCells<'_>,
-            ) -> std::result::Result<Self, String> {
+            ) -> std::result::Result<Self, $crate::rows::records::RowError> {
                 Ok(Self {$(
                     $field: $crate::rows::records::RowField::parse(
                         $crate::rows::records::column_name(stringify!($field)),
@@ -408,7 +419,7 @@ pub(crate) trait RowField: Sized {
 
     fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>);
 
-    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String>;
+    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, RowError>;
 
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
 
@@ -426,10 +437,10 @@ macro_rules! columns {
                 values.push($value);
             }
 
-            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, RowError> {
                 let read: fn(&str) -> Option<Self> = $read;
                 let text = cells.get(name)?;
-                read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
+                read(text).ok_or_else(|| RowError::Value(text.to_owned(), name.to_owned()))
             }
 
             fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
@@ -677,7 +688,7 @@ macro_rules! metric_fields {
                 values.extend(metric_values(&$columns, $metrics));
             }
 
-            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, RowError> {
                 parse_metrics(&$columns, cells).map($parsed)
             }
 
@@ -718,7 +729,7 @@ fn metric_values<'a>(
     })
 }
 
-fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<MetricValues, String> {
+fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<MetricValues, RowError> {
     let mut metrics = MetricValues::default();
     for column in columns {
         let value = RowField::parse(&column.name, cells)?;

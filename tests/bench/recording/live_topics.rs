@@ -221,7 +221,9 @@ fn cut_messages_are_errors_of_a_line() {
             // Pixels that are missing are reported with the pair.
             let taken = pairs.take_in(topic, 0, cut);
             assert!(
-                taken.as_ref().is_err_and(|why| !why.contains('\n')),
+                taken
+                    .as_ref()
+                    .is_err_and(|why| !why.to_string().contains('\n')),
                 "{length} {taken:?}"
             );
         }

@@ -234,12 +234,13 @@ impl Receiver {
         if let Some(heard) = self.heard.get_mut(topic) {
             *heard = Some(Instant::now());
         }
-        let Err(mut reason) = self.pairs.take_in(topic, at_ns, data) else {
+        let Err(error) = self.pairs.take_in(topic, at_ns, data) else {
             if topic >= self.heard.len() {
                 self.check_rectification();
             }
             return;
         };
+        let mut reason = error.to_string();
         if let Some(other) = self.inbox.other_type(topic) {
             reason += &format!("; the topic is published as {other} too");
         }
@@ -286,7 +287,7 @@ impl Receiver {
     fn pop(&mut self) -> Option<Frame> {
         loop {
             match self.pairs.pop(self.began.elapsed().as_nanos() as u64)? {
-                Err(reason) => self.report_unreadable(&reason),
+                Err(error) => self.report_unreadable(&error.to_string()),
                 Ok(frame) if self.cannot_be_rectified(&frame) => {
                     let (width, height) = frame.pair.size();
                     self.report_unreadable(&format!(

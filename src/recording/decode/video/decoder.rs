@@ -7,10 +7,11 @@
 //! to the next keyframe.
 
 use super::matroska::RawPictures;
-use super::message;
-use super::message::Codec;
+use super::message::{self, Codec};
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
+use crate::message::MessageError::{SizeChange, Video, VideoSize};
+use crate::message::MessageResult;
 use crate::stream::channel::FileEvent;
 use std::fs::File;
 use std::io::{BufReader, Write};
@@ -69,7 +70,7 @@ impl Drop for Session {
 
 /// A picture that came back: the number of its message, and its pixels, or the reason why they are
 /// not used.
-type Numbered = (u64, std::result::Result<DecodedImage, String>);
+type Numbered = (u64, MessageResult<DecodedImage>);
 
 /// Decodes the messages of a topic in their order.
 pub(crate) struct VideoDecoder {
@@ -111,30 +112,30 @@ impl VideoDecoder {
     ///
     /// # Errors
     /// The reason why it cannot be decoded.
-    pub(crate) fn picture(&mut self, number: u64) -> std::result::Result<DecodedImage, String> {
+    pub(crate) fn picture(&mut self, number: u64) -> MessageResult<DecodedImage> {
         loop {
             match self.ahead.take() {
                 Some((found, picture)) if found == number => return picture,
                 Some(later) if later.0 > number => {
                     self.ahead = Some(later);
-                    return Err("ffmpeg cannot decode it".to_owned());
+                    return Err(Video("ffmpeg cannot decode it"));
                 }
                 _ => {}
             }
             match self.advance()? {
                 Some(next) => self.ahead = Some(next),
-                None => return Err("ffmpeg cannot decode it".to_owned()),
+                None => return Err(Video("ffmpeg cannot decode it")),
             }
         }
     }
 
     /// The next picture that comes back; `None` after the last.
-    fn advance(&mut self) -> std::result::Result<Option<Numbered>, String> {
+    fn advance(&mut self) -> MessageResult<Option<Numbered>> {
         loop {
             if self.current.is_none() {
                 let next = self.sessions.as_ref().and_then(|next| next.recv().ok());
                 match next {
-                    Some(session) => self.current = Some(session.map_err(|e| e.to_string())?),
+                    Some(session) => self.current = Some(session?),
                     None => return Ok(None),
                 }
             }
@@ -155,12 +156,12 @@ impl VideoDecoder {
     }
 
     /// The picture of a time: twice its number, and one more for a keyframe.
-    fn accept(&mut self, time: u64, bytes: Vec<u8>) -> std::result::Result<DecodedImage, String> {
+    fn accept(&mut self, time: u64, bytes: Vec<u8>) -> MessageResult<DecodedImage> {
         let (number, is_key) = (time / 2, time % 2 == 1);
         let follows = is_key || self.last.is_some_and(|last| last + 1 == number);
         self.last = None;
         if !follows {
-            return Err("ffmpeg cannot decode a message before it".to_owned());
+            return Err(Video("ffmpeg cannot decode a message before it"));
         }
         let (width, height) = self.current.as_ref().map_or((0, 0), |s| s.pictures.size);
         let (width, height) = (width as usize, height as usize);
@@ -170,17 +171,12 @@ impl VideoDecoder {
         } else if bytes.len() == pixels.saturating_mul(3) {
             DecodedImage::from_rgb(width, height, &bytes)
         } else {
-            return Err(format!(
-                "its size changes from {width}x{height} without a keyframe"
-            ));
-        };
-        let picture = picture.map_err(|e| e.to_string())?;
+            return Err(SizeChange(width, height));
+        }?;
         self.last = Some(number);
-        let (first_width, first_height) = *self.size.get_or_insert((width, height));
-        if (width, height) != (first_width, first_height) {
-            return Err(format!(
-                "it has {width}x{height} pixels, the video began with {first_width}x{first_height}"
-            ));
+        let first = *self.size.get_or_insert((width, height));
+        if (width, height) != first {
+            return Err(VideoSize((width, height), first));
         }
         Ok(picture)
     }

@@ -2,6 +2,7 @@
 
 use super::bits::BitReader;
 use super::message::Codec;
+use crate::message::{MessageError, MessageResult};
 
 /// Profiles of H.264 whose parameter sets contain the format of the chroma (7.3.2.1.1).
 const HIGH_PROFILES: [u32; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135];
@@ -10,7 +11,7 @@ const HIGH_PROFILES: [u32; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138,
 ///
 /// # Errors
 /// The reason why it is not in Annex B.
-pub(crate) fn units(data: &[u8]) -> Result<Vec<&[u8]>, String> {
+pub(crate) fn units(data: &[u8]) -> MessageResult<Vec<&[u8]>> {
     let starts: Vec<_> = data
         .windows(3)
         .enumerate()
@@ -20,7 +21,8 @@ pub(crate) fn units(data: &[u8]) -> Result<Vec<&[u8]>, String> {
         .first()
         .is_some_and(|&first| first <= 1 && data[0] == 0);
     if !begins {
-        return Err("its video is not in Annex B: it begins without a start code".to_owned());
+        let why = "its video is not in Annex B: it begins without a start code";
+        return Err(MessageError::Video(why));
     }
     let ends = starts[1..].iter().copied().chain([data.len()]);
     let units = starts.iter().zip(ends);

@@ -1,11 +1,12 @@
 //! Messages that hold a coded picture of a video each.
 
 use crate::decode::{image, json};
-use crate::message::ros;
 use crate::message::wire::decode_protobuf;
+use crate::message::{MessageError, ros};
 use crate::stream::channel::Channel;
 use foxglove::messages::CompressedVideo;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Schemas of messages with a coded picture.
 const SCHEMAS: [&str; 3] = [
@@ -49,7 +50,7 @@ impl Codec {
 
     /// From the format of a message, which may be an encoder's name, and more after a semicolon:
     /// `hevc_nvenc`, `h264;yuv420p;mono8;mono8`.
-    fn from_format(format: &str) -> Result<Self, String> {
+    fn from_format(format: &str) -> CodedResult<Self> {
         let name = format.split(';').next().unwrap_or_default().to_lowercase();
         let is_one_of = |names: [&str; 2]| names.iter().any(|known| name.contains(known));
         if is_one_of(["264", "avc"]) {
@@ -57,24 +58,25 @@ impl Codec {
         } else if is_one_of(["265", "hevc"]) {
             Ok(Self::H265)
         } else {
-            Err(format!(
-                "its video is '{name}', svl reads h264 and h265: record one of them"
-            ))
+            Err(MessageError::Codec(name).into())
         }
     }
 }
+
+/// What is read of a coded picture; the pictures behind it may share the error.
+pub(crate) type CodedResult<T> = Result<T, Arc<MessageError>>;
 
 /// A coded picture.
 pub(crate) struct Packet<'a> {
     pub(crate) stamp: Option<u64>,
     /// An error if it is of a codec that svl does not read.
-    pub(crate) codec: Result<Codec, String>,
+    pub(crate) codec: CodedResult<Codec>,
     pub(crate) data: Cow<'a, [u8]>,
 }
 
 /// # Errors
 /// The reason why the message cannot be read.
-pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>, String> {
+pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> CodedResult<Packet<'a>> {
     let of_ros = |picture: ros::RosCoded<'a>| {
         Ok(Packet {
             stamp: image::ros_stamp(channel, picture.stamp)?,
@@ -108,7 +110,7 @@ pub(crate) fn packet<'a>(channel: &Channel, data: &'a [u8]) -> Result<Packet<'a>
         (COMPRESSED_IMAGE, "cdr" | "ros1") => {
             of_ros(ros::read(channel, data, ros::compressed_image)?)
         }
-        (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
+        _ => Err(MessageError::encoding(channel, "").into()),
     }
 }
 
@@ -148,6 +150,6 @@ mod tests {
         let codecs = formats.map(|format| Codec::from_format(format).unwrap());
         assert_eq!(codecs, [H264, H264, H265, H265, H265]);
         let refused = Codec::from_format("av1;yuv420p").unwrap_err();
-        assert!(refused.contains("'av1'"), "{refused}");
+        assert!(refused.to_string().contains("'av1'"), "{refused}");
     }
 }

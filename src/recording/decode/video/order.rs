@@ -3,10 +3,12 @@
 //! A decoder conceals a missing picture: it repeats the one before. So svl looks for gaps itself,
 //! and omits all pictures from there to the next keyframe.
 
-use super::headers;
-use super::headers::{CodecParameters, UnitKind};
-use super::message::{Codec, Packet};
+use super::headers::{self, CodecParameters, UnitKind};
+use super::message::{Codec, CodedResult, Packet};
+use crate::message::MessageError::{self, Keyframe, Slices, Video};
 use xxhash_rust::xxh3::xxh3_64;
+
+const NO_PARAMETERS: MessageError = Video("it has no parameters of its video");
 
 /// The pictures of a topic so far.
 pub(crate) struct PictureOrder {
@@ -17,7 +19,7 @@ pub(crate) struct PictureOrder {
     /// True if they changed since the last picture that can be decoded.
     is_new: bool,
     /// The number of the next picture, or the reason to wait for a keyframe.
-    next: Result<u32, String>,
+    next: CodedResult<u32>,
     /// Slices of a picture.
     slices: usize,
     /// Stamp of the last message.
@@ -36,7 +38,7 @@ impl Default for PictureOrder {
             sequence: None,
             hash: 0,
             is_new: false,
-            next: Err("the video begins without one".to_owned()),
+            next: Err(Video("the video begins without one").into()),
             slices: 0,
             last_ns: None,
             periods_ns: (0, 0),
@@ -63,8 +65,8 @@ impl PictureOrder {
     /// The reason why its picture cannot be decoded.
     pub(crate) fn take_in(
         &mut self,
-        packet: &Result<Packet<'_>, String>,
-    ) -> Result<CodedPicture, String> {
+        packet: &CodedResult<Packet<'_>>,
+    ) -> CodedResult<CodedPicture> {
         let picture = match packet {
             Ok(packet) => self.picture(packet),
             Err(reason) => Err(reason.clone()),
@@ -77,7 +79,7 @@ impl PictureOrder {
         picture
     }
 
-    fn picture(&mut self, packet: &Packet<'_>) -> Result<CodedPicture, String> {
+    fn picture(&mut self, packet: &Packet<'_>) -> CodedResult<CodedPicture> {
         let last_ns = std::mem::replace(&mut self.last_ns, packet.stamp);
         let apart_ns = packet.stamp.zip(last_ns);
         let apart_ns = apart_ns.and_then(|(stamp, last)| stamp.checked_sub(last));
@@ -92,31 +94,30 @@ impl PictureOrder {
         let begins = |kind: &UnitKind| matches!(kind, UnitKind::Slice { is_first: true, .. });
         let pictures = kinds.iter().filter(|kind| begins(kind)).count();
         let Some(&UnitKind::Slice { is_key, is_first }) = slices.next() else {
-            return Err("it contains no picture".to_owned());
+            return Err(Video("it contains no picture").into());
         };
         if !is_first || pictures != 1 {
-            return Err("it does not contain one whole picture".to_owned());
+            return Err(Video("it does not contain one whole picture").into());
         }
         if !is_key && let Err(reason) = &self.next {
-            return Err(format!("before it a keyframe is missing: {reason}"));
+            return Err(Keyframe(reason.clone()).into());
         }
         let slice_count = kinds.iter().filter(is_slice).count();
         self.take_in_parameters(codec, &units, &kinds, is_key)?;
-        let unread = || "the header of its picture cannot be read".to_owned();
-        let (_, parameters) = self.sequence.ok_or("it has no parameters of its video")?;
+        let unread = || Video("the header of its picture cannot be read");
+        let (_, parameters) = self.sequence.ok_or(NO_PARAMETERS)?;
         let mut slices = units.iter().zip(&kinds).filter(|(_, kind)| begins(kind));
         let slice = slices.next().map(|(unit, _)| unit).ok_or_else(unread)?;
         let number = parameters.number(codec, slice).ok_or_else(unread)?;
         if number.is_bidirectional {
-            return Err(
-                "it has B-frames, which refer to later messages: record without".to_owned(),
-            );
+            let why = "it has B-frames, which refer to later messages: record without";
+            return Err(Video(why).into());
         }
         if let Ok(expected) = self.next
             && !is_key
             && number.number != expected
         {
-            return Err("a message before it is missing, or it has B-frames".to_owned());
+            return Err(Video("a message before it is missing, or it has B-frames").into());
         }
         self.check_slices(slice_count, is_key)?;
         let numbers = parameters.numbers();
@@ -147,35 +148,26 @@ impl PictureOrder {
     }
 
     /// A decoder conceals a missing slice as well: pictures have as many as those before.
-    fn check_slices(&mut self, count: usize, is_key: bool) -> Result<(), String> {
+    fn check_slices(&mut self, count: usize, is_key: bool) -> CodedResult<()> {
         let before = self.slices;
         self.slices = before.max(count);
         if count == before || before == 0 || (is_key && count > before) {
             return Ok(());
         }
-        Err(format!(
-            "it has {count} slices, those before {before}: one may be missing; record with a fixed \
-             number of slices"
-        ))
+        Err(Slices(count, before).into())
     }
 
     /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of
     /// them, or as a group of pictures, is seen by the stamps.
-    fn check_time(
-        &mut self,
-        apart_ns: Option<u64>,
-        is_key: bool,
-        numbers: u32,
-    ) -> Result<(), String> {
+    fn check_time(&mut self, apart_ns: Option<u64>, is_key: bool, numbers: u32) -> CodedResult<()> {
         // Keyframes may follow a gap.
         let Some(apart_ns) = apart_ns.filter(|_| !is_key) else {
             return Ok(());
         };
         let (total_ns, count) = self.periods_ns;
         if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
-            return Err(
-                "as many messages before it may be missing as have other numbers".to_owned(),
-            );
+            let why = "as many messages before it may be missing as have other numbers";
+            return Err(Video(why).into());
         }
         self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
         Ok(())
@@ -188,7 +180,7 @@ impl PictureOrder {
         units: &[&[u8]],
         kinds: &[UnitKind],
         is_key: bool,
-    ) -> Result<(), String> {
+    ) -> CodedResult<()> {
         for (unit, kind) in units.iter().zip(kinds) {
             let known = self.sequence.filter(|(known, _)| *known == codec);
             let parameters = match kind {
@@ -198,25 +190,26 @@ impl PictureOrder {
                         continue;
                     }
                     if !is_key {
-                        return Err("its parameters change without a keyframe".to_owned());
+                        return Err(Video("its parameters change without a keyframe").into());
                     }
                     (self.sequence, self.hash, self.is_new) = (None, hash, true);
                     self.slices = 0;
                     CodecParameters::read(codec, unit)
                 }
                 UnitKind::Pictures => {
-                    let (_, known) = known.ok_or("it has no parameters of its video")?;
+                    let (_, known) = known.ok_or(NO_PARAMETERS)?;
                     known.with_pictures(codec, unit)
                 }
                 _ => continue,
             };
-            let parameters = parameters.ok_or("its parameters cannot be read")?;
+            let parameters = parameters.ok_or(Video("its parameters cannot be read"))?;
             self.sequence = Some((codec, parameters));
         }
         match self.sequence {
             Some((known, _)) if known == codec => Ok(()),
             _ => {
-                Err("it has no parameters of its video: record them with each keyframe".to_owned())
+                let why = "it has no parameters of its video: record them with each keyframe";
+                Err(Video(why).into())
             }
         }
     }
@@ -240,7 +233,7 @@ mod tests {
         ]
     }
 
-    fn taken(order: &mut PictureOrder, units: &[&[u8]]) -> Result<CodedPicture, String> {
+    fn taken(order: &mut PictureOrder, units: &[&[u8]]) -> CodedResult<CodedPicture> {
         taken_at(order, units, None)
     }
 
@@ -248,7 +241,7 @@ mod tests {
         order: &mut PictureOrder,
         units: &[&[u8]],
         stamp: Option<u64>,
-    ) -> Result<CodedPicture, String> {
+    ) -> CodedResult<CodedPicture> {
         let mark: &[u8] = &[0, 0, 0, 1];
         let data: Vec<u8> = units
             .iter()
@@ -269,9 +262,15 @@ mod tests {
         assert!(
             add(&[&picture(1, 0, 1)])
                 .unwrap_err()
+                .to_string()
                 .contains("begins without")
         );
-        assert!(add(&[&KEY]).unwrap_err().contains("no parameters"));
+        assert!(
+            add(&[&KEY])
+                .unwrap_err()
+                .to_string()
+                .contains("no parameters")
+        );
         assert_eq!(add(&key), Ok(true));
         assert_eq!(add(&[&picture(1, 0, 1)]), Ok(false));
         // Nothing refers to it, so its number comes again.
@@ -280,9 +279,10 @@ mod tests {
         assert!(
             add(&[&picture(1, 0, 4)])
                 .unwrap_err()
+                .to_string()
                 .contains("is missing")
         );
-        let next = add(&[&picture(1, 0, 5)]).unwrap_err();
+        let next = add(&[&picture(1, 0, 5)]).unwrap_err().to_string();
         assert!(
             next.contains("keyframe is missing: a message before it"),
             "{next}"
@@ -291,7 +291,12 @@ mod tests {
         for i in 1..40 {
             assert_eq!(add(&[&picture(1, 0, i % 16)]), Ok(false));
         }
-        assert!(add(&[&picture(1, 1, 8)]).unwrap_err().contains("B-frames"));
+        assert!(
+            add(&[&picture(1, 1, 8)])
+                .unwrap_err()
+                .to_string()
+                .contains("B-frames")
+        );
     }
 
     #[test]
@@ -301,7 +306,9 @@ mod tests {
         let other: &[u8] = &[1 << 5 | 1, 0x40];
         assert!(taken(&mut order, &key).is_ok());
         assert!(taken(&mut order, &[&picture(1, 0, 1), other]).is_ok());
-        let missing = taken(&mut order, &[&picture(1, 0, 2)]).unwrap_err();
+        let missing = taken(&mut order, &[&picture(1, 0, 2)])
+            .unwrap_err()
+            .to_string();
         assert!(missing.contains("1 slices, those before 2"), "{missing}");
         assert!(taken(&mut order, &key).is_ok());
         // Sixteen numbers: the seventeenth message has the expected one.
@@ -330,7 +337,7 @@ mod tests {
         assert_eq!(add(at, &key), Ok(true));
         assert_eq!(add(at + 1, &[&picture(1, 0, 1)]), Ok(false));
         // Five are missing, a keyframe among them: the next one has the expected number.
-        let missing = add(at + 7, &[&picture(1, 0, 2)]).unwrap_err();
+        let missing = add(at + 7, &[&picture(1, 0, 2)]).unwrap_err().to_string();
         assert!(missing.contains("may be missing"), "{missing}");
         assert_eq!(add(at + 10, &key), Ok(true));
     }

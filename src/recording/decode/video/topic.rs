@@ -1,11 +1,11 @@
 //! Images that are pictures of a video: each message holds one.
 
-use super::decoder;
-use super::decoder::VideoDecoder;
-use super::message::packet;
+use super::decoder::{self, VideoDecoder};
+use super::message::{CodedResult, packet};
 use super::order::PictureOrder;
 use crate::bags::opened::Recording;
 use crate::decode::pixels::MessageImage;
+use crate::message::{MessageError, MessageResult};
 use crate::stream::channel::Channel;
 
 /// A topic whose messages are pictures of a video.
@@ -37,7 +37,7 @@ impl VideoTopic {
         &mut self,
         channel: &Channel,
         data: &[u8],
-    ) -> Result<(Option<u64>, Result<(), String>), String> {
+    ) -> MessageResult<(Option<u64>, CodedResult<()>)> {
         let packet = packet(channel, data);
         let coded = self.order.take_in(&packet);
         Ok((packet?.stamp, coded.map(drop)))
@@ -47,9 +47,10 @@ impl VideoTopic {
     ///
     /// # Errors
     /// The reason why it cannot be decoded.
-    pub(crate) fn picture(&mut self, number: u64) -> Result<MessageImage, String> {
+    pub(crate) fn picture(&mut self, number: u64) -> MessageResult<MessageImage> {
         if self.last.replace(number) > Some(number) {
-            return Err("its stamp is after that of a later message".to_owned());
+            let why = "its stamp is after that of a later message";
+            return Err(MessageError::Video(why));
         }
         Ok(MessageImage {
             image: self.decoder.picture(number)?,
@@ -88,7 +89,7 @@ impl VideoScan {
         summary.pictures += 1;
         if let Err(reason) = &coded {
             summary.undecodable += 1;
-            summary.reason.get_or_insert_with(|| reason.clone());
+            summary.reason.get_or_insert_with(|| reason.to_string());
         }
         coded.is_ok()
     }

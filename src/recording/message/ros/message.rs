@@ -1,6 +1,7 @@
 //! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed and only
 //! read.
 
+use crate::message::message_error::FieldError;
 /// Reads the fields of one message in their order. Everything it returns is within the bytes.
 pub(crate) struct MessageReader<'a> {
     data: &'a [u8],
@@ -8,7 +9,7 @@ pub(crate) struct MessageReader<'a> {
     is_cdr: bool,
 }
 
-pub(crate) type Parsed<T> = Result<T, String>;
+pub(crate) type Parsed<T> = Result<T, FieldError>;
 
 impl<'a> MessageReader<'a> {
     /// `data`: the body, without CDR's encapsulation header.
@@ -31,10 +32,7 @@ impl<'a> MessageReader<'a> {
 
     fn take(&mut self, bytes: usize) -> Parsed<&'a [u8]> {
         let taken = self.data.get(self.at..).and_then(|rest| rest.get(..bytes));
-        let taken = taken.ok_or_else(|| {
-            let (left, at) = (self.remaining(), self.at);
-            format!("{bytes} bytes expected at byte {at}, there are {left}")
-        })?;
+        let taken = taken.ok_or(FieldError::Cut(bytes, self.at, self.remaining()))?;
         self.at += bytes;
         Ok(taken)
     }
@@ -73,9 +71,7 @@ impl<'a> MessageReader<'a> {
         let length = self.u32()? as usize;
         let limit = self.remaining() / size;
         if length > limit {
-            return Err(format!(
-                "a sequence of {length} elements, there are bytes for {limit}"
-            ));
+            return Err(FieldError::Sequence(length, limit));
         }
         Ok(length)
     }
@@ -93,7 +89,7 @@ impl<'a> MessageReader<'a> {
         } else {
             bytes
         };
-        std::str::from_utf8(text).map_err(|_| "a text is not UTF-8".to_owned())
+        Ok(std::str::from_utf8(text)?)
     }
 }
 
@@ -204,7 +200,7 @@ mod tests {
             (Ok(7), Ok("ab"), Ok(1.5))
         );
         let mut cut = MessageReader::new(&aligned[..10], true);
-        assert!(cut.u8().is_ok() && cut.str().unwrap_err().contains("bytes for 2"));
+        assert!(cut.u8().is_ok() && cut.str().unwrap_err().to_string().contains("bytes for 2"));
         assert!(MessageReader::new(&[0xFF; 4], false).bytes().is_err());
     }
 }

@@ -1,8 +1,9 @@
 //! Decodes messages of ROS 2, in CDR, and of ROS 1.
 
 use super::message::{MessageReader, Parsed};
+use crate::message::message_error::{FieldError, MessageError, MessageResult};
 use crate::stream::channel::{Channel, ROS1};
-use crate::stream::unpack;
+use crate::stream::unpack::unpack_message;
 
 /// Limit on distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
@@ -64,30 +65,29 @@ pub(crate) fn read<'a, T>(
     channel: &Channel,
     data: &'a [u8],
     read: impl FnOnce(&mut MessageReader<'a>) -> Parsed<T>,
-) -> Parsed<T> {
+) -> MessageResult<T> {
     if channel.encoding != ROS1 {
         return read_cdr(data, read);
     }
-    read(&mut MessageReader::new(data, false))
-        .map_err(|e| format!("its ROS 1 message cannot be read: {e}"))
+    read(&mut MessageReader::new(data, false)).map_err(MessageError::Ros1)
 }
 
 /// Same as [`read`], for CDR.
 pub(crate) fn read_cdr<'a, T>(
     data: &'a [u8],
     read: impl FnOnce(&mut MessageReader<'a>) -> Parsed<T>,
-) -> Parsed<T> {
+) -> MessageResult<T> {
     // The header's last two bytes are options, which XCDR 1 leaves unspecified.
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
-        _ if data.starts_with(&unpack::ZSTD) => {
-            return Err(unpack::unpack_message(data).err().unwrap_or_default());
+        [] => return Err(MessageError::Unsuited("it is empty")),
+        _ => {
+            unpack_message(data)?;
+            return Err(MessageError::Unsuited("it is not little-endian CDR"));
         }
-        [] => return Err("it is empty".to_owned()),
-        _ => return Err("it is not little-endian CDR".to_owned()),
     };
-    read(&mut MessageReader::new(body, true)).map_err(|e| format!("its CDR cannot be read: {e}"))
+    read(&mut MessageReader::new(body, true)).map_err(MessageError::Cdr)
 }
 
 /// The stamp and the pixels of a sensor_msgs/msg/Image.
@@ -300,9 +300,9 @@ pub(crate) fn transforms(message: &mut MessageReader<'_>) -> Parsed<Vec<(RosTime
 }
 
 /// Checks a count before memory is allocated for it.
-fn limited(count: usize, limit: usize, what: &str) -> Parsed<usize> {
+fn limited(count: usize, limit: usize, what: &'static str) -> Parsed<usize> {
     if count > limit {
-        return Err(format!("{count} {what}, at most {limit} expected"));
+        return Err(FieldError::Count(count, what, limit));
     }
     Ok(count)
 }
