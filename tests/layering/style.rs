@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12827),
+    ("bench", 12856),
     ("c", 470),
     ("calibrate", 4917),
-    ("cli", 11244),
-    ("core", 18799),
+    ("cli", 11226),
+    ("core", 18789),
     ("files", 2249),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
-    ("recording", 13833),
-    ("report", 12583),
-    ("score", 7892),
+    ("recording", 14038),
+    ("report", 12642),
+    ("score", 7881),
     ("sim", 3534),
     ("thesis", 2877),
-    ("train", 3399),
+    ("train", 3398),
     ("viewer", 1731),
 ];
 
