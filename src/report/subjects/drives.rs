@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 use svl_score::bootstrap::{Interval, Resamples, Sample};
 use svl_score::judge::{Cases, DriveNumber, Measured, Metric, MetricOrigin, MetricUnit};
 
+/// Outlines and routes of the courses.
+pub(crate) const COURSES: &str = "courses.json";
+
 record! {
     /// One drive: a course with an algorithm at the wheel.
     DriveRow {
@@ -427,6 +430,3 @@ pub(crate) mod tests {
         assert!(cautions(Some(200.0), 200).is_empty());
     }
 }
-
-/// Outlines and routes of the courses.
-pub(crate) const COURSES: &str = "courses.json";
