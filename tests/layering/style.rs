@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14038),
-    ("report", 12642),
+    ("report", 12640),
     ("score", 7881),
     ("sim", 3534),
     ("thesis", 2877),

@@ -14,8 +14,7 @@ use std::path::PathBuf;
 use svl_core::{Result, counted};
 use svl_score::bootstrap::{self, TestMethod};
 use svl_score::holm;
-use svl_score::judge::signs;
-use svl_score::judge::{AreaChoice, Cases, ColumnChoice, METRICS, Metric, MetricUnit};
+use svl_score::judge::{AreaChoice, Cases, ColumnChoice, METRICS, Metric, MetricUnit, signs};
 use svl_score::manifest::{Manifest, Purpose};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.

@@ -6,8 +6,7 @@ use crate::subjects::drives::{self, DriveRow, drive_parts, has_driven};
 use serde::Serialize;
 use std::cmp::Reverse;
 use svl_score::holm::MAX_P;
-use svl_score::judge::signs;
-use svl_score::judge::{Better, Metric, MetricOrigin};
+use svl_score::judge::{Better, Metric, MetricOrigin, signs};
 
 /// Limit of the courses in a line and in a table.
 const MAX_LISTED: usize = 6;

@@ -14,8 +14,7 @@ use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_score::bootstrap::METHOD;
 use svl_score::holm::MAX_P;
-use svl_score::judge::signs;
-use svl_score::judge::{AreaChoice, Better, Measured, Metric, MetricUnit};
+use svl_score::judge::{AreaChoice, Better, Measured, Metric, MetricUnit, signs};
 use svl_sim::stress::Stress;
 
 /// Fewest frames of a checkpoint that can be lost.
