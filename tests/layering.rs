@@ -165,7 +165,22 @@ const PACKAGES: [Package; 15] = [
     },
     Package {
         root: "thesis/lib.rs",
-        layers: &[],
+        layers: &[
+            &["checks", "finding", "stage"],
+            &["distance", "measure", "page", "speed", "stressed"],
+            &[
+                "closeness",
+                "filters",
+                "hashing",
+                "light",
+                "misalignment",
+                "points",
+                "situations",
+                "smoothing",
+                "texture",
+                "validity",
+            ],
+        ],
     },
     Package {
         root: "main.rs",
