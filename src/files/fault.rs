@@ -11,7 +11,7 @@ use zune_jpeg::errors::DecodeErrors;
 pub enum MapFault {
     #[error("{0}")]
     Malformed(&'static str),
-    /// What it has, and what a map has.
+    /// A property as the file has it, and as a map has it.
     #[error("{0}, expected {1}")]
     Unsupported(String, &'static str),
     #[error("the header has no '{0}'")]

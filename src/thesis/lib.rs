@@ -231,7 +231,7 @@ impl<'a> Context<'a> {
         Ok(outbox.take())
     }
 
-    /// What `look` finds in each real scene, under the scene's name.
+    /// The findings of `look` in each real scene, under the scene's name.
     fn in_real_scenes<T>(&mut self, look: impl Fn(Frame) -> Result<T>) -> Result<Vec<(String, T)>> {
         let mut found = Vec::new();
         for (i, scene) in self.scenes.iter().enumerate() {

@@ -118,7 +118,7 @@ fn plot(row: &[u8], kept: &[bool], finding: &mut Finding) {
     finding.chart(title, [x(), y], [line("", scales)]);
 }
 
-/// What the filter, which keeps `kept`, and the standard deviation do to an image.
+/// The effect on an image of the filter, which keeps `kept`, and of the standard deviation.
 fn compared(image: &Gray, kept: &Plane<bool>) -> Result<Filtered> {
     let (width, height) = image.size();
     // Windows of 1 x 9 that lie inside the image.

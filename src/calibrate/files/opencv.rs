@@ -63,18 +63,12 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         size
     };
     let model = model(document, hints)?;
-    let left = camera(
-        document,
-        "K1|M1|cameraMatrix1",
-        size,
-        read_distortion(document, "D1|distCoeffs1", model)?,
-    )?;
-    let right = camera(
-        document,
-        "K2|M2|cameraMatrix2",
-        right_size,
-        read_distortion(document, "D2|distCoeffs2", model)?,
-    )?;
+    let camera = |matrix, distortion, size| {
+        let distortion = read_distortion(document, distortion, model)?;
+        camera(document, matrix, size, distortion)
+    };
+    let left = camera("K1|M1|cameraMatrix1", "D1|distCoeffs1", size)?;
+    let right = camera("K2|M2|cameraMatrix2", "D2|distCoeffs2", right_size)?;
     let rectification = document
         .has("P1")
         .then(|| rectification(document, size))
@@ -93,11 +87,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
                   it with `svl calibrate convert --model equidistant`";
     let remarks = (four && !is_stated).then(|| remark.to_owned());
     let loaded = cameras.loaded(&FORMAT, document, unit, remarks.into_iter().collect());
-    loaded.map_err(|e| match four && !is_stated {
-        true => Error::Invalid(format!(
-            "{e}; for a file of cv2.fisheye, --model equidistant"
-        )),
-        false => e,
+    loaded.map_err(|e| {
+        if four && !is_stated {
+            Error::Invalid(format!(
+                "{e}; for a file of cv2.fisheye, --model equidistant"
+            ))
+        } else {
+            e
+        }
     })
 }
 

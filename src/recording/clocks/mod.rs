@@ -6,4 +6,4 @@ pub(crate) mod pixels;
 pub(crate) mod scan;
 pub(crate) mod table;
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// The cure of exchanged cameras.
 const NAMES: &str = "--left and --right name their topics";
 
-/// What is made of messages.
+/// A message that was read, or a thing made of messages.
 pub(crate) type MessageResult<T> = Result<T, MessageError>;
 
 /// The error of Foxglove's messages in protobuf.
@@ -72,7 +72,7 @@ pub enum MessageError {
     NoPixel(usize, usize, String),
     #[error("its sides of {0}x{1} are odd, which {2} cannot have: crop it to even ones")]
     OddSides(usize, usize, String),
-    /// What the data are said to be, and their bytes.
+    /// The image that the data should be, and their bytes.
     #[error("{0} does not fit its {1} bytes")]
     Length(String, usize),
     #[error("{0} is shorter than its {1} bytes: its encoding or size is wrong")]
@@ -98,7 +98,7 @@ pub enum MessageError {
     FieldPlaces(usize),
     #[error("its cells are not those of a {0}x{1} grid")]
     Grid(usize, usize),
-    /// A transform that is none.
+    /// A transform that is not a rigid motion.
     Transform(String),
     /// The frames of sensor and camera do not lead to each other.
     Frames(String),

@@ -1,4 +1,4 @@
-//! What svl's own recordings are written with: names, topics, frames, stamps, encoded messages.
+//! Names, topics, frames and stamps of svl's own recordings, and their encoded messages.
 
 use super::message_error::{MessageError, MessageResult, ProtobufError};
 use std::borrow::Cow;

@@ -1,4 +1,4 @@
-//! What a report tells of an algorithm besides its metrics: one table each.
+//! Subjects besides the metrics, such as speed, stress and drives: a table each.
 
 pub(crate) mod accuracy;
 pub(crate) mod agreed;

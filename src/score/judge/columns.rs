@@ -50,10 +50,10 @@ impl ColumnChoice {
         if let Some(i) = (0..metrics.len()).find(|&i| is_repeated(i)) {
             return Err(MetricFault::Twice(names[i].to_owned()));
         }
-        match metrics.is_empty() {
-            true => Ok(Self::Headline),
-            false => Ok(Self::Named(metrics)),
+        if metrics.is_empty() {
+            return Ok(Self::Headline);
         }
+        Ok(Self::Named(metrics))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Where frames come from: recordings, folders, videos, data sets, cameras, the arena.
+//! Inputs of frames: recordings, folders, videos, data sets, cameras, the arena.
 
 pub(crate) mod arena;
 pub(crate) mod board;

@@ -45,9 +45,9 @@ impl Steps {
             return Err(TableFault::Values(key.to_owned()));
         }
         let mut numbers = self.0.iter().flat_map(|(above, score)| [above, score]);
-        match numbers.any(|number| number.unsigned_abs() > MAX_NUMBER.unsigned_abs()) {
-            true => Err(TableFault::Number(key.to_owned())),
-            false => Ok(()),
+        if numbers.any(|number| number.unsigned_abs() > MAX_NUMBER.unsigned_abs()) {
+            return Err(TableFault::Number(key.to_owned()));
         }
+        Ok(())
     }
 }

@@ -63,7 +63,7 @@ impl Codec {
     }
 }
 
-/// What is read of a coded picture; the pictures behind it may share the error.
+/// A coded picture as it is read; the pictures behind it may share the error.
 pub(crate) type CodedResult<T> = Result<T, Arc<MessageError>>;
 
 /// A coded picture.

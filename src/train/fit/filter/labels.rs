@@ -119,11 +119,14 @@ impl FrameLabels {
                 _ => Err(LabelFault::Fields(fields.len())),
             };
             let is_cut = line == lines && !text.ends_with('\n');
-            let at_line = |fault| match is_cut {
-                true => format!("line {line}: it is cut off; remove it ({fault})"),
-                false => format!("line {line}: {fault}"),
-            };
-            added.map_err(|fault| Error::format(path, at_line(fault)))?;
+            added.map_err(|fault| {
+                let words = if is_cut {
+                    format!("line {line}: it is cut off; remove it ({fault})")
+                } else {
+                    format!("line {line}: {fault}")
+                };
+                Error::format(path, words)
+            })?;
         }
         Ok(labels)
     }

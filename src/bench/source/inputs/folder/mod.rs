@@ -8,4 +8,4 @@ pub(crate) mod poses;
 pub(crate) mod source;
 pub(crate) mod stamps;
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
