@@ -32,7 +32,7 @@ const PACKAGES: [Package; 15] = [
                 "statistics",
             ],
             &["bounded", "stereo"],
-            &["kernel"],
+            &["doubt", "kernel"],
             &["depth", "filter"],
             &["matcher", "rectify"],
             &["ranger"],

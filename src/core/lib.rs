@@ -2,6 +2,7 @@
 #![doc = include_str!("README.md")]
 
 pub mod depth;
+pub mod doubt;
 mod error;
 pub mod filter;
 pub mod matcher;

@@ -88,7 +88,7 @@ pub use sensor::measurements::TopicLatency;
 pub use sensor::topic::{SensorTopic, truth_topics};
 pub use sensor::view::RawCamera;
 #[doc(hidden)]
-pub use stream::channel::warn_once;
+pub use stream::channel::{warn_of, warn_once};
 pub use stream::stamp_rule::StampUnit;
 pub use stream::unpack::UnpackError;
 pub use write::dialect::{Dialect, RecordingFormat};

@@ -331,7 +331,7 @@ impl Report<'_> {
                 missing.pairs += run.facts.pairs.len() as u64;
                 missing.losses.add(losses.clone());
             }
-            missing.doubts.extend(run.doubts());
+            missing.add_doubts(run.doubts());
         }
         let ReportTables {
             rows,

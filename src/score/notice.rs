@@ -4,13 +4,14 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, LazyLock};
+use svl_core::doubt::Doubt;
 use tracing::field::{Field, Visit};
 
 /// Most notices that a log holds.
 const MAX_NOTICES: usize = 1000;
 
 /// Something that the user should know of a run, of algorithms, or of a pair.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
     /// The algorithms that it is of, by their labels; empty for one of the run itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -20,6 +21,9 @@ pub struct Notice {
     pub pair: Option<u64>,
     /// Without the names of algorithms and the pair.
     pub text: String,
+    /// The doubt that it tells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<Doubt>,
 }
 
 impl Notice {
@@ -27,8 +31,8 @@ impl Notice {
     pub fn new<'a>(algorithms: impl IntoIterator<Item = &'a str>, text: impl Into<String>) -> Self {
         Self {
             algorithms: algorithms.into_iter().map(str::to_owned).collect(),
-            pair: None,
             text: text.into(),
+            ..Self::default()
         }
     }
 
@@ -59,6 +63,7 @@ impl Notice {
         let own = names.filter(|(name, _)| self.algorithms.iter().any(|own| own == name));
         let renamed = Self {
             pair: self.pair,
+            doubt: self.doubt.clone(),
             ..Self::new(own.map(|(_, other)| other), &*self.text)
         };
         (renamed.algorithms.is_empty() == self.algorithms.is_empty()).then_some(renamed)
@@ -108,6 +113,7 @@ impl Visit for Notice {
         if let Some(notice) = value.downcast_ref::<Self>() {
             self.clone_from(notice);
         }
+        self.doubt = self.doubt.take().or(value.downcast_ref().cloned());
     }
 }
 

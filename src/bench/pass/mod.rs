@@ -111,7 +111,7 @@ impl Outcome {
             pairs: self.frames,
             losses: self.losses.clone(),
             algorithms: self.failures.iter().map(failed_pairs).collect(),
-            doubts: self.scales.doubts().into_iter().collect(),
+            doubts: self.scales.doubts(),
         }
     }
 }

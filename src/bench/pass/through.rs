@@ -4,6 +4,7 @@ use super::{Matchers, Monitor, Outcome, Pace, run};
 use crate::sink::{CollectSink, PassStart, Sink, finish};
 use crate::source::{Chain, Source};
 use svl_core::{Error, Result, counted, interrupt};
+use svl_recording::warn_of;
 use svl_score::judge::Judged;
 use svl_score::losses::{EndState, Ending, Incomplete, LossLimit, Losses, Missing};
 
@@ -49,7 +50,7 @@ pub fn frames_through<T: Send + 'static>(
     ran?;
     // Reports show it among their cautions.
     for doubt in outcome.scales.doubts() {
-        tracing::warn!("{}: {doubt}", source.name());
+        warn_of(&source.name(), &doubt);
     }
     if outcome.interrupted {
         return Err(Error::Invalid("interrupted; nothing is written".to_owned()));

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
 use svl_core::stereo::Frame;
-use svl_recording::warn_once;
+use svl_recording::warn_of;
 use svl_score::judge::Judged;
 use svl_score::losses::Losses;
 
@@ -135,7 +135,11 @@ impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
 /// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
 pub(super) fn warn_of_rig(name: &str, frame: &Frame) {
     let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
-    for doubt in checks.into_iter().flatten().filter_map(|check| check.doubt) {
-        warn_once(format!("{name}: {doubt}"));
+    for doubt in checks
+        .into_iter()
+        .flatten()
+        .filter_map(|check| check.doubt())
+    {
+        warn_of(name, &doubt);
     }
 }

@@ -53,7 +53,7 @@ impl LoadedCalibration {
     pub fn notes(&self) -> impl Iterator<Item = String> {
         let hidden = hidden_views(&self.calibration);
         let checks = self.calibration.checks().into_iter();
-        let doubts = checks.filter_map(|check| check.doubt);
+        let doubts = checks.filter_map(|check| Some(check.doubt()?.to_string()));
         self.remarks.iter().cloned().chain(doubts).chain(hidden)
     }
 }

@@ -12,9 +12,8 @@ use super::unit::FileUnit;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use std::path::Path;
 use svl_core::Result;
-use svl_core::stereo::{
-    CalibrationCheck, DistortionModel, LengthUnit, Rectification, Rig, Side, StereoCalibration,
-};
+use svl_core::doubt::CalibrationCheck;
+use svl_core::stereo::{DistortionModel, LengthUnit, Rectification, Rig, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
@@ -124,7 +123,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let offsets =
         CalibrationCheck::offsets(&document.projection(left)?, &document.projection(right)?);
-    let mut remarks = Vec::from_iter(offsets.doubt);
+    let mut remarks = Vec::from_iter(offsets.doubt().map(|doubt| doubt.to_string()));
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
         remarks.push("cameras 0 and 1 were used; 2 and 3 were dropped".to_owned());
     }

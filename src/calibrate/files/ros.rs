@@ -10,9 +10,8 @@ use super::numbers::{listed, rows};
 use super::unit::FileUnit;
 use nalgebra::{Matrix3x4, Rotation3};
 use svl_core::Result;
-use svl_core::stereo::{
-    CalibrationCheck, Intrinsics, LengthUnit, Rectification, Side, StereoCalibration,
-};
+use svl_core::doubt::CalibrationCheck;
+use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
@@ -57,7 +56,8 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         rectification: Some(rectification),
     };
     let offsets = CalibrationCheck::offsets(&projections.0, &projections.1);
-    cameras.loaded(&FORMAT, &left, unit, Vec::from_iter(offsets.doubt))
+    let doubt = offsets.doubt().map(|doubt| doubt.to_string());
+    cameras.loaded(&FORMAT, &left, unit, Vec::from_iter(doubt))
 }
 
 fn one(document: &Document, hints: &Hints) -> Result<Intrinsics> {

@@ -3,6 +3,7 @@
 use super::epipolar::inliers;
 use super::features::{PointMatch, matches};
 use crate::counted;
+use crate::doubt::{Doubt, PairCure, Subject, Turn};
 use crate::statistics::{lower_median, nearest_rank};
 use crate::stereo::{Gray, GridShape, Rig, StereoPair};
 use nalgebra::{Matrix3, Vector3};
@@ -14,24 +15,9 @@ pub struct AlignmentMeter {
     size: (usize, usize),
     matches: Vec<PointMatch>,
     pairs: usize,
-    /// Matches of pairs without any, once the right image is turned by each of [`TURNS`].
+    /// Matches of pairs without any, once the right image is turned back by each of [`Turn::ALL`].
     turned: [usize; 2],
 }
-
-/// A way in which one camera's images differ from the other's: its name, ffmpeg's filter that turns
-/// them back, and the place of a pixel in images of a width and a height.
-type Turn = (
-    &'static str,
-    &'static str,
-    fn((usize, usize), (usize, usize)) -> (usize, usize),
-);
-
-const TURNS: [Turn; 2] = [
-    ("upside down", "hflip,vflip", |(x, y), (w, h)| {
-        (w - 1 - x, h - 1 - y)
-    }),
-    ("mirrored", "hflip", |(x, y), (w, _)| (w - 1 - x, y)),
-];
 
 /// Measures the vertical misalignment of pairs before and after their rectification.
 #[derive(Clone, Debug, Default)]
@@ -61,25 +47,23 @@ impl RectificationMeter {
         self.before.alignment()
     }
 
-    /// The warning, if rectification misaligns pairs that were aligned: they are rectified already,
+    /// The doubt, if rectification misaligns pairs that were aligned: they are rectified already,
     /// or the calibration is not theirs.
-    pub fn doubt(&self) -> Option<String> {
+    pub fn doubt(&self) -> Option<Doubt> {
         let (before, after) = (self.before.alignment()?, self.after.alignment()?);
         let is_worse = self.after.is_sure()
             && self.before.is_better_than(&self.after)
             && after.median_abs_px > Alignment::TOLERABLE_PX;
         is_worse.then(|| {
-            format!(
-                "vertical misalignment of {:.2} px without rectification and {:.2} px with it \
-                 (medians of {} and {} points in {} pairs): if the images are rectified already, \
-                 --calib none uses them as they are; if they are raw, the calibration is not, or \
-                 no longer, that of these cameras: calibrate again, --calib FILE",
-                before.median_abs_px,
-                after.median_abs_px,
-                before.matches,
-                after.matches,
-                before.pairs
-            )
+            let cure = PairCure::Misaligned {
+                before_px: before.median_abs_px,
+                after_px: after.median_abs_px,
+                points: [before.matches, after.matches],
+                pairs: before.pairs,
+            };
+            let usual = [0.0, Alignment::TOLERABLE_PX];
+            let name = "vertical_misalignment_px";
+            Doubt::new(Subject::Calibration, name, after.median_abs_px, usual, cure)
         })
     }
 }
@@ -168,8 +152,6 @@ const MIN_SAME: f64 = 0.95;
 const MIN_SHARE: f64 = 0.8;
 const COVERED: f64 = 0.9;
 const STEP_PX: f64 = 8.0;
-/// Longest range that every algorithm has.
-const SHORT_PX: f64 = 255.0;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -190,9 +172,9 @@ impl AlignmentMeter {
         let found = inliers(&matches(pair), TOLERANCE_PX);
         if found.is_empty() {
             let size = pair.size();
-            for ((.., place), count) in TURNS.iter().zip(&mut self.turned) {
+            for (turn, count) in Turn::ALL.iter().zip(&mut self.turned) {
                 let pixel = |x, y| {
-                    let (x, y) = place((x, y), size);
+                    let (x, y) = turn.place((x, y), size);
                     pair.right().get(x, y)
                 };
                 let right = Gray::from_fn(size.0, size.1, pixel);
@@ -235,33 +217,49 @@ impl AlignmentMeter {
         &self.matches
     }
 
-    /// Images that are no pair of a left and a right one, or that no algorithm can match, in words
-    /// with the cure: one camera's are turned, both are exchanged or converge, both are one
-    /// picture, or their disparities are beyond those that are searched, `range`. `rig`: that of
-    /// the calibrations, which follow the names of their topics and are not exchanged.
-    pub fn doubt(&self, rig: Option<&Rig>, range: RangeInclusive<i32>) -> Option<String> {
+    /// Images that are no pair of a left and a right one, or that no algorithm can match: one
+    /// camera's are turned, both are exchanged or converge, both are one picture, or their
+    /// disparities are beyond those that are searched, `range`. `rig`: that of the calibrations,
+    /// which follow the names of their topics and are not exchanged.
+    pub fn doubt(&self, rig: Option<&Rig>, range: RangeInclusive<i32>) -> Option<Doubt> {
         let points = self.matches.len();
-        let turned = self.turned.iter().zip(TURNS);
-        let (&count, (way, filter, _)) = turned.max_by_key(|(count, _)| **count)?;
-        if count >= MIN_MATCHES && count > 4 * points {
-            return Some(format!(
-                "one camera's images look {way}: {count} points match once they are turned back, \
-                 {points} as they are; `ffmpeg -i IN -vf {filter} OUT` turns an image or a video"
+        let turned = self.turned.into_iter().zip(Turn::ALL);
+        let (if_turned, turn) = turned.max_by_key(|(count, _)| *count)?;
+        if if_turned >= MIN_MATCHES && if_turned > 4 * points {
+            let cure = PairCure::Turned {
+                turn,
+                if_turned,
+                points,
+            };
+            let usual = [0.0, 4.0 * points as f64];
+            let name = "points_if_turned";
+            return Some(Doubt::new(
+                Subject::Pairs,
+                name,
+                if_turned as f64,
+                usual,
+                cure,
             ));
         }
         if points < MIN_MATCHES {
             return None;
         }
         let is_same = |m: &&PointMatch| (m.left - m.right).norm() <= SAME_PX;
-        let same = self.share(self.matches.iter().filter(is_same).count());
-        if same >= MIN_SAME {
-            let nearest_m = rig.and_then(|rig| rig.depth_m(SAME_PX));
-            let nearest = nearest_m.map_or("near".to_owned(), |m| format!("nearer than {m:.1} m"));
-            return Some(format!(
-                "left and right look like one picture twice, or nothing is {nearest}: {:.0} % of \
-                 {points} points are within {SAME_PX} px of the same place; name images of two \
-                 cameras (--left and --right, or the files of match)",
-                100.0 * same
+        let share = self.share(self.matches.iter().filter(is_same).count());
+        if share >= MIN_SAME {
+            let cure = PairCure::OnePicture {
+                share,
+                points,
+                within_px: SAME_PX,
+                nearest_m: rig.and_then(|rig| rig.depth_m(SAME_PX)),
+            };
+            let usual = [0.0, MIN_SAME];
+            return Some(Doubt::new(
+                Subject::Pairs,
+                "equal_places",
+                share,
+                usual,
+                cure,
             ));
         }
         self.exchanged(rig.is_some(), *range.start())
@@ -287,43 +285,43 @@ impl AlignmentMeter {
     }
 
     /// Points that are farther right in the right image, unless they are searched.
-    fn exchanged(&self, is_calibrated: bool, lowest_px: i32) -> Option<String> {
+    fn exchanged(&self, is_calibrated: bool, lowest_px: i32) -> Option<Doubt> {
         let (share, reach_px) = self.beyond(-1.0, BEYOND_PX, -f64::from(lowest_px))?;
-        let calibrations = if is_calibrated {
-            ", and as the calibrations are not exchanged, --calib FILE gives theirs"
-        } else {
-            ""
+        let cure = PairCure::Exchanged {
+            share,
+            points: self.matches.len(),
+            reach_px,
+            is_calibrated,
         };
-        Some(format!(
-            "left and right look exchanged, or the cameras converge: {share:.0} % of {} points are \
-             farther right in the right image; if exchanged (and not both upside down), name them \
-             the other way round (--left and --right, the files of match, or \
-             --side-by-side=right-left for halves of one image){calibrations}; if the cameras \
-             converge, `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and \
-             dp have none",
-            self.matches.len()
+        let usual = [lowest_px.into(), f64::MAX];
+        Some(Doubt::new(
+            Subject::Pairs,
+            "disparity_px",
+            -reach_px,
+            usual,
+            cure,
         ))
     }
 
     /// Points that are nearer than those that are searched.
-    fn too_near(&self, highest_px: i32) -> Option<String> {
+    fn too_near(&self, highest_px: i32) -> Option<Doubt> {
         let highest_px = f64::from(highest_px);
         let (share, reach_px) = self.beyond(1.0, highest_px, highest_px)?;
         let scale = (100.0 * highest_px / reach_px).floor() / 100.0;
-        let limit = if reach_px > SHORT_PX {
-            " of v1 to v4, bm and sgm"
-        } else {
-            ""
+        let cure = PairCure::BeyondRange {
+            share,
+            points: self.matches.len(),
+            highest_px,
+            reach_px,
+            scale: Some(scale).filter(|scale| *scale > 0.0),
         };
-        let or_scale = if scale > 0.0 {
-            format!(", or --scale {scale:.2}")
-        } else {
-            String::new()
-        };
-        Some(format!(
-            "{share:.0} % of {} points have disparities above {highest_px} px, the range that is \
-             searched: `max_disparity={reach_px}`{limit} covers them{or_scale}",
-            self.matches.len()
+        let usual = [-f64::MAX, highest_px];
+        Some(Doubt::new(
+            Subject::Pairs,
+            "disparity_px",
+            reach_px,
+            usual,
+            cure,
         ))
     }
 
@@ -470,7 +468,7 @@ mod tests {
             let mut meter = RectificationMeter::default();
             let last = (0..pairs).map(|_| meter.add(&pair(before, 0.0), &pair(after, 0.0)));
             assert_eq!(last.last(), Some(pairs >= 3));
-            meter.doubt()
+            meter.doubt().map(|doubt| doubt.to_string())
         };
         let named = doubt(0.3, 4.0, 3).unwrap();
         assert!(named.contains("without rectification and 4.0"), "{named}");
@@ -492,11 +490,11 @@ mod tests {
         let doubt = |left: &Gray, right: &Gray, range: RangeInclusive<i32>| {
             let mut meter = AlignmentMeter::new();
             meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
-            meter.doubt(None, range.clone())
+            meter.doubt(None, range).map(|doubt| doubt.to_string())
         };
-        let turned = TURNS.map(|(.., place)| {
+        let turned = Turn::ALL.map(|turn| {
             Gray::from_fn(320, 240, |x, y| {
-                let (x, y) = place((x, y), (320, 240));
+                let (x, y) = turn.place((x, y), (320, 240));
                 right.get(x, y)
             })
             .unwrap()
@@ -517,7 +515,7 @@ mod tests {
         let rig = Rig::new(100.0, (160.0, 120.0), 0.1, 0.0).unwrap();
         let mut meter = AlignmentMeter::new();
         meter.add(&StereoPair::new(left.clone(), left.clone()).unwrap());
-        let same = meter.doubt(Some(&rig), 0..=80).unwrap();
+        let same = meter.doubt(Some(&rig), 0..=80).unwrap().to_string();
         assert!(same.contains("or nothing is nearer than 40.0 m"), "{same}");
         for ((left, right), words) in [
             ((left, &turned[0]), "look upside down"),

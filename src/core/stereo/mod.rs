@@ -11,7 +11,6 @@
 //! **Depth** `Z` is along the optical axis: `Z = f·B / (d + doffs)`.
 
 mod calibration;
-mod checks;
 mod disparity;
 mod distortion;
 mod floor;
@@ -29,7 +28,6 @@ mod row;
 
 pub(crate) use calibration::check_upright;
 pub use calibration::{Rectification, StereoCalibration};
-pub use checks::CalibrationCheck;
 pub use disparity::{DisparityMap, ExtraPlanes};
 pub(crate) use distortion::MAX_RADIUS;
 pub use distortion::{Distortion, DistortionModel};

@@ -6,9 +6,10 @@ use crate::message::wire::decode_protobuf;
 use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, Vector3};
+use svl_core::doubt::{CalibrationCheck, Doubt};
 use svl_core::stereo::{
-    CalibrationCheck, Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig,
-    StereoCalibration, check_offsets, check_size, rotation,
+    Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration,
+    check_offsets, check_size, rotation,
 };
 
 /// Schemas of calibration messages.
@@ -309,14 +310,12 @@ impl Calibration {
         Some(CalibrationCheck::binning(center_px, self.binning, size))
     }
 
-    /// The doubts about the calibration of a depth camera whose principal point is `center_px`, for
+    /// The doubt about the calibration of a depth camera whose principal point is `center_px`, for
     /// images of that size.
-    pub(crate) fn depth_doubts(&self, center_px: (f64, f64), size: (usize, usize)) -> Vec<String> {
-        let center = CalibrationCheck::center("depth camera", center_px, size);
-        let checks = [self.binning_check(size), Some(center)];
-        let mut doubts = checks.into_iter().flatten().filter_map(|check| check.doubt);
-        // The first is the cause of the other.
-        doubts.next().into_iter().collect()
+    pub(crate) fn depth_doubt(&self, center_px: (f64, f64), size: (usize, usize)) -> Option<Doubt> {
+        // Its binning is the cause of the other.
+        let binning = self.binning_check(size).and_then(|check| check.doubt());
+        binning.or_else(|| CalibrationCheck::depth_center(center_px, size).doubt())
     }
 
     /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
@@ -458,16 +457,16 @@ pub(crate) fn checks(
         // Offsets to the middle of the cameras are right, as the transforms say.
         let is_right = |apart_m| {
             CalibrationCheck::baseline(rig.baseline_m(), apart_m, "")
-                .doubt
+                .cure
                 .is_none()
         };
-        offsets.doubt = offsets.doubt.filter(|_| !apart_m.is_some_and(is_right));
+        offsets.cure = offsets.cure.filter(|_| !apart_m.is_some_and(is_right));
         checks.push(offsets);
     }
     if let Some(binning) = left.binning_check(size) {
         // It is the cause of the others.
-        if binning.doubt.is_some() {
-            checks.iter_mut().for_each(|check| check.doubt = None);
+        if binning.cure.is_some() {
+            checks.iter_mut().for_each(|check| check.cure = None);
         }
         checks.push(binning);
     }

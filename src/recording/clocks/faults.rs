@@ -1,12 +1,12 @@
-//! Faults of clocks, in words, with their cures.
+//! Clocks that cannot be right, each with its cure.
 
-use super::measure::{ClockOffset, ComparedClock, TopicClock, WrongUnit};
+use super::measure::{ClockOffset, ComparedClock, TopicClock, UNIT_RATIO, WrongUnit};
 use super::scan::{ClockRole, ClockScan, TopicScan};
 use crate::cameras::topics::Selection;
-use crate::pairs::steps::{ClockStep, OffsetBins, StepWatch};
+use crate::pairs::steps::{FoundStep, OffsetBins, StepWatch};
 use crate::stream::stamp_rule::{StampRule, StampUnit};
 use std::collections::BTreeMap;
-use std::fmt;
+use svl_core::doubt::{ClockCure, ClockLag, CopyCure, Cure, Doubt, LogTimes, Subject};
 use svl_core::stereo::Side;
 
 /// Least offset of a topic's clock, of that of the right images, and of stamps that are later than
@@ -20,33 +20,28 @@ const OFFSET_PERIODS: f64 = 5.0;
 const RIGHT_PERIODS: f64 = 0.75;
 
 /// A clock that cannot be right.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ClockFault {
-    pub topic: String,
-    /// The numbers that show it, and the cure.
-    pub reason: String,
+    #[serde(flatten)]
+    pub doubt: Doubt,
     /// True if no pair is made.
     pub denies_pairs: bool,
-    /// True for stamps that are no time in nanoseconds.
-    #[serde(skip)]
-    pub(crate) is_of_unit: bool,
 }
 
-impl ClockFault {
-    pub(crate) fn new(topic: &str, reason: String, denies_pairs: bool) -> Self {
+impl From<Doubt> for ClockFault {
+    /// A fault with which pairs are made.
+    fn from(doubt: Doubt) -> Self {
         Self {
-            topic: topic.to_owned(),
-            reason,
-            denies_pairs,
-            is_of_unit: false,
+            doubt,
+            denies_pairs: false,
         }
     }
 }
 
-impl fmt::Display for ClockFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.topic, self.reason)
-    }
+/// True for stamps that are no time in nanoseconds.
+pub(crate) fn is_of_unit(doubt: &Doubt) -> bool {
+    use ClockCure::{NoTime, Unit};
+    matches!(doubt.cure, Cure::Clock(Unit { .. } | NoTime { .. }))
 }
 
 /// The clocks of the topics, to be checked against each other.
@@ -56,8 +51,7 @@ pub(crate) struct ClockCheck<'a> {
     images: &'a [String; 2],
     /// The clock of the right calibrations, if they have the stamps of the images.
     right_info: Option<&'a TopicClock>,
-    /// The options that take log times for all stamps.
-    by_log: String,
+    log: LogTimes,
     /// The fault of the cameras' clocks against each other.
     between: Option<CameraFault>,
 }
@@ -66,7 +60,7 @@ pub(crate) struct ClockCheck<'a> {
 enum CameraFault {
     /// The right clock is off by a constant time.
     Offset,
-    Step(ClockStep),
+    Step(FoundStep),
     /// None: the images of one come late from some time on.
     Late,
 }
@@ -92,17 +86,14 @@ impl<'a> ClockCheck<'a> {
         let skew_ns = scan.log_skew_ns().unwrap_or(0);
         // Some are later than the first ones.
         let skew_ms = (skew_ns + skew_ns / 4).div_ceil(1_000_000);
-        let by_log = if skew_ms * 1_000_000 > selection.max_skew_ns {
-            format!("`--stamps log --max-skew-ms {skew_ms}`")
-        } else {
-            "`--stamps log`".to_owned()
-        };
         let mut check = Self {
             clocks,
             selection,
             images: &scan.images,
             right_info: right_info.and_then(|info| clocks.iter().find(|clock| clock.topic == info)),
-            by_log,
+            log: LogTimes {
+                max_skew_ms: (skew_ms * 1_000_000 > selection.max_skew_ns).then_some(skew_ms),
+            },
             between: None,
         };
         check.between = check.camera_fault(are_late);
@@ -130,11 +121,9 @@ impl<'a> ClockCheck<'a> {
 
     fn fault(&self, clock: &TopicClock) -> Option<ClockFault> {
         if let Some(wrong) = clock.wrong_unit {
-            let is_image = self.images.contains(&clock.topic);
-            let words = self.unit_words(clock, wrong);
             return Some(ClockFault {
-                is_of_unit: true,
-                ..ClockFault::new(&clock.topic, words, is_image)
+                doubt: self.unit_doubt(clock, wrong),
+                denies_pairs: self.images.contains(&clock.topic),
             });
         }
         if clock.topic == self.images[1] && clock.compared.is_some() {
@@ -147,27 +136,19 @@ impl<'a> ClockCheck<'a> {
         let periods_ns = OFFSET_PERIODS * self.period_ns(clock);
         let is_off = is_beyond(clock, MIN_OFFSET_NS, periods_ns)
             && (clock.role != ClockRole::Pose || behind.median_ns > 0);
-        let step = || {
-            let compared = clock.compared.as_ref()?;
-            let step = compared
-                .bins
-                .step(MIN_OFFSET_NS.max(periods_ns) + compared.bin_noise_ns)?;
-            Some(step.words(Side::Right, "messages"))
-        };
-        let words = if is_off {
-            format!("by the log times its clock is {}", behind_words(&behind))
-        } else {
-            step()?
-        };
-        let cure = format!(
-            "correct its stamps, or {} takes log times for all stamps",
-            self.by_log
-        );
-        Some(ClockFault::new(
-            &clock.topic,
-            format!("{words}: {cure}"),
-            false,
-        ))
+        let (log, limit_ns) = (self.log, MIN_OFFSET_NS.max(periods_ns));
+        if is_off {
+            let lag = lag(behind);
+            return Some(
+                offset(&clock.topic, limit_ns, ClockCure::Offset { lag, log }, lag).into(),
+            );
+        }
+        let compared = clock.compared.as_ref()?;
+        let limit_ns = limit_ns + compared.bin_noise_ns;
+        let found = compared.bins.step(limit_ns)?;
+        let step = found.of(Side::Right);
+        let cure = ClockCure::Step { step, log };
+        Some(found.doubt(clock.topic.clone(), limit_ns, cure).into())
     }
 
     /// True for an offset that is that of the right images, while these are found right: the left
@@ -262,17 +243,18 @@ impl<'a> ClockCheck<'a> {
             median_ns: behind.median_ns.saturating_neg(),
             ..behind
         };
-        let others: Vec<_> = others.iter().map(|clock| clock.topic.as_str()).collect();
-        let whose = format!("those of {} and {}", others.join(", "), right.topic);
-        let right_ms = right.compared.as_ref()?.shift_ns as f64 / 1e6;
-        let reason = format!(
-            "by the log times its clock is {}, and pairs by stamp are of different moments: {} \
-             takes log times for all stamps; `--right-offset-ms {right_ms:.1}` moves the right \
-             stamps to this clock, for pairs alone; 0 leaves them",
-            offset_words(&ahead, &whose),
-            self.by_log
-        );
-        Some(ClockFault::new(&self.images[0], reason, self.denies()))
+        let lag = lag(ahead);
+        let cure = ClockCure::LeftOffset {
+            lag,
+            others: others.iter().map(|clock| clock.topic.clone()).collect(),
+            right: right.topic.clone(),
+            right_ms: right.compared.as_ref()?.shift_ns as f64 / 1e6,
+            log: self.log,
+        };
+        Some(ClockFault {
+            doubt: offset(&self.images[0], self.right_limit_ns(right), cure, lag),
+            denies_pairs: self.denies(),
+        })
     }
 
     /// The slower one's period, of a topic and the left images.
@@ -284,29 +266,27 @@ impl<'a> ClockCheck<'a> {
         periods.fold(0.0, f64::max)
     }
 
-    /// The fault of the cameras' clocks in words; `right`: that of the right images.
+    /// The fault of the cameras' clocks; `right`: that of the right images.
     fn between_fault(&self, right: &TopicClock) -> Option<ClockFault> {
-        let (side, words) = match self.between.as_ref()? {
+        let compared = right.compared.as_ref()?;
+        let doubt = match self.between.as_ref()? {
             CameraFault::Late => return None,
-            CameraFault::Step(step) => (step.side, step.camera_words(&self.by_log)),
+            CameraFault::Step(step) => {
+                let limit_ns = self.step_limit_ns(right, compared);
+                step.camera_doubt(self.images, limit_ns, self.log)
+            }
             CameraFault::Offset => {
                 let told_ns = self.selection.right_offset_ns.unwrap_or_default();
-                let shift_ns = right.compared.as_ref()?.shift_ns.saturating_add(told_ns);
-                let words = format!(
-                    "by the log times its clock is {}, and pairs by stamp are of different \
-                     moments: `--right-offset-ms {:.1}` corrects its stamps; 0 leaves them, if its \
-                     images come late",
-                    behind_words(&right.behind?),
-                    shift_ns as f64 / 1e6
-                );
-                (Side::Right, words)
+                let right_ms = compared.shift_ns.saturating_add(told_ns) as f64 / 1e6;
+                let lag = lag(right.behind?);
+                let cure = ClockCure::RightOffset { lag, right_ms };
+                offset(&self.images[1], self.right_limit_ns(right), cure, lag)
             }
         };
-        Some(ClockFault::new(
-            &self.images[side as usize],
-            words,
-            self.denies(),
-        ))
+        Some(ClockFault {
+            doubt,
+            denies_pairs: self.denies(),
+        })
     }
 
     fn step_limit_ns(&self, clock: &TopicClock, right: &ComparedClock) -> f64 {
@@ -326,30 +306,30 @@ impl<'a> ClockCheck<'a> {
             shift_ns: right.shift_ns,
             latency_ns: MIN_RIGHT_NS + right.bin_noise_ns,
             begin_ns: None,
-            cure: self.by_log.clone(),
+            log: self.log,
         })
     }
 
-    fn unit_words(&self, clock: &TopicClock, wrong: WrongUnit) -> String {
+    fn unit_doubt(&self, clock: &TopicClock, wrong: WrongUnit) -> Doubt {
         let WrongUnit { unit, stamps_hz } = wrong;
         let log_hz = clock.log_hz.unwrap_or_default();
-        let rates =
-            format!("{stamps_hz:.0} messages a second by its stamps, {log_hz:.1} by the log times");
-        let (unit, option) = match unit {
-            Some(StampUnit::Milliseconds) => ("milliseconds", "ms"),
-            Some(_) => ("microseconds", "us"),
-            None => {
-                return format!(
-                    "{rates}: its stamps are no time, as those that count images; {} takes log \
-                     times for all stamps",
-                    self.by_log
-                );
-            }
+        let in_unit = |unit: &str, option: &str| ClockCure::Unit {
+            unit: unit.to_owned(),
+            option: option.to_owned(),
+            stamps_hz,
+            log_hz,
         };
-        format!(
-            "{rates}: its stamps are {unit}, written as nanoseconds; `--stamps {option}` reads \
-             them so"
-        )
+        let cure = match unit {
+            Some(StampUnit::Milliseconds) => in_unit("milliseconds", "ms"),
+            Some(_) => in_unit("microseconds", "us"),
+            None => ClockCure::NoTime {
+                stamps_hz,
+                log_hz,
+                log: self.log,
+            },
+        };
+        let of = Subject::Topic(clock.topic.clone());
+        Doubt::new(of, "stamps_hz", stamps_hz, [0.0, UNIT_RATIO * log_hz], cure)
     }
 
     /// Stamps that are later than their log times: one fault for all topics that are not named.
@@ -361,27 +341,19 @@ impl<'a> ClockCheck<'a> {
             };
             let median_ns = clock.offset.map(|offset| offset.median_ns);
             clock.matters
-                && named.iter().all(|fault| fault.topic != clock.topic)
+                && named
+                    .iter()
+                    .all(|fault| !fault.doubt.of.is_topic(&clock.topic))
                 && median_ns.is_some_and(|median_ns| median_ns < -limit_ns)
         };
         let early: Vec<_> = self.clocks.iter().filter(is_early).collect();
-        let words = early.iter().filter_map(|clock| {
-            let offset = clock.offset?;
-            Some(format!(
-                "{} by {} s (median; spread {} s)",
-                clock.topic,
-                seconds(-offset.median_ns),
-                seconds(offset.spread_ns)
-            ))
-        });
-        let words = words.collect::<Vec<_>>().join(", ");
-        let first = early.first()?;
-        let reason = format!(
-            "stamps are later than their log times, so that their clock is not the recorder's: \
-             {words}; {} takes log times for all stamps",
-            self.by_log
-        );
-        Some(ClockFault::new(&first.topic, reason, false))
+        let topics = early.iter();
+        let topics = topics.filter_map(|clock| Some((clock.topic.clone(), lag(clock.offset?))));
+        let topics: Vec<_> = topics.collect();
+        let (topic, lag) = topics.first()?.clone();
+        let log = self.log;
+        let cure = ClockCure::Early { topics, log };
+        Some(offset(&topic, MIN_EARLY_NS as f64, cure, lag).into())
     }
 }
 
@@ -413,19 +385,16 @@ pub(crate) fn wrong_option(
         let rule = reading(&clock.topic);
         rule.has_unit() && !rule.is_log() && clock.stamps_hz.is_none()
     };
-    let (topic, reason) = match clocks.iter().find(is_beyond) {
-        Some(clock) => (
-            &clock.topic,
-            "in the unit that --stamps names its stamps are beyond the year 2554: leave it out",
-        ),
+    let (topic, cure) = match clocks.iter().find(is_beyond) {
+        Some(clock) => (&clock.topic, ClockCure::BeyondAllTimes),
         None if rules.values().any(|rule| rule.has_unit()) => return None,
-        None => (
-            &scan.images[0],
-            "--stamps names a unit that neither its stamps nor those of another topic have, by the \
-             log times of 10 messages or more: leave it out",
-        ),
+        None => (&scan.images[0], ClockCure::NoSuchUnit),
     };
-    Some(ClockFault::new(topic, reason.to_owned(), true))
+    let of = Subject::Topic(topic.clone());
+    Some(ClockFault {
+        doubt: Doubt::new(of, "topics_of_the_unit", 0.0, [1.0, f64::MAX], cure),
+        denies_pairs: true,
+    })
 }
 
 /// Messages that come several times.
@@ -439,76 +408,57 @@ pub(crate) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
     let faults = copied.map(|(name, topic, copies)| {
         let of_images = cameras.map(|camera| camera.and_then(TopicScan::copies).unwrap_or(1));
         let cure = if !scan.images.contains(name) {
-            "leave it out as a truth, or keep the first of each: a copy is as old as that"
-                .to_owned()
+            CopyCure::LeaveOut
         } else if topic.repeats_stamps() {
             // The copies of a pair have no partner.
             let lost = of_images.iter().sum::<usize>() - 2;
             let percent = (100 * lost).div_ceil(lost + 1) + 1;
-            format!("copies without partners are lost, which `--allow-loss {percent}%` allows")
+            CopyCure::AllowLoss { percent }
         } else if of_images != [copies; 2] {
             let from = topic.first_new_ns().zip(topic.first.first());
             let from_ns = from.map_or(0, |((new_ns, _), first)| {
                 new_ns.saturating_sub(first.stamp_ns)
             });
-            let from = format!("--from {:.3} ", from_ns as f64 / 1e9 - 0.001);
-            let from = if from_ns > 0 { &from } else { "" };
-            format!(
-                "with a copy, a pair is of different moments: `{from}--every {copies}` leaves \
-                 those out"
-            )
+            let from_s = (from_ns > 0).then(|| from_ns as f64 / 1e9 - 0.001);
+            CopyCure::Unequal { from_s, copies }
         } else if let [Some((left_ns, period_ns)), Some((right_ns, _))] = begins
             && let apart = left_ns.abs_diff(right_ns) % (copies as u64 * period_ns)
             && (period_ns / 2..copies as u64 * period_ns - period_ns / 2).contains(&apart)
         {
-            "those of the two cameras alternate, so that no pair is of one moment: record again \
-             without the node that repeats them"
-                .to_owned()
+            CopyCure::Alternate
         } else {
-            format!("`--every {copies}` takes each once")
+            CopyCure::Every { copies }
         };
-        let times = match copies {
-            2 => "twice".to_owned(),
-            more => format!("{more} times"),
+        let cure = ClockCure::Copies {
+            copies,
+            first: topic.first.len(),
+            distinct: topic.runs.len(),
+            cure,
         };
-        let reason = format!(
-            "every message comes {times}: the first {} are {} and copies of them; {cure}",
-            topic.first.len(),
-            topic.runs.len()
-        );
-        ClockFault::new(name, reason, false)
+        let of = Subject::Topic(name.clone());
+        ClockFault::from(Doubt::new(of, "copies", copies as f64, [1.0, 1.0], cure))
     });
     let mixed = scan.topics.iter().filter(|(_, topic)| is_used(topic));
     let mixed = mixed.filter_map(|(name, topic)| {
-        let copied = topic.mixed_copies()?;
-        let reason = format!(
-            "{copied} of the first {} messages are copies of the one before, with stamps of their \
-             own: a copy is older than it says; record again without the node that repeats them",
-            topic.runs.iter().sum::<usize>()
-        );
-        Some(ClockFault::new(name, reason, false))
+        let copies = topic.mixed_copies()?;
+        let first = topic.runs.iter().sum::<usize>();
+        let cure = ClockCure::SomeCopies { copies, first };
+        let of = Subject::Topic(name.clone());
+        Some(Doubt::new(of, "copies", copies as f64, [0.0, 0.0], cure).into())
     });
     faults.chain(mixed).collect()
 }
 
-fn seconds(ns: i64) -> String {
-    format!("{:.3}", ns as f64 / 1e9)
+fn lag(offset: ClockOffset) -> ClockLag {
+    ClockLag {
+        median_ns: offset.median_ns,
+        spread_ns: offset.spread_ns,
+    }
 }
 
-fn behind_words(behind: &ClockOffset) -> String {
-    offset_words(behind, "that of the left images")
-}
-
-/// `whose`: the clock that it is compared with.
-fn offset_words(behind: &ClockOffset, whose: &str) -> String {
-    let direction = if behind.median_ns > 0 {
-        "behind"
-    } else {
-        "ahead of"
-    };
-    format!(
-        "{} s {direction} {whose} (median; spread {} s)",
-        seconds(behind.median_ns.saturating_abs()),
-        seconds(behind.spread_ns)
-    )
+/// The doubt about a topic's clock that lags by more than a limit.
+fn offset(topic: &str, limit_ns: f64, cure: ClockCure, lag: ClockLag) -> Doubt {
+    let limit_s = limit_ns / 1e9;
+    let (of, lag_s) = (Subject::Topic(topic.to_owned()), lag.median_ns as f64 / 1e9);
+    Doubt::new(of, "clock_lag_s", lag_s, [-limit_s, limit_s], cure)
 }

@@ -24,7 +24,7 @@ const MIN_EPOCH_S: u64 = 100_000_000;
 /// Greatest rate of a sensor by its stamps, and the ratio of a higher one to that by log times from
 /// which on it is refused.
 const MAX_RATE_HZ: f64 = 500.0;
-const UNIT_RATIO: f64 = 100.0;
+pub(crate) const UNIT_RATIO: f64 = 100.0;
 /// Largest difference of a ratio from that of a unit.
 const UNIT_TOLERANCE: f64 = 0.2;
 /// Longer than the step that nine tenths do not exceed, times this, is a pause.

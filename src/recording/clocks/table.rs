@@ -3,7 +3,7 @@
 //! Offsets are compared with those of the left images at equal log times, so that a log clock that
 //! runs at another speed, as that of a slowed simulation, is not taken for an offset.
 
-use super::faults::{ClockCheck, ClockFault, copies, wrong_option};
+use super::faults::{ClockCheck, ClockFault, copies, is_of_unit, wrong_option};
 use super::measure::TopicClock;
 use super::pixels;
 use super::scan::ClockScan;
@@ -11,11 +11,12 @@ use crate::bags::opened::Recording;
 use crate::cameras::topics::{self, Selection, choose};
 use crate::cameras::transforms::Transforms;
 use crate::pairs::steps::StepWatch;
-use crate::stream::channel::{Channel, warn_once};
+use crate::stream::channel::{Channel, warn_of};
 use crate::stream::restamped::StampRules;
 use crate::stream::stamp_rule::{StampReading, StampRule};
 use std::collections::BTreeMap;
 use svl_core::Result;
+use svl_core::doubt::Doubt;
 use svl_core::stereo::Side;
 
 /// The clocks of a source's topics.
@@ -114,10 +115,10 @@ impl ClockTable {
         self.watch.clone()
     }
 
-    /// Adds a step of a camera's clock, in words, unless a fault of it is known.
-    pub(crate) fn add_step(&mut self, topic: &str, step: String) {
-        if self.faults.iter().all(|fault| fault.topic != topic) {
-            self.faults.push(ClockFault::new(topic, step, false));
+    /// Adds a step of a camera's clock, unless a fault of it is known.
+    pub(crate) fn add_step(&mut self, step: Doubt) {
+        if self.faults.iter().all(|fault| fault.doubt.of != step.of) {
+            self.faults.push(step.into());
         }
     }
 
@@ -130,12 +131,12 @@ impl ClockTable {
     ///
     /// # Errors
     /// The first that permits no pair.
-    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), &ClockFault> {
+    pub(crate) fn check(&self, name: &str) -> std::result::Result<(), &Doubt> {
         if let Some(fault) = self.faults.iter().find(|fault| fault.denies_pairs) {
-            return Err(fault);
+            return Err(&fault.doubt);
         }
         for fault in &self.faults {
-            warn_once(format!("{name}: {fault}"));
+            warn_of(name, &fault.doubt);
         }
         Ok(())
     }
@@ -144,9 +145,9 @@ impl ClockTable {
     ///
     /// # Errors
     /// The fault of its stamps.
-    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), &ClockFault> {
-        let mut faults = self.faults.iter();
-        match faults.find(|fault| fault.topic == topic && fault.is_of_unit) {
+    pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), &Doubt> {
+        let mut doubts = self.faults.iter().map(|fault| &fault.doubt);
+        match doubts.find(|doubt| doubt.of.is_topic(topic) && is_of_unit(doubt)) {
             Some(fault) => Err(fault),
             None => Ok(()),
         }

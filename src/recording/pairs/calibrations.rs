@@ -8,8 +8,9 @@ use crate::cameras::{camera, topics};
 use crate::message::{MessageError, MessageResult};
 use crate::stream::channel::{Channel, warn_once};
 use std::sync::Arc;
+use svl_core::doubt::CalibrationCheck;
 use svl_core::listed;
-use svl_core::stereo::{CalibrationCheck, Geometry, Rig, Side, StereoCalibration};
+use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
 const KEPT_NS: u64 = 10_000_000_000;

@@ -23,7 +23,7 @@ use crate::decode::pixels::MessageImage;
 use crate::decode::video::topic::VideoTopic;
 use crate::message::wire::topic;
 use crate::poses::reader::PoseReader;
-use crate::stream::channel::{Channel, warn_once};
+use crate::stream::channel::{Channel, warn_of, warn_once};
 use nalgebra::UnitQuaternion;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -261,9 +261,9 @@ impl PairReader {
     /// Warns once of a step of a camera's clock.
     fn watch_step(&mut self, side: Side, log_time: u64, stamp_ns: u64) {
         let watch = self.watch.as_mut();
-        let step = watch.and_then(|watch| watch.take_in(side, log_time, stamp_ns));
-        if let Some((side, step)) = step {
-            tracing::warn!("{}: {}: {step}", self.name, self.images[side as usize]);
+        let step = watch.and_then(|own| own.take_in(&self.images, side, log_time, stamp_ns));
+        if let Some(step) = step {
+            warn_of(&self.name, &step);
             self.watch = None;
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::stream::channel::Channel;
 use crate::stream::stamp_rule::StampRule;
+use svl_core::doubt::{ClockCure, ClockStep, Doubt, LogTimes, Subject};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::Side;
 
@@ -24,9 +25,9 @@ impl BinOffset {
     }
 }
 
-/// A step of one clock against the other, or a drift.
+/// A step of one clock against the other, or a drift, up to its first bin.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ClockStep {
+pub(crate) struct FoundStep {
     from_ns: i64,
     pub(crate) to: BinOffset,
     /// The clock whose delays change.
@@ -35,7 +36,7 @@ pub(crate) struct ClockStep {
     begin_ns: u64,
 }
 
-impl ClockStep {
+impl FoundStep {
     /// The step to `to`, behind the bin `before` it.
     fn new(from_ns: i64, before: BinOffset, to: BinOffset, begin_ns: u64) -> Self {
         let [left, right] = [0, 1].map(|i| to.floors_ns[i].abs_diff(before.floors_ns[i]));
@@ -57,34 +58,28 @@ impl ClockStep {
         self.to.ns().saturating_sub(self.from_ns)
     }
 
-    /// The step of the clock of that side, in words.
-    pub(crate) fn words(&self, side: Side, what: &str) -> String {
-        let offset = |ns: i64| {
-            let behind_ns = if side == Side::Left { -ns } else { ns };
-            let direction = match behind_ns {
-                ..-500_000 => "ahead",
-                500_000.. => "behind",
-                _ => return "none".to_owned(),
-            };
-            format!("{:.3} s {direction}", ns.unsigned_abs() as f64 / 1e9)
-        };
-        format!(
-            "by the log times its clock steps or drifts against that of the {} images, from {} to \
-             {}, {:.0} s after the beginning, unless the {what} come late from there",
-            if side == Side::Left { "right" } else { "left" },
-            offset(self.from_ns),
-            offset(self.to.ns()),
-            self.to.log_ns.saturating_sub(self.begin_ns) as f64 / 1e9,
-        )
+    /// The step of the clock of that side.
+    pub(crate) fn of(&self, side: Side) -> ClockStep {
+        ClockStep {
+            is_left: side == Side::Left,
+            from_ns: self.from_ns,
+            to_ns: self.to.ns(),
+            after_s: self.to.log_ns.saturating_sub(self.begin_ns) as f64 / 1e9,
+        }
     }
 
-    /// The step of a camera's clock in words, with its cure.
-    pub(crate) fn camera_words(&self, cure: &str) -> String {
-        format!(
-            "{}: pairs by stamp are of different moments; {cure} takes log times for all stamps, \
-             `--right-offset-ms 0` leaves them",
-            self.words(self.side, "images")
-        )
+    /// The doubt about the camera's clock, one of the topics `images`.
+    pub(crate) fn camera_doubt(&self, images: &[String; 2], limit_ns: f64, log: LogTimes) -> Doubt {
+        let step = self.of(self.side);
+        let topic = images[self.side as usize].clone();
+        self.doubt(topic, limit_ns, ClockCure::CameraStep { step, log })
+    }
+
+    /// The doubt about the clock of a topic, of a step beyond that limit.
+    pub(crate) fn doubt(&self, topic: String, limit_ns: f64, cure: ClockCure) -> Doubt {
+        let (step_s, limit_s) = (self.shift_ns() as f64 / 1e9, limit_ns / 1e9);
+        let usual = [-limit_s, limit_s];
+        Doubt::new(Subject::Topic(topic), "clock_step_s", step_s, usual, cure)
     }
 }
 
@@ -161,7 +156,7 @@ impl OffsetBins {
     }
 
     /// The step from the first bin on; see [`OffsetBins::beyond`].
-    pub(crate) fn step(&self, limit_ns: f64) -> Option<ClockStep> {
+    pub(crate) fn step(&self, limit_ns: f64) -> Option<FoundStep> {
         let usual_ns = self.usual_ns()?;
         let mut place = self.beyond(usual_ns, limit_ns)?;
         let begin = *self.offsets.first()?;
@@ -171,7 +166,7 @@ impl OffsetBins {
             place = self.offsets.iter().position(is_usual)?;
         }
         let before = self.offsets[place.saturating_sub(1)];
-        Some(ClockStep::new(
+        Some(FoundStep::new(
             begin.ns(),
             before,
             self.offsets[place],
@@ -195,7 +190,7 @@ pub(crate) struct StepWatch {
     pub(crate) latency_ns: f64,
     /// Log time of the first image.
     pub(crate) begin_ns: Option<u64>,
-    pub(crate) cure: String,
+    pub(crate) log: LogTimes,
 }
 
 impl StepWatch {
@@ -208,13 +203,15 @@ impl StepWatch {
         is_shown.then_some(self.shift_ns)
     }
 
-    /// Adds an image of a camera; the step of a camera's clock, in words, once two bins show it.
+    /// Adds an image of a camera, of the topics `images`; the step of a camera's clock, once two
+    /// bins show it.
     pub(crate) fn take_in(
         &mut self,
+        images: &[String; 2],
         side: Side,
         log_ns: u64,
         stamp_ns: u64,
-    ) -> Option<(Side, String)> {
+    ) -> Option<Doubt> {
         let begin_ns = *self.begin_ns.get_or_insert(log_ns);
         self.bins
             .take_in(side as usize, &TimedMessage { log_ns, stamp_ns });
@@ -222,8 +219,8 @@ impl StepWatch {
         self.bins.offsets.drain(..old);
         let place = self.bins.beyond(self.usual_ns, self.limit_ns)?;
         let [before, to] = [place.saturating_sub(1), place].map(|i| self.bins.offsets[i]);
-        let step = ClockStep::new(self.usual_ns, before, to, begin_ns);
-        Some((step.side, step.camera_words(&self.cure)))
+        let step = FoundStep::new(self.usual_ns, before, to, begin_ns);
+        Some(step.camera_doubt(images, self.limit_ns, self.log))
     }
 }
 

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use svl_core::stereo::{CalibrationCheck, StereoCalibration};
+use svl_core::doubt::CalibrationCheck;
+use svl_core::stereo::StereoCalibration;
 
 /// Facts of the pairs of a recording, or of live topics, so far. The counts are final at the end.
 #[derive(Clone, Debug, Default)]

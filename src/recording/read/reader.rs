@@ -83,7 +83,7 @@ impl Reader {
             Some(clocks) => {
                 let name = recording.path().display().to_string();
                 let checked = clocks.check(&name);
-                checked.map_err(|fault| Error::format(recording.path(), fault.to_string()))?;
+                checked.map_err(|doubt| Error::format(recording.path(), doubt.clone()))?;
                 recording.restamped(clocks.rules())
             }
             None => recording,
@@ -189,8 +189,8 @@ impl Reader {
     /// [`Error::Format`] for a topic that cannot have any; [`Error::Io`].
     pub fn sensor(&self, selection: &SensorSelection) -> Result<SensorTopic> {
         let checked = self.clocks.check_measurements(&selection.topic);
-        checked.map_err(|fault| {
-            let reason = format!("{}: {}", selection.asked(), fault.reason);
+        checked.map_err(|doubt| {
+            let reason = format!("{}: {}", selection.asked(), doubt.cure);
             Error::format(self.recording.path(), reason)
         })?;
         SensorTopic::open(

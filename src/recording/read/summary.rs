@@ -452,11 +452,11 @@ impl SummaryScan {
             images.sort_by_key(|(_, image)| image.place);
             if let Some(clocks) = &mut self.found.clocks
                 && let Some(mut watch) = clocks.watch()
-                && let Some((side, step)) = images
+                && let Some(step) = images
                     .iter()
-                    .find_map(|(side, i)| watch.take_in(*side, i.log_ns, i.stamp_ns))
+                    .find_map(|(side, i)| watch.take_in(topics, *side, i.log_ns, i.stamp_ns))
             {
-                clocks.add_step(&topics[side as usize], step);
+                clocks.add_step(step);
             }
             let clocks = self.found.clocks.as_ref();
             if clocks.is_none_or(ClockTable::permits_pairs) {

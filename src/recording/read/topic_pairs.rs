@@ -145,7 +145,7 @@ impl TopicPairs {
         let clocks = ClockTable::new(&clocks, &channels, &self.selection);
         let name = &self.pairs.name;
         let checked = clocks.check(name);
-        checked.map_err(|reason| Error::other(format!("{name}: {reason}")))?;
+        checked.map_err(|doubt| Error::other(format!("{name}: {doubt}")))?;
         self.pairs.watch = clocks.watch();
         for channel in &mut self.channels {
             if let Some(rule) = clocks.rules().get(&channel.topic) {

@@ -10,7 +10,7 @@ use crate::decode::{head, realsense};
 use crate::message::wire::FLOOR_FRAME;
 use crate::message::{MessageError, MessageResult};
 use crate::pairs::truth;
-use crate::stream::channel::{Channel, FileEvent, warn_once};
+use crate::stream::channel::{Channel, FileEvent, warn_of};
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
@@ -284,9 +284,8 @@ impl SensorSetup {
         });
         let own = own.transpose()?;
         if let (Some((own, _)), Some(calibration)) = (&own, &camera.own) {
-            for doubt in calibration.depth_doubts(own.center_px(), depth.size()) {
-                warn_once(format!("{topic}: {doubt}"));
-            }
+            let doubt = calibration.depth_doubt(own.center_px(), depth.size());
+            doubt.iter().for_each(|doubt| warn_of(topic, doubt));
         }
         let is_of_rig = own.is_none_or(|(own, _)| is_same(&own, rig));
         if self.is_left && raw.is_none() && is_of_rig {

@@ -6,6 +6,7 @@ use parking_lot::Mutex;
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use svl_core::Result;
+use svl_core::doubt::Doubt;
 
 /// The encoding of ROS 1's messages.
 pub(crate) const ROS1: &str = "ros1";
@@ -92,6 +93,12 @@ pub(crate) trait EventReader: Send {
 }
 
 pub(crate) type Schema = (SchemaHeader, Vec<u8>);
+
+/// Warns of a doubt about a source of that name.
+pub fn warn_of(name: &str, doubt: &Doubt) {
+    let value: &(dyn std::error::Error + 'static) = doubt;
+    tracing::warn!(doubt = value, "{name}: {doubt}");
+}
 
 /// Limit on different warnings.
 const MAX_WARNINGS: usize = 100;

@@ -3,6 +3,7 @@
 use super::summary::Results;
 use crate::show::words::ms;
 use svl_core::counted;
+use svl_core::doubt::Doubt;
 
 impl Results {
     /// Losses and cautions, each with its cure where there is one.
@@ -10,7 +11,7 @@ impl Results {
         let incomplete = self.ending.incomplete.iter();
         let incomplete = incomplete.map(|why| format!("incomplete: {why}"));
         let note = self.ending.note().map(|note| format!("not scored: {note}"));
-        let doubts = self.ending.missing.doubts.iter().cloned();
+        let doubts = self.ending.missing.doubts.iter().map(Doubt::to_string);
         let failed = self.failed.iter().map(|f| {
             let pairs = if f.on_every_pair {
                 "every pair".to_owned()

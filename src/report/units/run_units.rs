@@ -7,6 +7,7 @@ use super::unit::StoredUnit;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use svl_core::Result;
+use svl_core::doubt::Doubt;
 use svl_score::manifest::InputRecord;
 use svl_score::notice::Notice;
 use svl_score::plausibility::MeasuredScales;
@@ -158,8 +159,8 @@ impl RunUnits {
         self.has_all(plan, algorithms.map(|own| own.label.to_owned()))
     }
 
-    /// The reasons to doubt its truth or its maps.
-    pub fn doubts(&self) -> Vec<String> {
+    /// The doubts about its truth or its maps.
+    pub fn doubts(&self) -> Vec<Doubt> {
         let mut scales = MeasuredScales::default();
         for units in self.units.values() {
             // Scales of the first block with enough pixels.

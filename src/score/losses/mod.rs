@@ -1,9 +1,10 @@
 //! Losses of a pass: missing pairs, the limit on them, and the state of the pass at its end.
 
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use svl_core::counted;
+use svl_core::doubt::Doubt;
 
 mod counts;
 
@@ -91,7 +92,7 @@ impl Display for LossLimit {
 }
 
 /// Number of pairs of a pass, and of those missing from it: shards add up to the whole.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Missing {
     /// Pairs read, of every run and perturbation level.
     pub pairs: u64,
@@ -99,9 +100,9 @@ pub struct Missing {
     pub losses: Losses,
     /// By the label of the algorithm.
     pub algorithms: BTreeMap<String, FailedPairs>,
-    /// Reasons to doubt the truth, in words.
-    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
-    pub doubts: BTreeSet<String>,
+    /// Doubts about the truth and the maps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 /// Pairs of an algorithm.
@@ -117,9 +118,18 @@ impl Missing {
     pub fn add(&mut self, other: Self) {
         self.pairs += other.pairs;
         self.losses.add(other.losses);
-        self.doubts.extend(other.doubts);
+        self.add_doubts(other.doubts);
         for (label, failures) in other.algorithms {
             self.add_failures(label, failures);
+        }
+    }
+
+    /// Adds the doubts that it has not.
+    pub fn add_doubts(&mut self, doubts: Vec<Doubt>) {
+        for doubt in doubts {
+            if !self.doubts.contains(&doubt) {
+                self.doubts.push(doubt);
+            }
         }
     }
 
@@ -198,7 +208,7 @@ pub enum EndState {
 }
 
 /// The end of a pass or of a whole report, and its missing pairs.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ending {
     pub state: EndState,
     /// The reason why it is not complete, in words.
@@ -277,7 +287,7 @@ mod tests {
             pairs,
             losses,
             algorithms: failed.iter().enumerate().map(algorithm).collect(),
-            doubts: BTreeSet::new(),
+            doubts: Vec::new(),
         }
     }
 

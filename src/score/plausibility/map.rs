@@ -1,8 +1,8 @@
 //! A map of disparities: its values for unknown, and beside its truth the signs of another unit,
 //! sign or view.
 
-use super::scale::{MIN_FACTOR, MIN_PIXELS, MIN_PX, PIXELS, constant, sampled_places};
-use super::unit::{rounded, usual};
+use super::scale::{MIN_PIXELS, MIN_PX, PIXELS, USUAL, constant, sampled_places};
+use svl_core::doubt::{Doubt, MapCure, Subject, usual};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::Plane;
 
@@ -41,11 +41,15 @@ fn are_most(map: &Plane<f32>, is_such: &impl Fn(f32) -> bool) -> bool {
     such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
 }
 
-/// The reason to doubt an estimate of one size with its truth: a constant factor, the opposite
-/// sign, depths in place of disparities, or the map of the right view.
-pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
+/// The doubt about an estimate called `name`, of one size with its truth: a constant factor, the
+/// opposite sign, depths in place of disparities, or the map of the right view.
+pub fn map_doubt(name: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<Doubt> {
+    let doubt = |quantity, value, usual, cure: MapCure| {
+        let of = Subject::Map(name.to_owned());
+        Some(Doubt::new(of, quantity, value, usual, cure))
+    };
     if are_most(estimate, &|d| d < 0.0) {
-        return Some("its disparities have the opposite sign of the truth's".to_owned());
+        return doubt("scale", -1.0, USUAL, MapCure::OppositeSign);
     }
     if estimate.size() != truth.size() {
         return None;
@@ -69,39 +73,40 @@ pub fn map_doubt(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
     if factors.len() < MIN_PIXELS {
         return None;
     }
-    let is_usual = |factor: f64| (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor);
+    let is_usual = |factor: f64| (USUAL[0]..=USUAL[1]).contains(&factor);
     match constant(&factors) {
         Some(factor) if is_usual(usual(factor)) => {}
         Some(factor) => {
             let near = Some(usual(factor)).filter(|near| (factor / near - 1.0).abs() < SAME);
             let factor = near.unwrap_or(factor);
-            return Some(format!(
-                "its disparities are {} times those of the truth: --estimate-scale is the factor \
-                 of integers (OpenCV's matchers: 16), floats have to be divided by it",
-                rounded(factor)
-            ));
+            return doubt("scale", factor, USUAL, MapCure::Scaled { factor });
         }
-        None if constant(&products).is_some() => {
-            let words = "its values are proportional to distances: depths, not disparities";
-            return Some(words.to_owned());
+        None => {
+            if let Some(product) = constant(&products) {
+                return doubt("product_px2", product, [0.0, 0.0], MapCure::Depths);
+            }
         }
-        None => {}
     }
     let [left, right] = [of_left, of_right].map(upper_median);
     let is_of_right = right? <= GOOD_PX && right? < OF_RIGHT * left?;
-    is_of_right.then(|| "it fits the truth as the map of the right view".to_owned())
+    let of_left = [0.0, GOOD_PX];
+    is_of_right.then(|| doubt("median_error_px", left?, of_left, MapCure::RightView))?
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn words(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
+        map_doubt("z", estimate, truth).map(|doubt| doubt.to_string())
+    }
+
     #[test]
     fn each_fault_is_named_and_a_noisy_map_is_none() {
         let size = (160, 60);
         let at = |x: usize, y: usize| 8.0 + ((x / 20 * 7 + y / 15 * 3) % 40) as f32;
         let truth = Plane::from_fn(size.0, size.1, at).unwrap();
-        let doubt = |change: &dyn Fn(f32) -> f32| map_doubt(&truth.map(change), &truth);
+        let doubt = |change: &dyn Fn(f32) -> f32| words(&truth.map(change), &truth);
         for (name, doubt, words) in [
             (
                 "times 16",
@@ -129,14 +134,14 @@ mod tests {
                 }
             }
         }
-        let doubt_of_right = map_doubt(&of_right, &truth).unwrap();
+        let doubt_of_right = words(&of_right, &truth).unwrap();
         assert!(doubt_of_right.contains("right view"), "{doubt_of_right}");
         assert_eq!(doubt(&|d| d + 0.4), None);
         assert_eq!(doubt(&|_| 20.0), None, "a constant is only wrong");
         let noise =
             |x: usize, y: usize| at(x, y) * if (x + y).is_multiple_of(3) { 2.0 } else { 1.0 };
         let noisy = Plane::from_fn(size.0, size.1, noise).unwrap();
-        assert_eq!(map_doubt(&noisy, &truth), None);
+        assert_eq!(words(&noisy, &truth), None);
     }
     #[test]
     fn codes_for_unknown_are_none_and_another_sign_is_not() {
@@ -153,7 +158,7 @@ mod tests {
             assert_eq!(negative(&[code; 20]), Some((vec![inf; 20], 20)));
         }
         assert_eq!(negative(&[-4.0, -5.0, 0.0, -6.0, inf]), None);
-        let of_another_size = map_doubt(&map(&[-4.0, -5.0]), &map(&[4.0]));
+        let of_another_size = words(&map(&[-4.0, -5.0]), &map(&[4.0]));
         assert!(of_another_size.unwrap().contains("opposite sign"));
     }
 }

@@ -11,4 +11,4 @@ pub use map::{map_doubt, without};
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
 pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};
-pub use unit::TruthUnit;
+pub use unit::split_unit;

@@ -1,8 +1,9 @@
 //! Pixels of a truth that cannot be: disparities beyond the image, distances that no camera sees,
 //! zeros in place of none.
 
-use super::unit::{cure, likely, rounded};
+use super::unit::{likely, unit_cure};
 use serde::Serialize;
+use svl_core::doubt::{Baseline, Doubt, Reading, Subject, TruthCure};
 use svl_core::statistics::{nearest_rank, upper_median};
 use svl_core::stereo::{Frame, Plane, Rig, Truth};
 
@@ -30,8 +31,8 @@ pub struct PixelCheck {
     pub known: u64,
     /// Pixels that are impossible, and removed.
     pub removed: u64,
-    /// The reason why all of it is impossible, with the likely unit.
-    pub refusal: Option<String>,
+    /// The doubt, if all of it is impossible.
+    pub refusal: Option<Doubt>,
 }
 
 /// Position of a disparity among the possible ones.
@@ -191,26 +192,28 @@ impl Places<'_> {
         counts
     }
 
-    /// The median and the 90th percentile of an impossible truth, in words, with the likely unit.
-    fn refusal(&self, truth: &Truth, fault: TruthFault) -> String {
+    /// The median and the 90th percentile of an impossible truth, with the likely unit.
+    fn refusal(&self, truth: &Truth, fault: TruthFault) -> Doubt {
         let known = truth.disparity.pixels().map(f64::from);
         let is_known = |d: &f64| d.is_finite() && self.place(*d) != Place::Infinite;
         let mut sorted: Vec<_> = known.filter(is_known).collect();
         sorted.sort_unstable_by(f64::total_cmp);
         let at = |share| nearest_rank(&sorted, share).unwrap_or_default();
         let [median, near] = [0.5, 1.0 - TENTH].map(at);
+        let origin = &truth.kind.origin;
+        let usual = [self.infinite_px(), self.width as f64];
+        let doubt = |cure| Doubt::new(Subject::Truth, "disparity_px", median, usual, cure);
         if fault == TruthFault::Negative {
-            return format!(
-                "its disparities are negative, the median {median:.1} px: the opposite sign, or \
-                 left and right are swapped"
-            );
+            return doubt(TruthCure::Negative {
+                origin: origin.clone(),
+                median_px: median,
+            });
         }
         let metres = |d: f64| self.rig.and_then(|rig| rig.depth_m(d));
-        let words = |d: f64| match metres(d) {
-            Some(z) => format!("{} px ({} m)", rounded(d), rounded(z)),
-            None => format!("{} px", rounded(d)),
+        let reading = |px| Reading {
+            px,
+            metres: metres(px),
         };
-        let origin = &truth.kind.origin;
         let likely = likely(origin, fault == TruthFault::TooFar, |factor| {
             let scaled = |d: f64| (d - self.infinite_px()) / factor + self.infinite_px();
             let is_likely = match self.rig {
@@ -219,34 +222,29 @@ impl Places<'_> {
             };
             is_likely && scaled(near) < 0.5 * self.width as f64
         });
-        let cure = likely.map(|factor| cure(origin, factor));
-        let cures = self.baseline_cure(median, near).into_iter().chain(cure);
-        let cures: Vec<_> = cures.collect();
-        let mark = if cures.is_empty() { "" } else { "; " };
-        format!(
-            "its median disparity is {} and its 90th percentile {}, which is impossible in images \
-             {} px wide and at 1 mm to 10 km{mark}{}",
-            words(median),
-            words(near),
-            self.width,
-            cures.join(", or ")
-        )
+        doubt(TruthCure::Impossible {
+            origin: origin.clone(),
+            median: reading(median),
+            near: reading(near),
+            width_px: self.width,
+            baseline: self.baseline_cure(median, near),
+            unit: likely.map(|factor| unit_cure(origin, factor)),
+        })
     }
 
     /// The likely baseline, where that of the rig is long and the distances are usual.
-    fn baseline_cure(&self, median_px: f64, near_px: f64) -> Option<String> {
+    fn baseline_cure(&self, median_px: f64, near_px: f64) -> Option<Baseline> {
         let rig = self.rig.filter(|rig| rig.baseline_m() > LONG_BASELINE_M)?;
         let is_usual = |z: f64| LIKELY_M.contains(&z);
         rig.depth_m(median_px).filter(|z| is_usual(*z))?;
         let mut units = [(100.0, "centimetres"), (1000.0, "millimetres")].into_iter();
         let (per_metre, unit) =
             units.find(|(factor, _)| near_px / factor < 0.5 * self.width as f64)?;
-        Some(format!(
-            "likely a baseline of {} m instead of {} m, written in {unit} where metres are \
-             expected: --calib FILE",
-            rounded(rig.baseline_m() / per_metre),
-            rounded(rig.baseline_m())
-        ))
+        Some(Baseline {
+            metres: rig.baseline_m(),
+            per_metre,
+            unit: unit.to_owned(),
+        })
     }
 }
 
@@ -367,7 +365,12 @@ mod tests {
 
     #[test]
     fn a_truth_of_another_unit_is_refused_with_the_likely_one() {
-        let refusal = |d: f32| checked(&[d; 40], true).0.refusal.unwrap_or_default();
+        let refusal = |d: f32| {
+            checked(&[d; 40], true)
+                .0
+                .refusal
+                .map_or(String::new(), |doubt| doubt.to_string())
+        };
         // 1.6 m, read as millimetres of a file in metres.
         let words = refusal(3.125 * 1000.0);
         for part in [
@@ -397,7 +400,7 @@ mod tests {
         let rig = Rig::new(50.0, (20.0, 12.0), 4.4, 0.0).unwrap();
         let mut frame = frame(&[110.0; 40], true);
         frame.geometry = Geometry::Rectified(Some(rig));
-        let words = remove_impossible(&mut frame).refusal.unwrap();
+        let words = remove_impossible(&mut frame).refusal.unwrap().to_string();
         let likely = "likely a baseline of 0.044 m instead of 4.4 m, written in centimetres";
         assert!(words.contains(likely), "{words}");
     }

@@ -3,11 +3,11 @@
 //! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs. v5
 //! leaves unknown what it is not sure of: a truth that denies most of its cells is doubtful, too.
 
-use super::unit::{cure, disparity_cure, rounded, unit_of_files, usual};
+use super::unit::{disparity_cure, near, other_kind, times, unit_cure, unit_of_files};
 use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use svl_core::joined;
+use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
 
@@ -22,8 +22,8 @@ pub(super) const MIN_PIXELS: usize = 200;
 const CONSTANT: f64 = 0.1;
 /// Median error of a truth as depths from which on it may have distances along the rays.
 const MIN_RAY_ERROR: f64 = 0.02;
-/// Factors up to this are errors of algorithms.
-pub(super) const MIN_FACTOR: f64 = 1.5;
+/// Factors of this range are errors of algorithms.
+pub(super) const USUAL: [f64; 2] = [1.0 / 1.5, 1.5];
 /// The algorithm whose known cells are hardly ever wrong, and the fewest of them that tell.
 const SURE: &str = "v5";
 const MIN_CELLS: u64 = 20;
@@ -123,8 +123,8 @@ impl MeasuredScales {
         })
     }
 
-    /// The reasons to doubt the truth or recorded maps, a sentence each, with the likely unit.
-    pub fn doubts(&self) -> Vec<String> {
+    /// The doubts about the truth or recorded maps, with the likely unit.
+    pub fn doubts(&self) -> Vec<Doubt> {
         let algorithms = self.algorithms.clone().into_iter();
         let (recorded, matched): (BTreeMap<_, _>, BTreeMap<_, _>) =
             algorithms.partition(|(_, scale)| scale.recorded.is_some());
@@ -139,46 +139,48 @@ impl MeasuredScales {
             algorithms: algorithms.clone(),
         };
         let by_which = match self.origin {
-            TruthOrigin::Reference(_) => Some("the reference"),
-            TruthOrigin::Exact if matched.is_empty() => Some("the truth"),
+            TruthOrigin::Reference(_) => Some(Compared::Reference),
+            TruthOrigin::Exact if matched.is_empty() => Some(Compared::Truth),
             TruthOrigin::Exact | TruthOrigin::Sensor(_) => None,
         };
         let by_others = Some(by(others)).filter(|_| by_which.is_none());
         let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
         let sure = || Self::denied(&matched).filter(|_| is_sensor);
         if let Some(doubt) = by_others.and_then(|scales| scales.truth_doubt().or_else(sure)) {
-            let either = if matched.is_empty() {
-                ", or the unit of the recorded map is wrong"
+            let of = if matched.is_empty() {
+                Subject::TruthOrMaps
             } else {
-                ""
+                Subject::Truth
             };
-            return vec![format!("the truth is doubtful: {doubt}{either}")];
+            return vec![Doubt { of, ..doubt }];
         }
         let maps = recorded
             .iter()
             .filter(|_| by_which.is_some() || !matched.is_empty());
-        let others = by_which.unwrap_or("the truth and of the matchers");
+        let others = by_which.unwrap_or(Compared::TruthAndMatchers);
         maps.filter_map(|(label, scale)| scale.map_doubt(label, others))
             .collect()
     }
 
-    /// The reason to doubt a truth that denies most cells of an algorithm that is rarely wrong.
-    fn denied(matched: &BTreeMap<String, AlgorithmScale>) -> Option<String> {
+    /// The doubt about a truth that denies most cells of an algorithm that is rarely wrong.
+    fn denied(matched: &BTreeMap<String, AlgorithmScale>) -> Option<Doubt> {
         let is_sure = |label: &&String| label.split(':').next() == Some(SURE);
         let label = matched.keys().find(is_sure)?;
         let &AlgorithmScale { right, wrong, .. } = &matched[label];
         let cells = right + wrong;
         (wrong > right && cells >= MIN_CELLS).then(|| {
-            format!(
-                "{wrong} of {cells} cells that {label} knows in the first pairs are wrong by it; \
-                 the truth, a calibration or the times may not belong to the images: svl info \
-                 shows their measurements"
-            )
+            let cure = TruthCure::Denied {
+                algorithm: label.clone(),
+                wrong,
+                cells,
+            };
+            let usual = [0.0, cells as f64 / 2.0];
+            Doubt::new(Subject::Truth, "wrong_cells", wrong as f64, usual, cure)
         })
     }
 
-    /// The reason to doubt the truth, with the likely unit.
-    fn truth_doubt(&self) -> Option<String> {
+    /// The doubt about the truth, with the likely unit.
+    fn truth_doubt(&self) -> Option<Doubt> {
         let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {
             let constants = self.algorithms.values().map(value);
             let constants = constants.collect::<Option<Vec<_>>>()?;
@@ -186,74 +188,64 @@ impl MeasuredScales {
             let is_constant = constants.iter().all(|value| is_near(*value, median));
             is_constant.then_some(median)
         };
-        let labels = joined(self.algorithms.keys());
+        let algorithms: Vec<_> = self.algorithms.keys().cloned().collect();
+        let doubt =
+            |scale, cure: TruthCure| Doubt::new(Subject::Truth, "scale", scale, USUAL, cure);
         match of_all(|scale| scale.factor) {
-            Some(factor) if factor < 0.0 => Some(format!(
-                "its disparities have the opposite sign of those of every algorithm ({labels}): \
-                 left and right may be swapped"
-            )),
-            Some(factor) if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor) => {
+            Some(factor) if factor < 0.0 => {
+                Some(doubt(factor, TruthCure::OppositeSign { algorithms }))
+            }
+            Some(factor) if (USUAL[0]..=USUAL[1]).contains(&factor) => {
                 let are_ranges = self.algorithms.values().all(|scale| scale.is_along_rays);
                 let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
-                (are_ranges && is_sensor).then(|| {
-                    format!(
-                        "its distances are those of every algorithm ({labels}) along the rays, \
-                         longer beside the middle: publish depths, along the axis"
-                    )
-                })
+                (are_ranges && is_sensor)
+                    .then(|| doubt(factor, TruthCure::AlongRays { algorithms }))
             }
             // Cells that are right deny it: beyond an algorithm's range its pixels are wrong.
             Some(_) if self.algorithms.values().any(|own| own.right > own.wrong) => None,
             Some(factor) => {
-                let factor = usual(factor);
-                let (times, cure) = (rounded(1.0 / factor), cure(&self.origin, factor));
-                Some(format!(
-                    "its distances are {times} times those of every algorithm ({labels}); {cure}"
-                ))
+                let cure = unit_cure(&self.origin, usual(factor));
+                Some(doubt(factor, TruthCure::Unit { algorithms, cure }))
             }
             None => {
                 let TruthOrigin::Sensor(name) = &self.origin else {
                     return None;
                 };
                 let scale = of_all(|scale| scale.inverse)?;
-                let cure = disparity_cure(name, scale)?;
-                Some(format!(
-                    "its values are proportional to the disparities of every algorithm ({labels}), \
-                     not to distances; {cure}"
-                ))
+                let option = disparity_cure(name, scale)?;
+                Some(doubt(scale, TruthCure::Disparities { algorithms, option }))
             }
         }
     }
 }
 
 impl AlgorithmScale {
-    /// The reason to doubt a recorded map, where others agree with the truth.
-    fn map_doubt(&self, label: &str, others: &str) -> Option<String> {
-        let doubtful = |what: &str| Some(format!("the map of {label} is doubtful: {what}"));
+    /// The doubt about a recorded map, where others agree with the truth.
+    fn map_doubt(&self, label: &str, other: Compared) -> Option<Doubt> {
+        let doubt = |scale, cure: MapCure| {
+            let of = Subject::Map(label.to_owned());
+            Some(Doubt::new(of, "scale", scale, USUAL, cure))
+        };
         let of_files = self.recorded.as_deref().and_then(unit_of_files);
         let Some(measured) = self.factor else {
             let step = self.inverse?;
-            let kind = of_files.map(|unit| unit.other_kind(step));
-            return doubtful(&match kind {
-                Some(kind) => format!("its values fit as files:PATTERN,{kind}"),
-                None => "its distances are proportional to disparities: they are disparities, \
-                         likely, which a stereo_msgs/DisparityImage says"
-                    .to_owned(),
-            });
+            let unit = of_files.map(|unit| other_kind(unit, step));
+            return doubt(
+                step,
+                unit.map_or(MapCure::Disparities, |unit| MapCure::Files { unit }),
+            );
         };
         let factor = usual(measured);
-        if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor.abs()) {
+        if (USUAL[0]..=USUAL[1]).contains(&factor.abs()) {
             return None;
         }
-        let cause = match of_files {
-            Some(unit) => format!("likely files:PATTERN,{}", unit.times(1.0 / measured).near()),
-            None if factor == 1000.0 => "likely in millimetres where floats are metres".to_owned(),
-            None => "likely another unit, or its f or T is of another image size".to_owned(),
+        let unit = of_files.map(|unit| near(times(unit, 1.0 / measured)));
+        let cure = MapCure::Unit {
+            factor,
+            other,
+            unit,
         };
-        let times = rounded(factor);
-        doubtful(&format!(
-            "its distances are {times} times those of {others}; {cause}"
-        ))
+        doubt(measured, cure)
     }
 }
 

@@ -2,10 +2,12 @@
 
 use crate::source::frames::{Source, wraps};
 use std::ops::RangeInclusive;
+use svl_core::doubt::Doubt;
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{Frame, Rig, StereoPair};
 use svl_core::{Error, Result};
 use svl_recording::Selection;
+use svl_recording::warn_of;
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, if
 /// their images are turned, exchanged or one picture, or beyond the range that is searched.
@@ -79,7 +81,7 @@ impl<'a> AlignmentMonitor<'a> {
             .map(|frame| (frame.pair.clone(), frame.stamp_ns));
         self.rig = self.rig.or_else(|| frame?.rig().copied());
         if last && let Some(doubt) = self.doubt() {
-            tracing::warn!("{}: {doubt}", self.source.name());
+            warn_of(&self.source.name(), &doubt);
         }
         // That their rectification misaligns them is said.
         let doubt = self
@@ -100,7 +102,7 @@ impl<'a> AlignmentMonitor<'a> {
         }
     }
 
-    fn doubt(&self) -> Option<String> {
+    fn doubt(&self) -> Option<Doubt> {
         self.meter.doubt(self.rig.as_ref(), self.range.clone())
     }
 

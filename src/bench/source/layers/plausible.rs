@@ -3,8 +3,10 @@
 use super::repeat_watch::RepeatWatch;
 use crate::source::frames::{Source, wraps};
 use std::collections::VecDeque;
+use svl_core::doubt::Doubt;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
+use svl_recording::warn_of;
 use svl_score::losses::Losses;
 use svl_score::plausibility::remove_impossible;
 
@@ -24,8 +26,8 @@ pub struct PlausibleSource<'a> {
     refused: u64,
     /// Impossible pixels of the others.
     pixels: u64,
-    /// The reason for which the source failed.
-    failed: Option<String>,
+    /// The doubt for which the source failed.
+    failed: Option<Doubt>,
     repeats: RepeatWatch,
 }
 
@@ -42,8 +44,8 @@ impl<'a> PlausibleSource<'a> {
         }
     }
 
-    /// Removes what is impossible from a frame's truth, and returns the reason if all of it is.
-    fn check(&mut self, frame: &mut Frame) -> Option<String> {
+    /// Removes what is impossible from a frame's truth, and returns the doubt if all of it is.
+    fn check(&mut self, frame: &mut Frame) -> Option<Doubt> {
         let origin = frame.truth.as_ref()?.kind.origin.to_string();
         let check = remove_impossible(frame);
         let Some(refusal) = check.refusal else {
@@ -63,11 +65,11 @@ impl<'a> PlausibleSource<'a> {
         };
         frame.truth = None;
         self.refused += 1;
-        Some(format!("the truth ({origin}) is impossible: {refusal}"))
+        Some(refusal)
     }
 
     /// Reads on to decide if the first impossible truths are all.
-    fn decide(&mut self, first: Frame, reason: String) -> Result<Option<Frame>> {
+    fn decide(&mut self, first: Frame, doubt: Doubt) -> Result<Option<Frame>> {
         self.ahead.push_back(first);
         while !self.has_possible && self.refused < MAX_REFUSALS && self.ahead.len() < MAX_AHEAD {
             let Some(mut frame) = self.source.next()? else {
@@ -77,25 +79,23 @@ impl<'a> PlausibleSource<'a> {
             self.ahead.push_back(frame);
         }
         if !self.has_possible {
-            let name = self.source.name();
-            self.failed = Some(format!("{name}: {reason}"));
+            self.failed = Some(doubt);
             self.ahead.clear();
             return self.next_checked();
         }
-        self.warn(&reason);
+        self.warn(&doubt);
         Ok(self.ahead.pop_front())
     }
 
-    fn warn(&self, reason: &str) {
-        tracing::warn!(
-            "{}: {reason}; such pairs are not scored",
-            self.source.name()
-        );
+    fn warn(&self, doubt: &Doubt) {
+        let value: &(dyn std::error::Error + 'static) = doubt;
+        let name = self.source.name();
+        tracing::warn!(doubt = value, "{name}: {doubt}; such pairs are not scored");
     }
 
     fn next_checked(&mut self) -> Result<Option<Frame>> {
-        if let Some(reason) = &self.failed {
-            return Err(Error::Invalid(reason.clone()));
+        if let Some(doubt) = &self.failed {
+            return Err(Error::format(self.source.name(), doubt.clone()));
         }
         if let Some(frame) = self.ahead.pop_front() {
             return Ok(Some(frame));
@@ -104,10 +104,10 @@ impl<'a> PlausibleSource<'a> {
             return Ok(None);
         };
         match self.check(&mut frame) {
-            Some(reason) if !self.has_possible => self.decide(frame, reason),
-            Some(reason) => {
+            Some(doubt) if !self.has_possible => self.decide(frame, doubt),
+            Some(doubt) => {
                 if self.refused == 1 {
-                    self.warn(&reason);
+                    self.warn(&doubt);
                 }
                 Ok(Some(frame))
             }
@@ -122,7 +122,7 @@ impl Source for PlausibleSource<'_> {
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.next_checked()?;
         if let Some(stuck) = frame.as_ref().and_then(|frame| self.repeats.take_in(frame)) {
-            tracing::warn!("{}: {stuck}", self.source.name());
+            warn_of(&self.source.name(), &stuck);
         }
         Ok(frame)
     }

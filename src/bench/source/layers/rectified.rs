@@ -5,6 +5,7 @@ use std::sync::Arc;
 use svl_core::rectify::{Framing, RectificationMeter, Rectifier, bouguet};
 use svl_core::stereo::{Frame, Geometry, Gray, Rig, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
+use svl_recording::warn_of;
 use svl_score::losses::Losses;
 
 /// The calibration that rectifies raw pairs.
@@ -104,7 +105,7 @@ impl RectifiedSource<'_> {
             && self.meter.add(before, after)
             && let Some(doubt) = self.meter.doubt()
         {
-            tracing::warn!("{}: {doubt}", self.source.name());
+            warn_of(&self.source.name(), &doubt);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Cameras and truths that are stuck: what they give repeats, while the images change.
 
+use svl_core::doubt::{Doubt, PairCure, Repeated, Subject};
 use svl_core::stereo::{Frame, Plane};
 use svl_score::plausibility::sampled_places;
 
@@ -33,8 +34,8 @@ struct Run {
 }
 
 impl RepeatWatch {
-    /// Adds a pair; what is stuck since some pairs, once.
-    pub(crate) fn take_in(&mut self, frame: &Frame) -> Option<String> {
+    /// Adds a pair; the part that repeats since some pairs, once.
+    pub(crate) fn take_in(&mut self, frame: &Frame) -> Option<Doubt> {
         if self.has_spoken {
             return None;
         }
@@ -52,8 +53,9 @@ impl RepeatWatch {
             (farthest, &left),
         ];
         let mut stuck = None;
-        for (place, (pixels, other)) in parts.into_iter().enumerate() {
-            let run = &mut self.runs[place];
+        for ((part, run), (pixels, other)) in
+            Repeated::ALL.into_iter().zip(&mut self.runs).zip(parts)
+        {
             let Some(pixels) = pixels else { continue };
             if run.pixels != pixels {
                 let (other, since_ns, pairs) = (other.clone(), frame.stamp_ns, 0);
@@ -66,31 +68,24 @@ impl RepeatWatch {
             }
             run.pairs += 1;
             let is_stuck = run.pairs >= MIN_PAIRS && is_changed(&run.other, other);
-            stuck = stuck.or(is_stuck.then_some((place, run.since_ns)));
+            stuck = stuck.or(is_stuck.then_some((part, run.since_ns, run.pairs)));
         }
-        let (place, since_ns) = stuck?;
+        let (part, since_ns, pairs) = stuck?;
         self.has_spoken = true;
-        Some(words(place, since_ns.saturating_sub(begin_ns) as f64 / 1e9))
+        let cure = PairCure::Repeated {
+            part,
+            pairs: MIN_PAIRS,
+            seconds: since_ns.saturating_sub(begin_ns) as f64 / 1e9,
+        };
+        let usual = [1.0, MIN_PAIRS as f64 - 1.0];
+        Some(Doubt::new(
+            Subject::Pairs,
+            "equal_pairs",
+            pairs as f64,
+            usual,
+            cure,
+        ))
     }
-}
-
-fn words(place: usize, seconds: f64) -> String {
-    let what = [
-        "left images are",
-        "right images are",
-        "truth is",
-        "farthest distance of the truth is",
-    ];
-    let cure = match (place, seconds) {
-        (3, _) => "it is the limit of a sensor, not a distance: write 0 or NaN there".to_owned(),
-        (_, 0.0) => "stuck, and of another moment: record again".to_owned(),
-        _ => format!("stuck, and of another moment: `--to {seconds:.3}` ends before"),
-    };
-    format!(
-        "the {} the same in {MIN_PAIRS} pairs or more, from {seconds:.3} s on, and the images \
-         change: {cure}",
-        what[place]
-    )
 }
 
 /// Some pixels, all over a plane.
@@ -140,7 +135,7 @@ mod tests {
                 truth: Some(Truth::exact(truth, None)),
                 ..Frame::new(pair, Geometry::Rectified(None))
             };
-            said.extend(watch.take_in(&frame));
+            said.extend(watch.take_in(&frame).map(|doubt| doubt.to_string()));
         }
         said.join(", ")
     }

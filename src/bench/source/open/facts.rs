@@ -9,10 +9,11 @@ use crate::source::opened::request::Request;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use svl_core::doubt::{CalibrationCheck, Doubt, PairCure, Subject};
 use svl_core::matcher::Algorithm;
 use svl_core::rectify::{Alignment, AlignmentMeter, RectificationMeter};
 use svl_core::statistics::{lower_median, nearest_rank};
-use svl_core::stereo::{CalibrationCheck, CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
+use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result, counted};
 use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
 use svl_score::judge::TrueCells;
@@ -58,12 +59,9 @@ pub struct SourceFacts {
     pub unrectified_misalignment: Option<Alignment>,
     /// Numbers of the calibration beside their usual values.
     pub calibration_checks: Vec<CalibrationCheck>,
-    /// Contradictions between the calibration and the pairs, each with its cure.
+    /// Contradictions between the calibration and the pairs.
     #[serde(skip)]
-    pub doubts: Vec<String>,
-    /// The skew, if it is that of images of different moments.
-    #[serde(skip)]
-    pub skew: Option<String>,
+    pub doubts: Vec<Doubt>,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
 }
@@ -151,7 +149,8 @@ impl SourceFacts {
         };
         let rectification = opened.source.rectification();
         let checks = calibration_checks(&opened, &first);
-        let doubts = checks.iter().filter_map(|check| check.doubt.clone());
+        let doubts = checks.iter().filter_map(CalibrationCheck::doubt);
+        let doubts = skew_doubt(skews_ns, &stamps_ns).into_iter().chain(doubts);
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
         let doubts = doubts.chain(meter.doubt(rig.as_ref(), 0..=i32::MAX));
         // The user's word that the pairs are rectified.
@@ -174,7 +173,6 @@ impl SourceFacts {
             vertical_misalignment: meter.alignment(),
             unrectified_misalignment: rectification.and_then(RectificationMeter::before),
             doubts: doubts.collect(),
-            skew: skew_words(skews_ns, &stamps_ns),
             calibration_checks: checks,
             nearest: rig
                 .as_ref()
@@ -196,23 +194,18 @@ impl SourceFacts {
     }
 }
 
-/// The median skew in words with the cure, if it is above half a period or [`MAX_SKEW_NS`].
-fn skew_words(mut skews_ns: Vec<i64>, stamps_ns: &[u64]) -> Option<String> {
+/// The median skew, if it is above half a period or [`MAX_SKEW_NS`].
+fn skew_doubt(mut skews_ns: Vec<i64>, stamps_ns: &[u64]) -> Option<Doubt> {
     skews_ns.sort_unstable();
     let skew_ns = nearest_rank(&skews_ns, 0.5)?;
     let periods = stamps_ns.windows(2).map(|two| two[1].abs_diff(two[0]));
     let period_ns = lower_median(periods.map(|ns| ns as f64)).unwrap_or(f64::INFINITY);
     let limit_ns = (period_ns / 2.0).min(MAX_SKEW_NS);
-    (skew_ns.unsigned_abs() as f64 > limit_ns).then(|| {
-        let skew_ms = skew_ns as f64 / 1e6;
-        format!(
-            "a median skew of {skew_ms:.1} ms is above {:.1} ms, half a period or the most that is \
-             usable: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
-             recording; else pairs need a smaller --max-skew-ms, or a common trigger",
-            limit_ns / 1e6,
-            -skew_ms
-        )
-    })
+    let (skew_ms, limit_ms) = (skew_ns as f64 / 1e6, limit_ns / 1e6);
+    let cure = PairCure::Skew { skew_ms, limit_ms };
+    let usual = [-limit_ms, limit_ms];
+    let doubt = Doubt::new(Subject::Pairs, "skew_ms", skew_ms, usual, cure);
+    (skew_ns.unsigned_abs() as f64 > limit_ns).then_some(doubt)
 }
 
 /// The checks of the calibration of a source, else those of the rig of its pairs.
@@ -230,7 +223,7 @@ fn calibration_checks(opened: &Opened, first: &Frame) -> Vec<CalibrationCheck> {
         let centers = checks
             .iter_mut()
             .filter(|check| check.name.contains("center"));
-        centers.for_each(|check| check.doubt = None);
+        centers.for_each(|check| check.cure = None);
     }
     checks
 }

@@ -4,6 +4,7 @@
 use super::facts::{SourceFacts, TruthFacts};
 use serde::Serialize;
 use std::fmt;
+use svl_core::doubt::{Cure, Doubt, PairCure};
 use svl_core::{counted, joined};
 use svl_recording::PairGeometry;
 
@@ -24,8 +25,8 @@ pub struct Usability {
     pub truths: Vec<String>,
     /// Missing parts, each with its cure.
     pub missing: Vec<String>,
-    /// Numbers of the calibration that make no sense with the pairs, each with its cure.
-    pub doubts: Vec<String>,
+    /// Numbers of the calibration and the pairs that cannot be right.
+    pub doubts: Vec<Doubt>,
 }
 
 impl Usability {
@@ -44,7 +45,7 @@ impl Usability {
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
-            is_usable: (is_rectified || is_calibrated) && facts.skew.is_none(),
+            is_usable: (is_rectified || is_calibrated) && !facts.doubts.iter().any(is_of_skew),
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
@@ -56,9 +57,14 @@ impl Usability {
     }
 }
 
+/// True for images of different moments.
+fn is_of_skew(doubt: &Doubt) -> bool {
+    matches!(doubt.cure, Cure::Pairs(PairCure::Skew { .. }))
+}
+
 /// The missing parts of a source with pairs, each with its cure.
 fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<String> {
-    let mut missing = Vec::from_iter(facts.skew.clone());
+    let mut missing = Vec::new();
     if facts.rig.is_none() {
         let what = match &facts.camera.calibration_fault {
             Some(fault) => format!("no calibration ({fault})"),
@@ -115,7 +121,8 @@ impl Usability {
             [] => {}
             truths => parts.push(format!("truth from {}", joined(truths))),
         }
-        parts.extend(self.missing.iter().chain(&self.doubts).cloned());
+        parts.extend(self.missing.iter().cloned());
+        parts.extend(self.doubts.iter().map(Doubt::to_string));
         parts.join(", ")
     }
 
@@ -166,7 +173,6 @@ mod tests {
             unrectified_misalignment: None,
             calibration_checks: Vec::new(),
             doubts: Vec::new(),
-            skew: None,
             nearest: None,
             truths: vec![TruthFacts {
                 topic: Some("/velodyne_points".to_owned()),

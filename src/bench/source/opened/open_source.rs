@@ -11,8 +11,10 @@ use crate::source::layers::rectified::AppliedCalibration;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl_core::doubt::CalibrationCheck;
 use svl_core::stereo::{LengthUnit, Rig};
 use svl_core::{Error, Result};
+use svl_recording::warn_of;
 use svl_recording::{
     CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
 };
@@ -107,10 +109,9 @@ impl Opened {
         self.latency = delays(&self.measured.maps);
         let declare = self.declared_rig(request);
         let rectify = self.rectification(request)?;
-        for check in &self.facts.camera.checks {
-            if let (Some(doubt), false) = (&check.doubt, request.raw) {
-                tracing::warn!("{}: {doubt}", self.source.name());
-            }
+        let checks = self.facts.camera.checks.iter().filter(|_| !request.raw);
+        for doubt in checks.filter_map(CalibrationCheck::doubt) {
+            warn_of(&self.source.name(), &doubt);
         }
         let options = Chain::for_options(&request.options, request.raw)?;
         let chain = Chain {

@@ -78,7 +78,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         };
         bail!(
             "{name}: {}",
-            meter.doubt(None, 0..=i32::MAX).unwrap_or_else(too_few)
+            meter
+                .doubt(None, 0..=i32::MAX)
+                .map_or_else(too_few, |doubt| doubt.to_string())
         );
     };
     print_value(args.json, &alignment, || text(&name, &alignment))?;

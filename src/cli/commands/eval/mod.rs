@@ -127,8 +127,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut scores: Vec<Vec<(f64, Score)>> = vec![Vec::new(); columns];
     for files in &images {
         let loaded = Loaded::read(files, args)?;
-        if let Some(doubt) = map_doubt(&loaded.estimate, &loaded.truth) {
-            tracing::warn!("{}: {doubt}", files.disparity.display());
+        let name = files.disparity.display().to_string();
+        if let Some(doubt) = map_doubt(&name, &loaded.estimate, &loaded.truth) {
+            tracing::warn!("{doubt}");
         }
         for (column, scores) in scores.iter_mut().enumerate() {
             let score = args.protocol.score(&loaded.image(column));

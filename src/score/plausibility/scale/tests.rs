@@ -58,7 +58,11 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     estimates.extend(others);
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, estimates));
-    scales.measured().doubts().pop()
+    scales
+        .measured()
+        .doubts()
+        .pop()
+        .map(|doubt| doubt.to_string())
 }
 
 #[test]
@@ -115,7 +119,11 @@ fn doubt_of_files(options: &str, map: impl Fn(f32) -> f32) -> Option<String> {
     };
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, vec![estimate("net", map)]));
-    scales.measured().doubts().pop()
+    scales
+        .measured()
+        .doubts()
+        .pop()
+        .map(|doubt| doubt.to_string())
 }
 
 #[test]
@@ -176,7 +184,8 @@ fn doubts_of(
         wrong: cells[1],
     };
     let algorithms = BTreeMap::from([(label.to_owned(), scale)]);
-    MeasuredScales { origin, algorithms }.doubts()
+    let doubts = MeasuredScales { origin, algorithms }.doubts();
+    doubts.iter().map(Doubt::to_string).collect()
 }
 
 #[test]

@@ -10,11 +10,12 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
+use svl_core::doubt::TruthUnit;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, counted};
 use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
 use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
-use svl_score::plausibility::{TruthUnit, is_better_match, without};
+use svl_score::plausibility::{is_better_match, split_unit, without};
 
 /// Extensions of the files that are read.
 const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
@@ -88,7 +89,7 @@ impl MapFiles {
         layout: Option<&Layout>,
         selection: &SensorSelection,
     ) -> Result<Self> {
-        let (pattern, said) = TruthUnit::split(&selection.topic)?;
+        let (pattern, said) = split_unit(&selection.topic)?;
         let recognized = by_name(pattern).filter(|_| said.is_none());
         let found = Self {
             unit: said.or(recognized),

@@ -1,6 +1,7 @@
-//! The numbers of a stereo calibration that are named where they are unusual.
+//! The numbers of a stereo calibration beside the values that they usually have.
 
-use super::{Rig, StereoCalibration};
+use super::{CalibrationCure, CameraImage, Doubt, PrincipalPoint, Subject};
+use crate::stereo::{Rig, StereoCalibration};
 use nalgebra::Matrix3x4;
 use serde::Serialize;
 
@@ -29,102 +30,73 @@ pub struct CalibrationCheck {
     pub value: f64,
     /// Least and greatest usual value.
     pub usual: [f64; 2],
-    /// The likely mistake and its cure, in words; `None` for a usual value.
-    pub doubt: Option<String>,
+    /// The likely mistake; `None` for a usual value.
+    pub cure: Option<CalibrationCure>,
 }
 
 impl CalibrationCheck {
-    fn new(name: &'static str, value: f64, usual: [f64; 2], doubt: impl Fn() -> String) -> Self {
+    fn new(name: &'static str, value: f64, usual: [f64; 2], cure: CalibrationCure) -> Self {
         let is_usual = usual[0] <= value && value <= usual[1];
         Self {
             name,
             value,
             usual,
-            doubt: (!is_usual).then(doubt),
+            cure: (!is_usual).then_some(cure),
         }
     }
 
+    /// The doubt about the calibration, if the value is unusual.
+    pub fn doubt(&self) -> Option<Doubt> {
+        let cure = self.cure.clone()?;
+        Some(Doubt::new(
+            Subject::Calibration,
+            self.name,
+            self.value,
+            self.usual,
+            cure,
+        ))
+    }
+
     /// The principal points of two cameras; of both, the one farther from the middle.
-    fn centers(name: &'static str, kind: &str, cameras: [((f64, f64), (usize, usize)); 2]) -> Self {
-        let kinds = ["left", "right"].map(|side| format!("{side} {kind}"));
-        Self::centers_of(name, kinds, cameras, "--calib FILE")
-    }
-
-    /// The principal point of the camera of other images than the pairs'.
-    pub fn center(kind: &str, center_px: (f64, f64), size: (usize, usize)) -> Self {
-        let kinds = [kind.to_owned(), String::new()];
-        Self::centers_of(
-            "center",
-            kinds,
-            [(center_px, size); 2],
-            "correct its camera_info",
-        )
-    }
-
-    fn centers_of(
-        name: &'static str,
-        kinds: [String; 2],
-        cameras: [((f64, f64), (usize, usize)); 2],
-        cure: &str,
-    ) -> Self {
-        let off = |((x, y), (width, height)): ((f64, f64), (usize, usize))| {
-            // A size of 0 was not set.
-            let off = |at: f64, side: usize| match side {
-                0 => 0.0,
-                _ => ((at + 0.5) / side as f64 - 0.5).abs(),
-            };
-            off(x, width).max(off(y, height))
-        };
-        let [left, right] = cameras.map(off);
-        let (kind, ((x, y), (width, height)), value) = if left >= right {
-            (&kinds[0], cameras[0], left)
-        } else {
-            (&kinds[1], cameras[1], right)
-        };
-        let place = if value > 0.5 {
-            "outside"
-        } else {
-            "far from the middle of"
-        };
-        let check = Self::new(name, value, CENTER, || {
-            format!(
-                "the principal point ({x:.0}, {y:.0}) of the {kind} is {place} its image of \
-                 {width}x{height}: unless the images are cropped, the calibration is of another \
-                 size or binning, and distances are wrong: {cure}"
-            )
-        });
+    fn centers(name: &'static str, [left, right]: [PrincipalPoint; 2]) -> Self {
         let is_half = |at: f64, side: usize| HALF.contains(&(2.0 * (at + 0.5) / side as f64));
-        let are_half = cameras
-            .iter()
-            .all(|((x, y), (w, h))| is_half(*x, *w) && is_half(*y, *h));
-        let half = || {
-            format!(
-                "the principal point ({x:.0}, {y:.0}) of the {kind} is the middle of \
-                 {:.0}x{:.0} pixels, and its image has {width}x{height}: unless the images are \
-                 cropped, the calibration is of half the size, and distances are wrong: {cure}",
-                2.0 * x + 1.0,
-                2.0 * y + 1.0
-            )
+        let are_half = [&left, &right]
+            .into_iter()
+            .all(|point| is_half(point.px.0, point.size.0) && is_half(point.px.1, point.size.1));
+        let at = if left.off_center() >= right.off_center() {
+            left
+        } else {
+            right
         };
+        let half = are_half.then(|| CalibrationCure::HalfSize { at: at.clone() });
+        let check = Self::new(
+            name,
+            at.off_center(),
+            CENTER,
+            CalibrationCure::OtherSize { at },
+        );
         Self {
-            doubt: check.doubt.or_else(|| are_half.then(half)),
+            cure: check.cure.or(half),
             ..check
         }
     }
 
+    /// The principal point of a depth camera.
+    pub fn depth_center(px: (f64, f64), size: (usize, usize)) -> Self {
+        let camera = CameraImage::Depth;
+        let at = PrincipalPoint { camera, px, size };
+        Self::centers("center", [at.clone(), at])
+    }
+
     /// The focal length beside the width of the image, pixels.
-    fn width(focal_px: f64, width: usize) -> Self {
+    fn width(focal_px: f64, width_px: usize) -> Self {
         // A size of 0 was not set.
-        let part = match width {
+        let part = match width_px {
             0 => 1.0,
-            _ => focal_px / width as f64,
+            _ => focal_px / width_px as f64,
         };
-        Self::new("focal_of_width", part, FOCAL_OF_WIDTH, || {
-            format!(
-                "the focal length is {focal_px:.1} px, and the images are {width} px wide: no \
-                 camera has it, and distances are wrong: --calib FILE"
-            )
-        })
+        let cure = CalibrationCure::NoCamera { focal_px, width_px };
+        Self::new("focal_of_width", part, FOCAL_OF_WIDTH, cure)
     }
 
     /// The offsets in the projections of both cameras: equal ones of opposite signs are each that
@@ -135,43 +107,38 @@ impl CalibrationCheck {
             0.0 => 1.0,
             most => (left_m + right_m).abs() / most,
         };
-        Self::new("projection_offsets", apart, OFFSETS, || {
-            format!(
-                "P has an offset of {left_m:.4} m in the left camera and of {right_m:.4} m in the \
-                 right one, which makes a baseline of {:.4} m: if each is the distance to the \
-                 other camera, distances are twice too long: --calib FILE",
-                left_m - right_m
-            )
-        })
+        let cure = CalibrationCure::TwoOffsets { left_m, right_m };
+        Self::new("projection_offsets", apart, OFFSETS, cure)
     }
 
     /// A baseline beside that of another source, called `other`, both in metres; negative if there
     /// the right camera is to the left.
-    pub fn baseline(metres: f64, other_m: f64, other: &str) -> Self {
-        Self::new("baseline_ratio", metres / other_m, BASELINE, || {
-            if other_m < 0.0 {
-                return format!(
-                    "the right camera is {metres:.4} m to the right by the calibration, which is \
-                     used, and {:.4} m to the left by {other}: if the frames of the images are \
-                     exchanged, a truth in another frame is off by that",
-                    -other_m
-                );
+    pub fn baseline(baseline_m: f64, other_m: f64, other: &str) -> Self {
+        let other = other.to_owned();
+        let ratio = baseline_m / other_m;
+        let cure = if other_m < 0.0 {
+            CalibrationCure::ExchangedFrames {
+                baseline_m,
+                other_m,
+                other,
             }
-            format!(
-                "the baseline is {metres:.4} m by the calibration, which is used, and {other_m:.4} \
-                 m by {other}: distances are wrong if the latter is right: --calib FILE"
-            )
-        })
+        } else {
+            CalibrationCure::OtherBaseline {
+                baseline_m,
+                other_m,
+                other,
+            }
+        };
+        Self::new("baseline_ratio", ratio, BASELINE, cure)
     }
 
     /// The focal length of a rectified camera beside that of the camera itself, pixels.
     pub fn focal(rectified_px: f64, raw_px: f64) -> Self {
-        Self::new("focal_ratio", rectified_px / raw_px, FOCAL, || {
-            format!(
-                "the focal length is {rectified_px:.1} px in P and {raw_px:.1} px in K: one of the \
-                 two is of another image size, and distances are wrong: --calib FILE"
-            )
-        })
+        let cure = CalibrationCure::OtherFocalLength {
+            rectified_px,
+            raw_px,
+        };
+        Self::new("focal_ratio", rectified_px / raw_px, FOCAL, cure)
     }
 
     /// The principal point of a camera of binned pixels, which would be nearer to the middle
@@ -183,25 +150,30 @@ impl CalibrationCheck {
         };
         let once = off(binning.map(f64::from));
         let twice = off([1.0; 2]);
-        let [columns, rows] = binning;
-        Self::new("binning", (once - twice).min(0.0), [0.0, 0.0], || {
-            format!(
-                "its binning of {columns}x{rows} would put the principal point at ({:.0}, {:.0}) \
-                 of {}x{} pixels: K and P are likely of binned pixels already, and distances are \
-                 wrong: binning 0 in CameraInfo, or --calib FILE",
-                center_px.0, center_px.1, size.0, size.1
-            )
-        })
+        let cure = CalibrationCure::BinnedTwice {
+            binning,
+            center_px,
+            size,
+        };
+        Self::new("binning", (once - twice).min(0.0), [0.0, 0.0], cure)
     }
 }
 
 impl Rig {
     /// The focal length and the principal points of both cameras in rectified images of that size.
     pub fn checks(&self, size: (usize, usize)) -> Vec<CalibrationCheck> {
-        let (cx, cy) = self.center_px();
-        let centers = [(cx, cy), (cx + self.doffs_px(), cy)].map(|center| (center, size));
+        let (x, y) = self.center_px();
+        let points = [
+            (CameraImage::LeftRectified, x),
+            (CameraImage::RightRectified, x + self.doffs_px()),
+        ];
+        let points = points.map(|(camera, x)| PrincipalPoint {
+            camera,
+            px: (x, y),
+            size,
+        });
         vec![
-            CalibrationCheck::centers("rectified_center", "rectified camera", centers),
+            CalibrationCheck::centers("rectified_center", points),
             CalibrationCheck::width(self.focal_px(), size.0),
         ]
     }
@@ -211,9 +183,17 @@ impl StereoCalibration {
     /// The principal points and focal lengths before and after rectification, these beside each
     /// other per pixel of the image's width.
     pub fn checks(&self) -> Vec<CalibrationCheck> {
-        let cameras = [self.left(), self.right()].map(|camera| (camera.center_px(), camera.size()));
+        let cameras = [
+            (CameraImage::Left, self.left()),
+            (CameraImage::Right, self.right()),
+        ];
+        let points = cameras.map(|(camera, own)| PrincipalPoint {
+            camera,
+            px: own.center_px(),
+            size: own.size(),
+        });
         let mut checks = vec![
-            CalibrationCheck::centers("center", "camera", cameras),
+            CalibrationCheck::centers("center", points),
             CalibrationCheck::width(self.left().focal_px().0, self.left().size().0),
         ];
         if let Some(by) = self.rectification().filter(|_| !self.is_rectified()) {
@@ -232,8 +212,9 @@ mod tests {
     use crate::stereo::{Intrinsics, LengthUnit};
 
     fn doubt(checks: &[CalibrationCheck]) -> String {
-        let doubts = checks.iter().filter_map(|check| check.doubt.clone());
-        doubts.collect::<Vec<_>>().join("; ")
+        let doubts = checks.iter().filter_map(CalibrationCheck::doubt);
+        let doubts: Vec<_> = doubts.map(|doubt| doubt.to_string()).collect();
+        doubts.join("; ")
     }
 
     #[test]
@@ -269,45 +250,44 @@ mod tests {
         assert!(doubts(70_000.0).contains("no camera has it"));
         assert_eq!(doubts(64.0) + &doubts(20_000.0), "");
         let projection = |m: f64| Matrix3x4::new(1., 0., 0., m, 0., 1., 0., 0., 0., 0., 1., 0.);
-        let offsets =
-            |left, right| CalibrationCheck::offsets(&projection(left), &projection(right)).doubt;
-        assert!(
-            offsets(0.1, -0.1)
-                .unwrap()
-                .contains("a baseline of 0.2000 m")
-        );
+        let offsets = |left, right| {
+            doubt(&[CalibrationCheck::offsets(
+                &projection(left),
+                &projection(right),
+            )])
+        };
+        assert!(offsets(0.1, -0.1).contains("a baseline of 0.2000 m"));
         assert_eq!(
-            [offsets(0.0, -0.1), offsets(0.06, -0.47), offsets(0.0, 0.0)],
-            [None, None, None]
+            offsets(0.0, -0.1) + &offsets(0.06, -0.47) + &offsets(0.0, 0.0),
+            ""
         );
     }
 
     #[test]
     fn the_camera_of_depths_is_named_with_its_own_cure() {
-        let doubt = |x, y| CalibrationCheck::center("depth camera", (x, y), (160, 120)).doubt;
-        assert_eq!(doubt(80.0, 60.0), None);
-        let words = doubt(160.0, 120.0).unwrap();
+        let words = |x, y| doubt(&[CalibrationCheck::depth_center((x, y), (160, 120))]);
+        assert_eq!(words(80.0, 60.0), "");
+        let words = words(160.0, 120.0);
         assert!(words.starts_with("the principal point (160, 120) of the depth camera is"));
         assert!(words.ends_with("correct its camera_info"), "{words}");
     }
 
     #[test]
     fn focal_lengths_and_baselines_are_compared() {
-        assert_eq!(CalibrationCheck::focal(300.0, 500.0).doubt, None);
-        assert!(CalibrationCheck::focal(240.0, 500.0).doubt.is_some());
-        assert!(CalibrationCheck::focal(760.0, 500.0).doubt.is_some());
-        assert_eq!(CalibrationCheck::baseline(0.1, 0.104, "/tf").doubt, None);
+        assert_eq!(CalibrationCheck::focal(300.0, 500.0).cure, None);
+        assert!(CalibrationCheck::focal(240.0, 500.0).cure.is_some());
+        assert!(CalibrationCheck::focal(760.0, 500.0).cure.is_some());
+        assert_eq!(CalibrationCheck::baseline(0.1, 0.104, "/tf").cure, None);
         let other = CalibrationCheck::baseline(0.1, 0.12, "/tf_static");
-        assert!(other.doubt.unwrap().contains("0.1200 m by /tf_static"));
+        assert!(doubt(&[other]).contains("0.1200 m by /tf_static"));
     }
 
     #[test]
     fn a_binning_that_was_applied_before_is_named() {
         let binning = |x, y| CalibrationCheck::binning((x, y), [2, 2], (320, 240));
-        assert_eq!(binning(160.0, 118.0).doubt, None);
-        assert_eq!(binning(140.0, 150.0).doubt, None);
-        let twice = binning(82.5, 62.5);
-        assert!(twice.doubt.unwrap().contains("binning of 2x2"));
+        assert_eq!(binning(160.0, 118.0).cure, None);
+        assert_eq!(binning(140.0, 150.0).cure, None);
+        assert!(doubt(&[binning(82.5, 62.5)]).contains("binning of 2x2"));
     }
 
     #[test]

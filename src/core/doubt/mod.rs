@@ -1,0 +1,141 @@
+//! Contradictions: a quantity of a recording, a calibration, a truth or a map that is not what it
+//! usually is, with its likely cause.
+//!
+//! Whoever finds one gives numbers. The words of each kind are beside its numbers, in the module of
+//! its subject; [`Doubt`] prints them and writes them as JSON.
+
+/// A table of causes: the numbers of each, and its words, which end with the cure.
+macro_rules! causes {
+    ($(#[$doc:meta])* $name:ident: $(
+        $(#[$kind_doc:meta])*
+        $kind:ident $({ $($field:ident: $type:ty),* })? => ($($words:tt)+)
+    )*) => {
+        $(#[$doc])*
+        #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
+        #[serde(tag = "kind", rename_all = "snake_case")]
+        pub enum $name { $(
+            $(#[$kind_doc])*
+            #[error($($words)+)]
+            $kind $({ $($field: $type),* })?,
+        )* }
+    };
+}
+
+mod calibration;
+mod checks;
+mod clock;
+mod pairs;
+mod truth;
+mod unit;
+
+pub use calibration::{CalibrationCure, CameraImage, PrincipalPoint};
+pub use checks::CalibrationCheck;
+pub use clock::{ClockCure, ClockLag, ClockStep, CopyCure, LogTimes};
+pub use pairs::{PairCure, Repeated, Turn};
+pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure};
+pub use unit::{TruthUnit, UnitCure, UnitOption, rounded, usual};
+
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Serialize, Serializer};
+use std::borrow::Cow;
+use std::fmt::{self, Display, Formatter};
+
+/// A quantity that contradicts another. Its text is one line: the numbers, the likely cause, and
+/// the option that cures it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Doubt {
+    /// The thing in doubt.
+    pub of: Subject,
+    /// Name of the quantity, with its unit at the end: `skew_ms`. Ratios have none.
+    pub name: Cow<'static, str>,
+    pub value: f64,
+    /// Least and greatest usual value.
+    pub usual: [f64; 2],
+    /// The likely cause, and what cures it.
+    pub cure: Cure,
+}
+
+/// The thing in doubt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Subject {
+    Calibration,
+    Pairs,
+    /// The topic of a clock, or of a depth camera.
+    Topic(String),
+    Truth,
+    /// The truth and every recorded map agree on nothing: either may be wrong.
+    TruthOrMaps,
+    /// A map of disparities, by its algorithm or file.
+    Map(String),
+}
+
+/// A kind of likely cause with its numbers. Its text ends with the cure.
+#[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[serde(untagged)]
+#[error(transparent)]
+pub enum Cure {
+    Calibration(#[from] CalibrationCure),
+    Pairs(#[from] PairCure),
+    Clock(#[from] ClockCure),
+    Truth(#[from] TruthCure),
+    Map(#[from] MapCure),
+}
+
+impl Subject {
+    /// True for the topic of that name.
+    pub fn is_topic(&self, name: &str) -> bool {
+        matches!(self, Self::Topic(topic) if topic == name)
+    }
+}
+
+impl Doubt {
+    pub fn new(
+        of: Subject,
+        name: &'static str,
+        value: f64,
+        usual: [f64; 2],
+        cure: impl Into<Cure>,
+    ) -> Self {
+        Self {
+            of,
+            name: name.into(),
+            value,
+            usual,
+            cure: cure.into(),
+        }
+    }
+}
+
+impl Display for Doubt {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let cure = &self.cure;
+        match (&self.of, cure) {
+            (Subject::Truth, Cure::Truth(truth)) if truth.is_refusal() => write!(f, "{cure}"),
+            (Subject::Calibration | Subject::Pairs, _) => write!(f, "{cure}"),
+            (Subject::Topic(topic), _) => write!(f, "{topic}: {cure}"),
+            (Subject::Truth, _) => write!(f, "the truth is doubtful: {cure}"),
+            (Subject::TruthOrMaps, _) => write!(
+                f,
+                "the truth is doubtful: {cure}, or the unit of the recorded map is wrong"
+            ),
+            (Subject::Map(map), _) => write!(f, "the map of {map} is doubtful: {cure}"),
+        }
+    }
+}
+
+impl std::error::Error for Doubt {}
+
+/// The fields, and the text as `words`.
+impl Serialize for Doubt {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("Doubt", 6)?;
+        fields.serialize_field("of", &self.of)?;
+        fields.serialize_field("name", &self.name)?;
+        fields.serialize_field("value", &self.value)?;
+        fields.serialize_field("usual", &self.usual)?;
+        fields.serialize_field("cure", &self.cure)?;
+        fields.serialize_field("words", &self.to_string())?;
+        fields.end()
+    }
+}

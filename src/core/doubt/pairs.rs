@@ -1,0 +1,131 @@
+//! Causes of pairs that no algorithm can match, or only wrong.
+
+use serde::{Deserialize, Serialize};
+
+causes! {
+    /// A cause of pairs that no algorithm can match, or only wrong.
+    PairCure:
+
+    /// Their rectification misaligns them.
+    Misaligned { before_px: f64, after_px: f64, points: [usize; 2], pairs: usize } => (
+        "vertical misalignment of {before_px:.2} px without rectification and {after_px:.2} px \
+         with it (medians of {} and {} points in {pairs} pairs): if the images are rectified \
+         already, --calib none uses them as they are; if they are raw, the calibration is not, or \
+         no longer, that of these cameras: calibrate again, --calib FILE",
+        points[0], points[1])
+    Turned { turn: Turn, if_turned: usize, points: usize } => (
+        "one camera's images look {}: {if_turned} points match once they are turned back, \
+         {points} as they are; `ffmpeg -i IN -vf {} OUT` turns an image or a video",
+        turn.name(), turn.filter())
+    OnePicture { share: f64, points: usize, within_px: f64, nearest_m: Option<f64> } => (
+        "left and right look like one picture twice, or nothing is {}: {:.0} % of {points} points \
+         are within {within_px} px of the same place; name images of two cameras (--left and \
+         --right, or the files of match)",
+        nearest_m.map_or("near".to_owned(), |m| format!("nearer than {m:.1} m")), 100.0 * share)
+    Exchanged { share: f64, points: usize, reach_px: f64, is_calibrated: bool } => (
+        "left and right look exchanged, or the cameras converge: {share:.0} % of {points} points \
+         are farther right in the right image; if exchanged (and not both upside down), name them \
+         the other way round (--left and --right, the files of match, or \
+         --side-by-side=right-left for halves of one image){}; if the cameras converge, \
+         `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and dp have none",
+        if *is_calibrated {
+            ", and as the calibrations are not exchanged, --calib FILE gives theirs"
+        } else {
+            ""
+        })
+    BeyondRange {
+        share: f64, points: usize, highest_px: f64, reach_px: f64, scale: Option<f64>
+    } => (
+        "{share:.0} % of {points} points have disparities above {highest_px} px, the range that is \
+         searched: `max_disparity={reach_px}`{} covers them{}",
+        if *reach_px > SHORT_PX { " of v1 to v4, bm and sgm" } else { "" },
+        scale.map_or(String::new(), |scale| format!(", or --scale {scale:.2}")))
+    /// A part of them repeats while the images change.
+    Repeated { part: Repeated, pairs: u64, seconds: f64 } => (
+        "the {part} the same in {pairs} pairs or more, from {seconds:.3} s on, and the images \
+         change: {}",
+        part.cure(*seconds), part = part.words())
+    /// Left and right images are of different moments.
+    Skew { skew_ms: f64, limit_ms: f64 } => (
+        "a median skew of {skew_ms:.1} ms is above {limit_ms:.1} ms, half a period or the most \
+         that is usable: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
+         recording; else pairs need a smaller --max-skew-ms, or a common trigger",
+        -skew_ms)
+}
+
+/// Longest range that every algorithm has, pixels.
+const SHORT_PX: f64 = 255.0;
+
+/// A way in which one camera's images differ from the other's.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Turn {
+    UpsideDown,
+    Mirrored,
+}
+
+impl Turn {
+    pub const ALL: [Self; 2] = [Self::UpsideDown, Self::Mirrored];
+
+    /// Where a pixel of an image of that size is once the image is turned back.
+    pub fn place(self, (x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
+        match self {
+            Self::UpsideDown => (width - 1 - x, height - 1 - y),
+            Self::Mirrored => (width - 1 - x, y),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::UpsideDown => "upside down",
+            Self::Mirrored => "mirrored",
+        }
+    }
+
+    /// The filter of ffmpeg that turns images back.
+    fn filter(self) -> &'static str {
+        match self {
+            Self::UpsideDown => "hflip,vflip",
+            Self::Mirrored => "hflip",
+        }
+    }
+}
+
+/// A part of pairs that repeats.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Repeated {
+    LeftImages,
+    RightImages,
+    Truth,
+    /// The farthest distance of the truth.
+    Farthest,
+}
+
+impl Repeated {
+    pub const ALL: [Self; 4] = [
+        Self::LeftImages,
+        Self::RightImages,
+        Self::Truth,
+        Self::Farthest,
+    ];
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::LeftImages => "left images are",
+            Self::RightImages => "right images are",
+            Self::Truth => "truth is",
+            Self::Farthest => "farthest distance of the truth is",
+        }
+    }
+
+    fn cure(self, seconds: f64) -> String {
+        if self == Self::Farthest {
+            "it is the limit of a sensor, not a distance: write 0 or NaN there".to_owned()
+        } else if seconds == 0.0 {
+            "stuck, and of another moment: record again".to_owned()
+        } else {
+            format!("stuck, and of another moment: `--to {seconds:.3}` ends before")
+        }
+    }
+}

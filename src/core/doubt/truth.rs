@@ -1,0 +1,157 @@
+//! Causes of truths and maps that cannot be right, beside the images or beside each other.
+
+use super::unit::{TruthUnit, UnitCure, UnitOption, rounded};
+use crate::joined;
+use crate::stereo::TruthOrigin;
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
+
+causes! {
+    /// A cause of a truth that cannot be right.
+    TruthCure:
+
+    Negative { origin: TruthOrigin, median_px: f64 } => (
+        "the truth ({origin}) is impossible: its disparities are negative, the median \
+         {median_px:.1} px: the opposite sign, or left and right are swapped")
+    /// Its distances are too near or too far.
+    Impossible {
+        origin: TruthOrigin, median: Reading, near: Reading, width_px: usize,
+        baseline: Option<Baseline>, unit: Option<UnitCure>
+    } => (
+        "the truth ({origin}) is impossible: its median disparity is {median} and its 90th \
+         percentile {near}, which is impossible in images {width_px} px wide and at 1 mm to 10 \
+         km{}",
+        cures(baseline.as_ref(), unit.as_ref()))
+    /// An algorithm whose cells are hardly ever wrong contradicts it.
+    Denied { algorithm: String, wrong: u64, cells: u64 } => (
+        "{wrong} of {cells} cells that {algorithm} knows in the first pairs are wrong by it; the \
+         truth, a calibration or the times may not belong to the images: svl info shows their \
+         measurements")
+    OppositeSign { algorithms: Vec<String> } => (
+        "its disparities have the opposite sign of those of every algorithm ({}): left and right \
+         may be swapped",
+        joined(algorithms))
+    AlongRays { algorithms: Vec<String> } => (
+        "its distances are those of every algorithm ({}) along the rays, longer beside the middle: \
+         publish depths, along the axis",
+        joined(algorithms))
+    Unit { algorithms: Vec<String>, cure: UnitCure } => (
+        "its distances are {} times those of every algorithm ({}); {cure}",
+        rounded(1.0 / cure.factor), joined(algorithms))
+    /// Its values are disparities, and read as depths.
+    Disparities { algorithms: Vec<String>, option: Option<UnitOption> } => (
+        "its values are proportional to the disparities of every algorithm ({}), not to distances; \
+         {}",
+        joined(algorithms), option.as_ref().map_or(
+            "likely disparities, which a topic has as stereo_msgs/DisparityImage".to_owned(),
+            UnitOption::to_string
+        ))
+}
+
+impl TruthCure {
+    /// True if no pixel of the truth can be used.
+    pub fn is_refusal(&self) -> bool {
+        matches!(self, Self::Negative { .. } | Self::Impossible { .. })
+    }
+}
+
+/// A disparity, and its distance if the rig is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    pub px: f64,
+    pub metres: Option<f64>,
+}
+
+impl Display for Reading {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} px", rounded(self.px))?;
+        match self.metres {
+            Some(metres) => write!(f, " ({} m)", rounded(metres)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A baseline that is likely of another unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Baseline {
+    pub metres: f64,
+    /// Units in a metre.
+    pub per_metre: f64,
+    /// Name of the unit.
+    pub unit: String,
+}
+
+impl Display for Baseline {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "likely a baseline of {} m instead of {} m, written in {} where metres are expected: \
+             --calib FILE",
+            rounded(self.metres / self.per_metre),
+            rounded(self.metres),
+            self.unit
+        )
+    }
+}
+
+fn cures(baseline: Option<&Baseline>, unit: Option<&UnitCure>) -> String {
+    match (baseline, unit) {
+        (None, None) => String::new(),
+        (Some(baseline), None) => format!("; {baseline}"),
+        (None, Some(unit)) => format!("; {unit}"),
+        (Some(baseline), Some(unit)) => format!("; {baseline}, or {unit}"),
+    }
+}
+
+causes! {
+    /// A cause of a map of disparities that cannot be right.
+    MapCure:
+
+    OppositeSign => (
+        "its disparities have the opposite sign of the truth's")
+    Scaled { factor: f64 } => (
+        "its disparities are {} times those of the truth: --estimate-scale is the factor of \
+         integers (OpenCV's matchers: 16), floats have to be divided by it",
+        rounded(*factor))
+    Depths => (
+        "its values are proportional to distances: depths, not disparities")
+    RightView => (
+        "it fits the truth as the map of the right view")
+    /// It fits as files of another unit.
+    Files { unit: TruthUnit } => (
+        "its values fit as files:PATTERN,{unit}")
+    Disparities => (
+        "its distances are proportional to disparities: they are disparities, likely, which a \
+         stereo_msgs/DisparityImage says")
+    Unit { factor: f64, other: Compared, unit: Option<TruthUnit> } => (
+        "its distances are {} times those of {other}; {}",
+        rounded(*factor), unit_words(*factor, unit.as_ref()))
+}
+
+/// The distances that a map is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Compared {
+    Reference,
+    Truth,
+    TruthAndMatchers,
+}
+
+impl Display for Compared {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Reference => "the reference",
+            Self::Truth => "the truth",
+            Self::TruthAndMatchers => "the truth and of the matchers",
+        })
+    }
+}
+
+fn unit_words(factor: f64, unit: Option<&TruthUnit>) -> String {
+    match unit {
+        Some(unit) => format!("likely files:PATTERN,{unit}"),
+        None if factor == 1000.0 => "likely in millimetres where floats are metres".to_owned(),
+        None => "likely another unit, or its f or T is of another image size".to_owned(),
+    }
+}
