@@ -21,7 +21,7 @@
 pub use svl_bench::{console, drive, evaluation, pass, record, runs, sink, source, tune};
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
-    Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
+    Error, Result, alternatives, counted, depth, doubt, filter, interrupt, joined, kernel, matcher,
     nanoseconds, printable, printable_line, rectify, statistics, stereo, timing,
 };
 pub use svl_files::{self as files, BuildInfo, outputs, overlay, slow_profile};

@@ -139,6 +139,13 @@ impl NoticeLog {
         CURRENT.lock().clone()
     }
 
+    /// The doubts that were told.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let notices = self.0.lock();
+        let doubts = notices.iter().filter_map(|notice| notice.doubt.clone());
+        doubts.collect()
+    }
+
     /// Adds a notice.
     pub fn add(&self, notice: Notice) {
         let mut notices = self.0.lock();

@@ -11,7 +11,9 @@ use std::time::Duration;
 use svl::calibrate::files::inputs;
 use svl::depth::GridSettings;
 use svl::depth::decision::{BINS_PER_PX, SafeChoice, VerdictTable};
+use svl::doubt::Doubt;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, has_small_cells};
+use svl::notice::NoticeLog;
 use svl::outputs::Outputs;
 use svl::recording::CellReport;
 use svl::runs::refuse_recorded;
@@ -109,6 +111,9 @@ struct MatchReport<'a> {
     median_row_offset: Option<i8>,
     distances_m: Option<Vec<Vec<Option<f64>>>>,
     cells: Vec<MatchCell>,
+    /// Quantities of the pair and its calibration that cannot be right.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    doubts: Vec<Doubt>,
 }
 
 /// A cell, with the reason of its state.
@@ -350,6 +355,7 @@ impl<'a> MatchReport<'a> {
             median_row_offset: map.median_row_offset(),
             distances_m: rig.map(|_| distances(grid)),
             cells: MatchCell::all(map, grid, choice),
+            doubts: NoticeLog::current().doubts(),
         }
     }
 }

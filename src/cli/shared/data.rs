@@ -155,6 +155,7 @@ fn words(key: &str, value: &Value) -> Option<String> {
             Some(sides.join("x") + " px")
         }
         Value::Array(all) => joined(all.iter().filter_map(|value| words(key, value)).collect()),
+        Value::Object(fields) if fields.contains_key("words") => words("words", &fields["words"]),
         Value::Object(fields) => {
             let mut fields: Vec<_> = fields.iter().collect();
             fields.sort_by_key(|(own, _)| {

@@ -105,6 +105,16 @@ impl Doubt {
             cure: cure.into(),
         }
     }
+
+    /// The usual values: `0 to 0.25`.
+    pub fn usual_words(&self) -> String {
+        let [least, most] = self.usual.map(rounded);
+        match self.usual {
+            [min, f64::MAX] if min > f64::MIN => format!("{least} or more"),
+            [f64::MIN, max] if max < f64::MAX => format!("{most} or less"),
+            _ => format!("{least} to {most}"),
+        }
+    }
 }
 
 impl Display for Doubt {

@@ -621,7 +621,10 @@ fn a_pause_or_a_few_odd_times_hide_no_clock() {
     let changes: [&dyn Fn(&mut Logged); 4] = [&pause, &log_pause, &odd_stamp, &early_log];
     for change in changes {
         let found = table(&behind(change));
-        let fault = found.faults.iter().find(|fault| fault.doubt.of.is_topic("/points"));
+        let fault = found
+            .faults
+            .iter()
+            .find(|fault| fault.doubt.of.is_topic("/points"));
         let reason = &fault.unwrap().doubt.to_string();
         assert!(
             reason.contains("3.000 s behind") || reason.contains("2.99"),

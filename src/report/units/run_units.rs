@@ -159,7 +159,7 @@ impl RunUnits {
         self.has_all(plan, algorithms.map(|own| own.label.to_owned()))
     }
 
-    /// The doubts about its truth or its maps.
+    /// The doubts that its warnings tell, and those about its truth or its maps.
     pub fn doubts(&self) -> Vec<Doubt> {
         let mut scales = MeasuredScales::default();
         for units in self.units.values() {
@@ -170,10 +170,10 @@ impl RunUnits {
             }
         }
         // Perturbed pairs have the truth of the others.
-        match self.run.stress {
-            Some(_) => Vec::new(),
-            None => scales.doubts(),
-        }
+        let measured = self.run.stress.is_none().then(|| scales.doubts());
+        let told = self.facts.warnings.iter();
+        let told = told.filter_map(|warning| warning.doubt.clone());
+        told.chain(measured.into_iter().flatten()).collect()
     }
 
     /// The warnings of the run and of the algorithms of the plan, added to others.

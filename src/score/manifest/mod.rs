@@ -12,6 +12,7 @@ use serde_json::error::Category;
 use std::fs::read_to_string;
 use std::io::Read;
 use std::path::Path;
+use svl_core::doubt::Doubt;
 use svl_core::kernel;
 use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::{CellRule, hash_words};
@@ -29,7 +30,7 @@ pub const SCHEMA: u32 = 2;
 /// `svl.run`).
 ///
 /// Equal pairs, algorithms and parameters have equal result hashes, whatever the other fields.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the files of a report, [`SCHEMA`].
     #[serde(default)]
@@ -82,6 +83,9 @@ pub struct Manifest {
     /// The warnings of the run, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// Quantities that cannot be right.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 /// A process that matched pairs of a report.

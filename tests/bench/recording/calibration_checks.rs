@@ -187,7 +187,7 @@ fn contradictions_in_a_bag_are_named_first() {
         assert!(line.contains(words), "{words}: {line}");
         let checks = &fixture.json("info bag.mcap --json")["first_pairs"]["calibration_checks"];
         let doubts = checks.as_array().unwrap().iter();
-        let doubts = doubts.filter(|check| !check["doubt"].is_null()).count();
+        let doubts = doubts.filter(|check| !check["cure"].is_null()).count();
         let is_named = !words.starts_with("usable");
         let is_doubted = is_named && !line.contains("no calibration");
         assert_eq!(doubts, usize::from(is_doubted), "{words}: {checks}");

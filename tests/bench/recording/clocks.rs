@@ -52,7 +52,7 @@ fn copied(times: u64, own_stamps: bool) -> Vec<Message> {
 /// The options in the first fault of a bag that are its cures.
 fn cures(fixture: &Fixture) -> Vec<String> {
     let faults = &fixture.json("info bag.mcap --json")["clocks"]["faults"];
-    let reason = faults[0]["reason"].as_str().unwrap_or_default().to_owned();
+    let reason = faults[0]["words"].as_str().unwrap_or_default().to_owned();
     let quoted = reason.split('`').skip(1).step_by(2);
     let cures = quoted.filter(|quoted| quoted.starts_with("--"));
     cures.map(str::to_owned).collect()
@@ -172,7 +172,7 @@ fn a_step_between_the_places_is_noticed_while_pairing() {
     }
     let faults = fixture.json("info bag.mcap --json")["clocks"]["faults"].take();
     assert!(
-        faults[0]["reason"]
+        faults[0]["words"]
             .as_str()
             .unwrap()
             .contains("from none to"),
@@ -368,7 +368,7 @@ fn clocks_are_measured_all_over_a_bag() {
         let path = write(&fixture.path(""), &messages);
         let name = path.file_name().unwrap().to_str().unwrap();
         let faults = &fixture.json(&format!("info {name} --json"))["clocks"]["faults"];
-        let reason = faults[0]["reason"].as_str().unwrap_or_default();
+        let reason = faults[0]["words"].as_str().unwrap_or_default();
         assert!(reason.contains("2.000 s behind"), "{name}: {faults}");
     }
 }

@@ -12,6 +12,7 @@ use crate::subjects::prior::PRIOR;
 use minijinja::{Value, context};
 use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
+use svl_core::doubt::rounded;
 use svl_core::matcher;
 use svl_files::overlay::{algorithm_color, viridis};
 use svl_score::judge::ColumnChoice;
@@ -40,6 +41,17 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let heat = heat_map(page).map(|(grid, about)| context! { grid, about });
     let gate = page.gate.iter();
     let gate = gate.map(|(state, text)| (state, state.words(), text));
+    let doubts = manifest.doubts.iter().map(|doubt| {
+        let words = [rounded(doubt.value), doubt.usual_words(), doubt.to_string()];
+        (&doubt.name, words)
+    });
+    let is_told = |warning: &&String| {
+        manifest
+            .doubts
+            .iter()
+            .any(|own| warning.ends_with(&own.to_string()))
+    };
+    let warnings = manifest.warnings.iter().filter(|warning| !is_told(warning));
     // An empty line ends a paragraph, as in Markdown.
     let paragraphs = page.description.split("\n\n").map(str::trim);
     context! {
@@ -64,6 +76,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
         is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
+        doubts => doubts.collect::<Vec<_>>(), warnings => warnings.collect::<Vec<_>>(),
         has_choice => page.figures.iter().any(has_choice), figures,
         scenes => scenes.iter().map(|scene| scene_view(scene, place)).collect::<Vec<_>>(),
         errors => error_key(), ramp => stops.collect::<Vec<_>>().join(", "),
