@@ -1,7 +1,7 @@
 //! Notices: reasons as values, from where they are known to the report, the page and the terminal.
 
 use parking_lot::Mutex;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, LazyLock};
 use svl_core::doubt::Doubt;
@@ -21,8 +21,12 @@ pub struct Notice {
     pub pair: Option<u64>,
     /// Without the names of algorithms and the pair.
     pub text: String,
-    /// The doubt that it tells.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The doubt that it tells; none is read if a number of it is infinite.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "read_doubt"
+    )]
     pub doubt: Option<Doubt>,
 }
 
@@ -115,6 +119,11 @@ impl Visit for Notice {
         }
         self.doubt = self.doubt.take().or(value.downcast_ref().cloned());
     }
+}
+
+fn read_doubt<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Doubt>, D::Error> {
+    let value = serde_json::Value::deserialize(deserializer)?;
+    Ok(serde_json::from_value(value).ok())
 }
 
 /// The log that takes the notices; at first one of the whole process.

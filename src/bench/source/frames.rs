@@ -135,11 +135,8 @@ impl<F: FnMut() -> Result<Option<Frame>> + Send> Source for FromFn<F> {
 /// Warns once of the numbers of a file's rig that make no sense with the images of a frame.
 pub(super) fn warn_of_rig(name: &str, frame: &Frame) {
     let checks = frame.rig().map(|rig| rig.checks(frame.pair.size()));
-    for doubt in checks
-        .into_iter()
-        .flatten()
-        .filter_map(|check| check.doubt())
-    {
+    let checks = checks.into_iter().flatten();
+    for doubt in checks.filter_map(|check| check.doubt()) {
         warn_of(name, &doubt);
     }
 }

@@ -149,3 +149,129 @@ impl Serialize for Doubt {
         fields.end()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::TruthOrigin;
+
+    fn doubts() -> Vec<Doubt> {
+        let lag = ClockLag {
+            median_ns: -300_000_000,
+            spread_ns: 1_000_000,
+        };
+        let log = LogTimes::default();
+        let topic = || Subject::Topic("/points".to_owned());
+        let unit = TruthUnit::Depth(0.5);
+        let origin = TruthOrigin::Sensor("/depth".to_owned());
+        let reading = Reading {
+            px: 4000.0,
+            metres: Some(0.01),
+        };
+        let limit_s = [-0.5, 0.5];
+        vec![
+            CalibrationCheck::focal(100.0, 500.0).doubt().unwrap(),
+            CalibrationCheck::depth_center((0.0, 0.0), (64, 48))
+                .doubt()
+                .unwrap(),
+            Doubt::new(
+                Subject::Pairs,
+                "skew_ms",
+                30.0,
+                [-10.0, 10.0],
+                PairCure::Skew {
+                    skew_ms: 30.0,
+                    limit_ms: 10.0,
+                },
+            ),
+            Doubt::new(
+                topic(),
+                "clock_lag_s",
+                -0.3,
+                limit_s,
+                ClockCure::Offset { lag, log },
+            ),
+            Doubt::new(
+                topic(),
+                "topics_of_the_unit",
+                0.0,
+                [1.0, f64::MAX],
+                ClockCure::NoSuchUnit,
+            ),
+            Doubt::new(
+                Subject::Truth,
+                "disparity_px",
+                4000.0,
+                [0.0, 640.0],
+                TruthCure::Impossible {
+                    origin,
+                    median: reading,
+                    near: reading,
+                    width_px: 640,
+                    baseline: None,
+                    unit: None,
+                },
+            ),
+            Doubt::new(
+                Subject::TruthOrMaps,
+                "scale",
+                2.0,
+                [f64::MIN, 1.5],
+                TruthCure::OppositeSign {
+                    algorithms: vec!["v3".to_owned()],
+                },
+            ),
+            Doubt::new(
+                Subject::Map("z".to_owned()),
+                "scale",
+                2.0,
+                [0.5, 1.5],
+                MapCure::OppositeSign,
+            ),
+            Doubt::new(
+                Subject::Map("z".to_owned()),
+                "scale",
+                2.0,
+                [0.5, 1.5],
+                MapCure::Files { unit },
+            ),
+        ]
+    }
+
+    #[test]
+    fn json_of_a_doubt_is_read_back() {
+        for doubt in doubts() {
+            let json = serde_json::to_value(&doubt).unwrap();
+            assert_eq!(json["words"], doubt.to_string());
+            assert!(json["cure"]["kind"].is_string(), "{json}");
+            assert_eq!(serde_json::from_value::<Doubt>(json).unwrap(), doubt);
+        }
+    }
+
+    #[test]
+    fn the_thing_in_doubt_is_named() {
+        let said: Vec<_> = doubts().iter().map(Doubt::to_string).collect();
+        for (place, begin) in [
+            (0, "the focal length is 100.0 px in P"),
+            (3, "/points: by the log times its clock is 0.300 s ahead of"),
+            (5, "the truth (sensor /depth) is impossible"),
+            (
+                6,
+                "the truth is doubtful: its disparities have the opposite sign",
+            ),
+            (7, "the map of z is doubtful: its disparities have"),
+        ] {
+            assert!(said[place].starts_with(begin), "{}", said[place]);
+        }
+        assert!(said[6].ends_with("or the unit of the recorded map is wrong"));
+    }
+
+    #[test]
+    fn usual_values_are_printed_as_a_range() {
+        let usual: Vec<_> = doubts().iter().map(Doubt::usual_words).collect();
+        assert_eq!(
+            [&*usual[0], &*usual[4], &*usual[6]],
+            ["0.5 to 1.5", "1 or more", "1.5 or less"]
+        );
+    }
+}

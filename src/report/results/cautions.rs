@@ -13,7 +13,7 @@ impl Results {
         let note = self.ending.note().map(|note| format!("not scored: {note}"));
         let doubts = self.ending.missing.doubts.iter().map(Doubt::to_string);
         // A warning tells the others.
-        let doubts = doubts.filter(|doubt| !self.warnings.iter().any(|own| own.ends_with(doubt)));
+        let doubts = doubts.filter(|doubt| !self.warnings.iter().any(|own| own.contains(doubt)));
         let failed = self.failed.iter().map(|f| {
             let pairs = if f.on_every_pair {
                 "every pair".to_owned()

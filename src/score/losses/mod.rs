@@ -101,7 +101,7 @@ pub struct Missing {
     /// By the label of the algorithm.
     pub algorithms: BTreeMap<String, FailedPairs>,
     /// Doubts about the truth and the maps.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Doubt>,
 }
 

@@ -5,6 +5,7 @@ use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print_value, style, width};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
+use svl::Error;
 use svl::pass::report_losses;
 use svl::rectify::{Alignment, AlignmentMeter};
 use svl::report::table::{NONE, Table};
@@ -69,18 +70,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (name, cure) = (source.name(), misalignment_cure(&*source));
     report_losses(&name, &source.finish(taken));
     let Some(alignment) = meter.alignment() else {
-        let too_few = || {
-            let points = meter.matches().len();
-            format!(
-                "too few points matched between both images ({points}): show the cameras something \
-                 textured"
-            )
-        };
+        if let Some(doubt) = meter.doubt(None, 0..=i32::MAX) {
+            return Err(Error::format(name, doubt).into());
+        }
+        let points = meter.matches().len();
         bail!(
-            "{name}: {}",
-            meter
-                .doubt(None, 0..=i32::MAX)
-                .map_or_else(too_few, |doubt| doubt.to_string())
+            "{name}: too few points matched between both images ({points}): show the cameras \
+             something textured"
         );
     };
     print_value(args.json, &alignment, || text(&name, &alignment))?;

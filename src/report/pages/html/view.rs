@@ -12,7 +12,7 @@ use crate::subjects::prior::PRIOR;
 use minijinja::{Value, context};
 use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
-use svl_core::doubt::rounded;
+use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::{algorithm_color, viridis};
 use svl_score::judge::ColumnChoice;
@@ -45,13 +45,9 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         let words = [rounded(doubt.value), doubt.usual_words(), doubt.to_string()];
         (&doubt.name, words)
     });
-    let is_told = |warning: &&String| {
-        manifest
-            .doubts
-            .iter()
-            .any(|own| warning.ends_with(&own.to_string()))
-    };
-    let warnings = manifest.warnings.iter().filter(|warning| !is_told(warning));
+    let said: Vec<_> = manifest.doubts.iter().map(Doubt::to_string).collect();
+    let warnings = manifest.warnings.iter();
+    let warnings = warnings.filter(|warning| !said.iter().any(|own| warning.contains(own)));
     // An empty line ends a paragraph, as in Markdown.
     let paragraphs = page.description.split("\n\n").map(str::trim);
     context! {
