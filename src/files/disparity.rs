@@ -155,6 +155,16 @@ mod tests {
         let text = file("text.pgm", b"P2\n2 1\n1000\n0 768\n");
         assert_eq!(row(&text, None).unwrap(), [f32::INFINITY, 3.0]);
         assert!(message(&file("cut.pgm", b"P5\n2 1\n1023"), None).contains("not a readable"));
+        // Values are as they are, whatever the largest may be.
+        for largest in ["255", "64", "6"] {
+            let header = format!("P5\n2 1\n{largest}\n");
+            let steps = file("64.pgm", &[header.as_bytes(), b"\0\x06"].concat());
+            assert_eq!(
+                row(&steps, Some(2.0)).unwrap(),
+                [f32::INFINITY, 3.0],
+                "{largest}"
+            );
+        }
         let narrow = file("8.pgm", b"P5\n2 1\n255\n\0\x06");
         assert_eq!(row(&narrow, Some(4.0)).unwrap(), [f32::INFINITY, 1.5]);
         assert!(message(&narrow, None).contains("8.pgm: has integers"));

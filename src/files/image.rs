@@ -6,6 +6,7 @@ use image::{
     ImageReader, codecs::png::PngEncoder, metadata::Orientation,
 };
 use std::io::Cursor;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicU16, Ordering};
 use svl_core::stereo::{Gray, MAX_SIDE, Plane, Visibility};
@@ -42,6 +43,19 @@ pub fn read_image(path: &Path) -> Result<DecodedImage> {
     DecodedImage::new(decode(path)?).map_err(wrong)
 }
 
+/// Reads an image whose values are steps of a map, not grey levels of a scale.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub(super) fn read_steps(path: &Path) -> Result<DecodedImage> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    // `image` multiplies values of 8 bits by 255 / the largest.
+    let bytes = with_largest(&bytes, 1..255, b"255").unwrap_or(bytes);
+    let image = decode_named(&path.display().to_string(), &bytes);
+    let image = image.map_err(|e| Error::format(path, format!("not a readable image: {e}")))?;
+    DecodedImage::new(image)
+}
+
 /// Decodes the image of a file in memory; it is turned as its EXIF orientation says.
 ///
 /// # Errors
@@ -64,8 +78,8 @@ fn decode_named(name: &str, bytes: &[u8]) -> Result<DynamicImage, ImageFault> {
     Ok(image)
 }
 
-/// A PNM of 16 bits, with 65535 as its largest value: `image` multiplies others by 65535 / it.
-fn unscaled(bytes: &[u8]) -> Option<Vec<u8>> {
+/// A PNM whose largest value, by its header, is one of `others`, with that of its bits instead.
+fn with_largest(bytes: &[u8], others: Range<u32>, of_bits: &[u8]) -> Option<Vec<u8>> {
     if !matches!(bytes, [b'P', b'2' | b'3' | b'5' | b'6', ..]) {
         return None;
     }
@@ -83,12 +97,13 @@ fn unscaled(bytes: &[u8]) -> Option<Vec<u8>> {
         end = run(start, |byte| byte.is_ascii_digit());
     }
     let largest: u32 = str::from_utf8(&bytes[start..end]).ok()?.parse().ok()?;
-    let is_other = (256..65535).contains(&largest);
-    is_other.then(|| [&bytes[..start], b"65535", &bytes[end..]].concat())
+    let is_other = others.contains(&largest);
+    is_other.then(|| [&bytes[..start], of_bits, &bytes[end..]].concat())
 }
 
 fn decode_unturned(bytes: &[u8]) -> Result<(DynamicImage, Orientation), ImageFault> {
-    let unscaled = unscaled(bytes);
+    // `image` multiplies values of 16 bits by 65535 / the largest.
+    let unscaled = with_largest(bytes, 256..65535, b"65535");
     let bytes = unscaled.as_deref().unwrap_or(bytes);
     let kind = bytes.get(4..).unwrap_or_default();
     if HEIC.iter().any(|heic| kind.starts_with(heic)) {

@@ -10,6 +10,7 @@ mod fault;
 pub mod ffmpeg;
 mod image;
 mod jpeg;
+mod levels;
 mod map;
 mod npz;
 pub mod outputs;
@@ -21,7 +22,7 @@ mod rvl;
 
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
-pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage, SideBySide};
+pub use decoded::{BitDepth, DecodedImage, SideBySide};
 pub use depth::{no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
@@ -30,6 +31,7 @@ pub use image::{IMAGE_ENDINGS, decode_bytes, read_image};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(target_os = "linux")]
 pub use jpeg::brightness;
+pub use levels::Levels;
 pub use pfm::{read_pfm, write_pfm};
 pub use picture::{
     encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,
@@ -41,10 +43,10 @@ pub use svl_core::bounded::read_text;
 
 use std::path::{Component, Path, PathBuf, absolute};
 
-/// A text as a name of a file or folder, of at most `max` characters: letters, digits, `_`, `-`
-/// and, unless it is the first, `.`; every other character becomes `-`.
+/// A text as a name of a file or folder, of at most `max` characters: letters and digits of any
+/// script, `_`, `-` and, unless it is the first, `.`; every other character becomes `-`.
 pub fn safe_name(text: &str, max: usize) -> String {
-    let is_safe = |i, c: char| c.is_ascii_alphanumeric() || "_-".contains(c) || (c == '.' && i > 0);
+    let is_safe = |i, c: char| c.is_alphanumeric() || "_-".contains(c) || (c == '.' && i > 0);
     let characters = text.chars().take(max).enumerate();
     characters
         .map(|(i, c)| if is_safe(i, c) { c } else { '-' })

@@ -1,6 +1,7 @@
 //! Values of a map as its file has them, for all readers of depths and disparities.
 
-use super::{DecodedImage, has_ending, npz, pfm, read_image};
+use super::image::read_steps;
+use super::{DecodedImage, has_ending, npz, pfm};
 use std::path::Path;
 use svl_core::stereo::Plane;
 use svl_core::{Error, Result};
@@ -45,7 +46,7 @@ impl StoredMap {
         if has_ending(path, "pfm") {
             return pfm::values(path).map(|values| array((values, false)));
         }
-        let (values, form) = match read_image(path)? {
+        let (values, form) = match read_steps(path)? {
             DecodedImage::Gray(steps) => (steps.map(f32::from), NumberForm::Image8),
             DecodedImage::Gray16(steps) => (steps.map(f32::from), NumberForm::Image16),
             DecodedImage::Color(_) | DecodedImage::Color16(_) => {

@@ -1,6 +1,6 @@
 //! `svl recover`: the intact part of a truncated or corrupt recording.
 
-use crate::cli::shared::data::{DataField, data_text, field};
+use crate::cli::shared::data::{DataField, data_text, events, field};
 use crate::cli::shared::terminal::{print_value, size, width};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
 }
 
 const FIELDS: &[DataField] = &[
-    field("pairs", "pairs"),
+    events("pairs", "pairs"),
     field("messages", "messages"),
     field("attachments", "attachments"),
     field("metadata", "metadata"),

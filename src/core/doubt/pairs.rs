@@ -45,12 +45,33 @@ causes! {
         "the {part} the same in {pairs} pairs or more, from {seconds:.3} s on, and the images \
          change: {}",
         part.cure(*seconds), part = part.words())
+    /// Images of 16 bits whose values hardly differ.
+    FewLevels { from: u16, to: u16 } => (
+        "98 % of the pixels of 16-bit images are from {from} to {to}, which are few levels: a \
+         longer exposure, or a conversion to 16 bits that keeps more")
+    ByteOrder { as_read: f64, exchanged: f64 } => (
+        "the bytes of 16-bit values look exchanged: neighbours differ by {as_read:.2} of the range \
+         as read, and by {exchanged:.2} with the bytes exchanged: correct is_bigendian, or write \
+         the values in the other order")
+    /// One camera has 8 bits, or values on another scale.
+    TwoDepths { left: Option<u16>, right: Option<u16> } => (
+        "left and right images have two depths: the left ones {}, the right ones {}: give both \
+         cameras the same number of bits and the same exposure",
+        depth_words(*left), depth_words(*right))
     /// Left and right images are of different moments.
     Skew { skew_ms: f64, limit_ms: f64 } => (
         "a median skew of {skew_ms:.1} ms is above {limit_ms:.1} ms, half a period or the most \
          that is usable: if only the clocks differ, `--right-offset-ms {:.1}` corrects that of a \
          recording; else pairs need a smaller --max-skew-ms, or a common trigger",
         -skew_ms)
+}
+
+/// `bright`: what 99 % of the pixels are at most; `None` for 8 bits.
+fn depth_words(bright: Option<u16>) -> String {
+    match bright {
+        None => "have 8 bits".to_owned(),
+        Some(most) => format!("have 16 bits, 99 % of them up to {most}"),
+    }
 }
 
 /// Longest range that every algorithm has, pixels.

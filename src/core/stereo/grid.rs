@@ -464,7 +464,7 @@ impl CellRule {
     }
 
     /// # Errors
-    /// [`Error::Invalid`] if a number is not positive, or obstacles are not nearer than clear
+    /// [`Error::Invalid`] if a number is not positive or 10,000 and more, or obstacles are not nearer than clear
     /// space and than what is beyond.
     pub fn validate(&self) -> Result<()> {
         let mut numbers = match *self {
@@ -483,10 +483,10 @@ impl CellRule {
             Self::Disparity { tolerance_px } => vec![("tolerance_px", tolerance_px)],
         };
         numbers.extend(self.beyond_m().map(|beyond_m| ("beyond_m", beyond_m)));
-        let is_positive = |value: f64| value > 0.0 && value.is_finite();
-        if let Some((key, value)) = numbers.into_iter().find(|(_, value)| !is_positive(*value)) {
+        let is_possible = |value: f64| value > 0.0 && value < 10_000.0;
+        if let Some((key, value)) = numbers.into_iter().find(|(_, value)| !is_possible(*value)) {
             return Err(Error::Invalid(format!(
-                "cells.{key} = {value}: must be a positive number"
+                "cells.{key} = {value}: must be a positive number below 10000"
             )));
         }
         match *self {

@@ -100,7 +100,7 @@ impl Rig {
         for (fx, fy) in [left, right].map(|p| (p[(0, 0)], p[(1, 1)])) {
             if !close(fx, fy, SQUARE * fx) {
                 return Err(Error::Rig(format!(
-                    "focal lengths of {fx} px along rows and {fy} px along columns: rectified \
+                    "focal lengths of {fx:.3} px along rows and {fy:.3} px along columns: rectified \
                      pixels are square; rectify both cameras with one focal length"
                 )));
             }
@@ -108,7 +108,7 @@ impl Rig {
         if !close(f, right_f, focal_tolerance * f) || !close(cy, right_cy, row_tolerance_px) {
             return Err(Error::Rig(format!(
                 "the cameras are not rectified to each other, with one focal length and one row \
-                 of the principal point: {f} and {right_f} px, rows {cy} and {right_cy}"
+                 of the principal point: {f:.3} and {right_f:.3} px, rows {cy:.3} and {right_cy:.3}"
             )));
         }
         let baseline_m = (left[(0, 3)] - right[(0, 3)]) / f;

@@ -96,7 +96,8 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
         _ => String::new(),
     };
     match text("storage_identifier").as_str() {
-        "mcap" | "sqlite3" => {}
+        // Without one, as some converters write it, the files tell.
+        "mcap" | "sqlite3" | "" => {}
         other => {
             return Err(wrong(format!(
                 "the bag is in '{other}', svl reads mcap and sqlite3; {CONVERT}"

@@ -14,6 +14,8 @@ use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
 
 /// Time for which calibrations are kept for pairs out of order.
 const KEPT_NS: u64 = 10_000_000_000;
+/// A first calibration that is less later than the first pair is that of the same moment.
+const MIN_LATE_NS: u64 = 100_000_000;
 
 impl PairReader {
     /// True if the images are raw according to the calibration. Distortion is ignored on a
@@ -227,7 +229,8 @@ impl PairReader {
                 continue;
             };
             let topic = self.calibrations[place].as_deref().unwrap_or_default();
-            if let Some(first_ns) = track.first_ns().filter(|first_ns| *first_ns > stamp_ns)
+            let late_ns = stamp_ns.saturating_add(MIN_LATE_NS);
+            if let Some(first_ns) = track.first_ns().filter(|first_ns| *first_ns > late_ns)
                 && !std::mem::replace(&mut self.warned_of_late_calibration, true)
             {
                 tracing::warn!(

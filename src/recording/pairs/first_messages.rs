@@ -13,7 +13,7 @@ use crate::decode::video::topic::VideoTopic;
 use crate::poses::reader::PoseReader;
 use crate::stream::channel::{Channel, FileEvent};
 use svl_core::{Error, Result};
-use svl_files::{BitDepth, DECIDING_PAIRS};
+use svl_files::{BitDepth, Levels};
 
 /// The first messages, from which a [`PairReader`] is prepared before its first pair.
 #[derive(Default)]
@@ -107,7 +107,7 @@ impl FirstMessages {
     /// The errors of [`BitDepth::decide`].
     pub(crate) fn end(self, pairs: &mut PairReader, selection: &Selection) -> Result<()> {
         pairs.check_info_frames(&self.info_frames, selection);
-        pairs.depth = BitDepth::decide(selection.bits, self.images.largest())?;
+        pairs.depth = BitDepth::decide(selection.bits, &self.images.levels)?;
         Ok(())
     }
 }
@@ -152,47 +152,31 @@ impl PairReader {
     }
 }
 
-/// The largest values of the first 16-bit images of both cameras.
+/// The values of the first images of both cameras.
 #[derive(Default)]
 struct FirstImages {
-    largest: [Vec<u16>; 2],
-    /// True if they have 8 bits: then there is nothing to decide.
-    are_of_8_bits: bool,
+    levels: Levels,
     are_videos: [bool; 2],
 }
 
 impl FirstImages {
     fn are_enough(&self) -> bool {
-        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
-        self.are_of_8_bits || self.largest.iter().all(enough)
+        // Videos are decoded to 8 bits.
+        self.are_videos.contains(&true) || self.levels.are_enough()
     }
 
     fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
         for side in (0..2).filter(|side| topics[*side] == channel.topic) {
-            // Videos are decoded to 8 bits.
             if message::is_picture(channel, data) {
                 self.are_videos[side] = true;
-                self.are_of_8_bits = true;
             }
-            if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+            if self.are_enough() {
                 continue;
             }
             // An unreadable one is reported when its turn comes.
             if let Ok((_, Ok(image))) = image::decode(channel, data) {
-                match image.image.largest() {
-                    Some(largest) => self.largest[side].push(largest),
-                    None => self.are_of_8_bits = true,
-                }
+                self.levels.add(side, &image.image);
             }
-        }
-    }
-
-    /// The largest of all; the inner value is `None` for 8 bits.
-    fn largest(self) -> Option<Option<u16>> {
-        if self.are_of_8_bits {
-            Some(None)
-        } else {
-            self.largest.into_iter().flatten().max().map(Some)
         }
     }
 }

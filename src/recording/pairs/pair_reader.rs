@@ -33,6 +33,8 @@ use svl_files::{BitDepth, SideBySide};
 
 /// Live images are never that much out of order: their clock jumped.
 const JUMP_NS: u64 = 500_000_000;
+/// A longer jump is from the time since 1970 to that of a simulation or a device.
+const MIN_EPOCH_NS: u64 = 100_000_000_000_000_000;
 
 /// Pairs the images of two topics: by svl's records where it wrote them, else by stamp.
 pub(crate) struct PairReader {
@@ -239,11 +241,13 @@ impl PairReader {
         if let Some(jumps) = self.jumps.as_mut().filter(|_| back > JUMP_NS) {
             *jumps += 1;
             if *jumps == 1 {
-                tracing::warn!(
-                    "{}: {topic}: the clock of its stamps jumped back by {:.3} s",
-                    self.name,
-                    back as f64 / 1e9
-                );
+                let by = if back > MIN_EPOCH_NS {
+                    "from the time since 1970 to that since a start".to_owned()
+                } else {
+                    format!("by {:.3} s", back as f64 / 1e9)
+                };
+                let name = &self.name;
+                tracing::warn!("{name}: {topic}: the clock of its stamps jumped back {by}");
             }
             self.partners.pairing_mut().forget_later(side, stamp);
         }
@@ -513,6 +517,7 @@ impl PairReader {
         StreamFacts {
             bits: self.depth.bits(),
             note: self.depth.note(),
+            doubts: self.depth.doubts().to_vec(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
             camera: CameraFacts {
                 checks: self.checks(raw.as_ref().and_then(|raw| raw.as_ref().ok()), self.size),

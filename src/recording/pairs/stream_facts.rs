@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
-use svl_core::doubt::CalibrationCheck;
+use svl_core::doubt::{CalibrationCheck, Doubt};
 use svl_core::stereo::StereoCalibration;
 
 /// Facts of the pairs of a recording, or of live topics, so far. The counts are final at the end.
@@ -26,6 +26,8 @@ pub struct StreamFacts {
     pub broken: BTreeMap<String, u64>,
     /// Number of bits that the 16-bit images use.
     pub bits: Option<u8>,
+    /// Doubts about the images.
+    pub doubts: Vec<Doubt>,
     /// Note on the images that is not a warning.
     pub note: Option<String>,
     /// Warnings about the pairs, a line each.

@@ -33,7 +33,8 @@ impl<'a> Correlations<'a> {
         let places = |length: usize| (Self::STEP / 2..length).step_by(Self::STEP);
         let (columns, rivals) = (places(width).count(), width / RIVALS + 1);
         let mut z = vec![0.0; places(height).count() * columns * rivals];
-        let rows = z.chunks_mut(columns * rivals).zip(places(height));
+        // An image below two pixels a side has no sample.
+        let rows = z.chunks_mut((columns * rivals).max(1)).zip(places(height));
         let mut products = vec![0; width];
         for (z, y) in rows {
             if y < RADIUS || y + RADIUS >= height {

@@ -150,6 +150,7 @@ impl SourceFacts {
         let rectification = opened.source.rectification();
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(CalibrationCheck::doubt);
+        let doubts = opened.facts.doubts.iter().cloned().chain(doubts);
         let doubts = skew_doubt(skews_ns, &stamps_ns).into_iter().chain(doubts);
         let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
         let doubts = doubts.chain(meter.doubt(rig.as_ref(), 0..=i32::MAX));

@@ -330,6 +330,7 @@ pub fn open_pair(files: [&Path; 2], request: &Request<'_>) -> Result<Opened> {
     let facts = StreamFacts {
         bits: source.depth.bits(),
         note: source.depth.note(),
+        doubts: source.depth.doubts().to_vec(),
         ..StreamFacts::default()
     };
     let opened = Opened::new(source, Header::new("pair"), "pair");
@@ -553,6 +554,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     let facts = StreamFacts {
         bits: source.depth.bits(),
         note: source.depth.note(),
+        doubts: source.depth.doubts().to_vec(),
         calibration,
         remarks: unread.map(lacks).into_iter().collect(),
         camera: CameraFacts {
@@ -592,15 +594,17 @@ fn opened_scenes(
         )));
     }
     let source = SceneSource::with_bits(scenes, folder.bits)?;
+    let facts = StreamFacts {
+        bits: source.depth.bits(),
+        note: source.depth.note(),
+        doubts: source.depth.doubts().to_vec(),
+        ..StreamFacts::default()
+    };
     let header = Header {
         stamps: Some(StampOrigin::UNKNOWN),
-        bits: source.depth.bits(),
         ..header
     };
-    Ok(Opened {
-        notes: source.depth.note().into_iter().collect(),
-        ..Opened::new(source, header, stem)
-    })
+    Ok(Opened::new(source, header, stem).with_facts(facts))
 }
 
 fn is_file(name: &str, extensions: &[&str]) -> bool {

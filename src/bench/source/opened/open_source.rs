@@ -110,7 +110,8 @@ impl Opened {
         let declare = self.declared_rig(request);
         let rectify = self.rectification(request)?;
         let checks = self.facts.camera.checks.iter().filter(|_| !request.raw);
-        for doubt in checks.filter_map(CalibrationCheck::doubt) {
+        let doubts = checks.filter_map(CalibrationCheck::doubt);
+        for doubt in doubts.chain(self.facts.doubts.iter().cloned()) {
             warn_of(&self.source.name(), &doubt);
         }
         let options = Chain::for_options(&request.options, request.raw)?;

@@ -13,6 +13,13 @@ use svl_files::{DecodedImage, ffmpeg};
 /// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
 const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
 
+/// Words of an ffprobe that is too old, whatever the file is.
+const UNKNOWN_OPTION: [&str; 3] = [
+    "No match for section",
+    "Unrecognized option",
+    "Option not found",
+];
+
 /// Limit of ffprobe's output: a line for each frame of some days.
 const MAX_PROBE_BYTES: u64 = 1 << 30;
 
@@ -94,6 +101,11 @@ impl VideoInfo {
         let _ = child.wait();
         let wrong = |reason: String| Error::format(path, reason);
         let mut unread = || match ffmpeg::last_line(&mut said) {
+            Some(line) if UNKNOWN_OPTION.iter().any(|word| line.contains(word)) => Error::Program {
+                command: "ffprobe".to_owned(),
+                reason: "does not know an option that svl needs: install a newer ffmpeg".to_owned(),
+                stderr: line,
+            },
             Some(line) => wrong(format!("ffprobe cannot read it as a video: {line}")),
             None => wrong("contains no video".to_owned()),
         };
