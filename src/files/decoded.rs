@@ -106,6 +106,8 @@ pub enum SideBySide {
     RightLeft,
     /// The left image above the right one.
     TopBottom,
+    /// The left image below the right one.
+    BottomTop,
 }
 
 impl FromStr for SideBySide {
@@ -129,10 +131,10 @@ impl SideBySide {
             Err(Error::Invalid(what))
         };
         let (w, h) = match self {
-            Self::TopBottom if height % 2 != 0 => {
+            Self::TopBottom | Self::BottomTop if height % 2 != 0 => {
                 return odd(height, "high", "one above the other");
             }
-            Self::TopBottom => (width, height / 2),
+            Self::TopBottom | Self::BottomTop => (width, height / 2),
             _ if width % 2 != 0 => return odd(width, "wide", "side by side"),
             _ => (width / 2, height),
         };
@@ -143,7 +145,7 @@ impl SideBySide {
         };
         let (first, second) = (half(0, 0)?, half(width - w, height - h)?);
         Ok(match self {
-            Self::RightLeft => [second, first],
+            Self::RightLeft | Self::BottomTop => [second, first],
             Self::LeftRight | Self::TopBottom => [first, second],
         })
     }
@@ -151,7 +153,7 @@ impl SideBySide {
     /// The size of an image that holds both of that size.
     pub fn whole(self, (width, height): (usize, usize)) -> (usize, usize) {
         match self {
-            Self::TopBottom => (width, 2 * height),
+            Self::TopBottom | Self::BottomTop => (width, 2 * height),
             Self::LeftRight | Self::RightLeft => (2 * width, height),
         }
     }
@@ -454,6 +456,8 @@ mod tests {
         assert_eq!(halves("right-left"), [right, left]);
         let rows = [image(4, 1, [1, 2, 3, 4]), image(4, 1, [5, 6, 7, 8])];
         assert_eq!(halves("top-bottom"), rows);
+        let [top, bottom] = rows;
+        assert_eq!(halves("bottom-top"), [bottom, top]);
         let odd = DecodedImage::Gray(Plane::filled(3, 1, 0).unwrap());
         for (places, words) in [
             (SideBySide::LeftRight, "3 pixels wide"),

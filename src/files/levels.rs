@@ -98,7 +98,7 @@ impl Levels {
             let usual = [f64::from(MIN_LEVELS), 65_535.0];
             let levels = (q99 - q01).into();
             let cure = PairCure::FewLevels { from: q01, to: q99 };
-            Doubt::new(Subject::Pairs, "grey_levels", levels, usual, cure)
+            cure.doubt(Subject::Pairs, "grey_levels", levels, usual)
         });
         let doubts = [few, self.exchanged(), self.two_depths()];
         doubts.into_iter().flatten().collect()
@@ -112,7 +112,7 @@ impl Levels {
         let ratio = ratio.reduce(f64::min)?;
         let [as_read, exchanged] = steps[0];
         let cure = PairCure::ByteOrder { as_read, exchanged };
-        let doubt = Doubt::new(Subject::Pairs, "roughness", ratio, [0.0, EXCHANGED], cure);
+        let doubt = cure.doubt(Subject::Pairs, "roughness", ratio, [0.0, EXCHANGED]);
         (ratio > EXCHANGED).then_some(doubt)
     }
 
@@ -129,13 +129,7 @@ impl Levels {
         let is_mixed = bright[0].is_some() != bright[1].is_some();
         let [left, right] = bright;
         let cure = PairCure::TwoDepths { left, right };
-        let doubt = Doubt::new(
-            Subject::Pairs,
-            "brightness_ratio",
-            ratio,
-            [1.0, DEPTHS],
-            cure,
-        );
+        let doubt = cure.doubt(Subject::Pairs, "brightness_ratio", ratio, [1.0, DEPTHS]);
         (has_all && (is_mixed || ratio >= DEPTHS)).then_some(doubt)
     }
 }

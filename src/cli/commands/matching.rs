@@ -74,7 +74,7 @@ pub(crate) struct Args {
     /// Any format that `svl calibrate convert` reads. Write two files as left.yaml,right.yaml.
     #[arg(long, value_name = "FILE", help_heading = "Input")]
     calib: Option<PathBuf>,
-    /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
+    /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their values]
     #[arg(long, value_name = "N", value_parser = usage::within(8..=16u8), help_heading = "Input")]
     bits: Option<u8>,
     /// Shrink the rectified images before they are matched: their new size over the old, at most 1

@@ -1,5 +1,6 @@
 //! Causes of unusual numbers of a calibration.
 
+use super::{Doubt, Subject};
 use serde::{Deserialize, Serialize};
 
 causes! {

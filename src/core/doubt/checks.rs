@@ -48,13 +48,7 @@ impl CalibrationCheck {
     /// The doubt about the calibration, if the value is unusual.
     pub fn doubt(&self) -> Option<Doubt> {
         let cure = self.cure.clone()?;
-        Some(Doubt::new(
-            Subject::Calibration,
-            self.name,
-            self.value,
-            self.usual,
-            cure,
-        ))
+        Some(cure.doubt(Subject::Calibration, self.name, self.value, self.usual))
     }
 
     /// The principal points of two cameras; of both, the one farther from the middle.

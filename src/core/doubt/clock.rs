@@ -1,5 +1,6 @@
 //! Causes of clocks that cannot be right.
 
+use super::{Doubt, Subject};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display, Formatter};
 
@@ -89,25 +90,29 @@ pub struct LogTimes {
     pub max_skew_ms: Option<u64>,
 }
 
-causes! {
-    /// The cure for messages that come several times.
-    CopyCure:
-
+/// The cure for messages that come several times.
+#[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum CopyCure {
     /// They are measurements.
-    LeaveOut => (
-        "leave it out as a truth, or keep the first of each: a copy is as old as that")
+    #[error("leave it out as a truth, or keep the first of each: a copy is as old as that")]
+    LeaveOut,
     /// They have equal stamps.
-    AllowLoss { percent: usize } => (
-        "copies without partners are lost, which `--allow-loss {percent}%` allows")
+    #[error("copies without partners are lost, which `--allow-loss {percent}%` allows")]
+    AllowLoss { percent: usize },
     /// Those of the cameras differ in number.
-    Unequal { from_s: Option<f64>, copies: usize } => (
+    #[error(
         "with a copy, a pair is of different moments: `{}--every {copies}` leaves those out",
-        from_s.map_or(String::new(), |s| format!("--from {s:.3} ")))
-    Alternate => (
+        from_s.map_or(String::new(), |s| format!("--from {s:.3} "))
+    )]
+    Unequal { from_s: Option<f64>, copies: usize },
+    #[error(
         "those of the two cameras alternate, so that no pair is of one moment: record again \
-         without the node that repeats them")
-    Every { copies: usize } => (
-        "`--every {copies}` takes each once")
+         without the node that repeats them"
+    )]
+    Alternate,
+    #[error("`--every {copies}` takes each once")]
+    Every { copies: usize },
 }
 
 impl ClockLag {

@@ -18,6 +18,20 @@ macro_rules! causes {
             #[error($($words)+)]
             $kind $({ $($field: $type),* })?,
         )* }
+
+        impl $name {
+            /// The doubt about `of`, whose quantity `name` has a value that is not usual.
+            pub fn doubt(
+                self,
+                of: Subject,
+                name: &'static str,
+                value: f64,
+                usual: [f64; 2],
+            ) -> Doubt {
+                let (name, cure) = (name.into(), self.into());
+                Doubt { of, name, value, usual, cure }
+            }
+        }
     };
 }
 
@@ -90,22 +104,6 @@ impl Subject {
 }
 
 impl Doubt {
-    pub fn new(
-        of: Subject,
-        name: &'static str,
-        value: f64,
-        usual: [f64; 2],
-        cure: impl Into<Cure>,
-    ) -> Self {
-        Self {
-            of,
-            name: name.into(),
-            value,
-            usual,
-            cure: cure.into(),
-        }
-    }
-
     /// The usual values: `0 to 0.25`.
     pub fn usual_words(&self) -> String {
         let [least, most] = self.usual.map(rounded);
@@ -174,67 +172,28 @@ mod tests {
             CalibrationCheck::depth_center((0.0, 0.0), (64, 48))
                 .doubt()
                 .unwrap(),
-            Doubt::new(
-                Subject::Pairs,
-                "skew_ms",
-                30.0,
-                [-10.0, 10.0],
-                PairCure::Skew {
-                    skew_ms: 30.0,
-                    limit_ms: 10.0,
-                },
-            ),
-            Doubt::new(
-                topic(),
-                "clock_lag_s",
-                -0.3,
-                limit_s,
-                ClockCure::Offset { lag, log },
-            ),
-            Doubt::new(
-                topic(),
-                "topics_of_the_unit",
-                0.0,
-                [1.0, f64::MAX],
-                ClockCure::NoSuchUnit,
-            ),
-            Doubt::new(
-                Subject::Truth,
-                "disparity_px",
-                4000.0,
-                [0.0, 640.0],
-                TruthCure::Impossible {
-                    origin,
-                    median: reading,
-                    near: reading,
-                    width_px: 640,
-                    baseline: None,
-                    unit: None,
-                },
-            ),
-            Doubt::new(
-                Subject::TruthOrMaps,
-                "scale",
-                2.0,
-                [f64::MIN, 1.5],
-                TruthCure::OppositeSign {
-                    algorithms: vec!["v3".to_owned()],
-                },
-            ),
-            Doubt::new(
-                Subject::Map("z".to_owned()),
-                "scale",
-                2.0,
-                [0.5, 1.5],
-                MapCure::OppositeSign,
-            ),
-            Doubt::new(
-                Subject::Map("z".to_owned()),
-                "scale",
-                2.0,
-                [0.5, 1.5],
-                MapCure::Files { unit },
-            ),
+            PairCure::Skew {
+                skew_ms: 30.0,
+                limit_ms: 10.0,
+            }
+            .doubt(Subject::Pairs, "skew_ms", 30.0, [-10.0, 10.0]),
+            ClockCure::Offset { lag, log }.doubt(topic(), "clock_lag_s", -0.3, limit_s),
+            ClockCure::NoSuchUnit.doubt(topic(), "topics_of_the_unit", 0.0, [1.0, f64::MAX]),
+            TruthCure::Impossible {
+                origin,
+                median: reading,
+                near: reading,
+                width_px: 640,
+                baseline: None,
+                unit: None,
+            }
+            .doubt(Subject::Truth, "disparity_px", 4000.0, [0.0, 640.0]),
+            TruthCure::OppositeSign {
+                algorithms: vec!["v3".to_owned()],
+            }
+            .doubt(Subject::TruthOrMaps, "scale", 2.0, [f64::MIN, 1.5]),
+            MapCure::OppositeSign.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
+            MapCure::Files { unit }.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
         ]
     }
 

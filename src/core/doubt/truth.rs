@@ -1,6 +1,7 @@
 //! Causes of truths and maps that cannot be right, beside the images or beside each other.
 
 use super::unit::{TruthUnit, UnitCure, UnitOption, rounded};
+use super::{Doubt, Subject};
 use crate::joined;
 use crate::stereo::TruthOrigin;
 use serde::{Deserialize, Serialize};

@@ -63,7 +63,7 @@ impl RectificationMeter {
             };
             let usual = [0.0, Alignment::TOLERABLE_PX];
             let name = "vertical_misalignment_px";
-            Doubt::new(Subject::Calibration, name, after.median_abs_px, usual, cure)
+            cure.doubt(Subject::Calibration, name, after.median_abs_px, usual)
         })
     }
 }
@@ -233,13 +233,7 @@ impl AlignmentMeter {
             };
             let usual = [0.0, 4.0 * points as f64];
             let name = "points_if_turned";
-            return Some(Doubt::new(
-                Subject::Pairs,
-                name,
-                if_turned as f64,
-                usual,
-                cure,
-            ));
+            return Some(cure.doubt(Subject::Pairs, name, if_turned as f64, usual));
         }
         if points < MIN_MATCHES {
             return None;
@@ -254,13 +248,7 @@ impl AlignmentMeter {
                 nearest_m: rig.and_then(|rig| rig.depth_m(SAME_PX)),
             };
             let usual = [0.0, MIN_SAME];
-            return Some(Doubt::new(
-                Subject::Pairs,
-                "equal_places",
-                share,
-                usual,
-                cure,
-            ));
+            return Some(cure.doubt(Subject::Pairs, "equal_places", share, usual));
         }
         self.exchanged(rig.is_some(), *range.start())
             .or_else(|| self.too_near(*range.end()))
@@ -294,13 +282,7 @@ impl AlignmentMeter {
             is_calibrated,
         };
         let usual = [lowest_px.into(), f64::MAX];
-        Some(Doubt::new(
-            Subject::Pairs,
-            "disparity_px",
-            -reach_px,
-            usual,
-            cure,
-        ))
+        Some(cure.doubt(Subject::Pairs, "disparity_px", -reach_px, usual))
     }
 
     /// Points that are nearer than those that are searched.
@@ -316,13 +298,7 @@ impl AlignmentMeter {
             scale: Some(scale).filter(|scale| *scale > 0.0),
         };
         let usual = [-f64::MAX, highest_px];
-        Some(Doubt::new(
-            Subject::Pairs,
-            "disparity_px",
-            reach_px,
-            usual,
-            cure,
-        ))
+        Some(cure.doubt(Subject::Pairs, "disparity_px", reach_px, usual))
     }
 
     /// The misalignment; `None` with too few matches.

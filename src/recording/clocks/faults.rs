@@ -329,7 +329,7 @@ impl<'a> ClockCheck<'a> {
             },
         };
         let of = Subject::Topic(clock.topic.clone());
-        Doubt::new(of, "stamps_hz", stamps_hz, [0.0, UNIT_RATIO * log_hz], cure)
+        cure.doubt(of, "stamps_hz", stamps_hz, [0.0, UNIT_RATIO * log_hz])
     }
 
     /// Stamps that are later than their log times: one fault for all topics that are not named.
@@ -392,7 +392,7 @@ pub(crate) fn wrong_option(
     };
     let of = Subject::Topic(topic.clone());
     Some(ClockFault {
-        doubt: Doubt::new(of, "topics_of_the_unit", 0.0, [1.0, f64::MAX], cure),
+        doubt: cure.doubt(of, "topics_of_the_unit", 0.0, [1.0, f64::MAX]),
         denies_pairs: true,
     })
 }
@@ -436,7 +436,7 @@ pub(crate) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
             cure,
         };
         let of = Subject::Topic(name.clone());
-        ClockFault::from(Doubt::new(of, "copies", copies as f64, [1.0, 1.0], cure))
+        ClockFault::from(cure.doubt(of, "copies", copies as f64, [1.0, 1.0]))
     });
     let mixed = scan.topics.iter().filter(|(_, topic)| is_used(topic));
     let mixed = mixed.filter_map(|(name, topic)| {
@@ -444,7 +444,7 @@ pub(crate) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
         let first = topic.runs.iter().sum::<usize>();
         let cure = ClockCure::SomeCopies { copies, first };
         let of = Subject::Topic(name.clone());
-        Some(Doubt::new(of, "copies", copies as f64, [0.0, 0.0], cure).into())
+        Some(cure.doubt(of, "copies", copies as f64, [0.0, 0.0]).into())
     });
     faults.chain(mixed).collect()
 }
@@ -460,5 +460,5 @@ fn lag(offset: ClockOffset) -> ClockLag {
 fn offset(topic: &str, limit_ns: f64, cure: ClockCure, lag: ClockLag) -> Doubt {
     let limit_s = limit_ns / 1e9;
     let (of, lag_s) = (Subject::Topic(topic.to_owned()), lag.median_ns as f64 / 1e9);
-    Doubt::new(of, "clock_lag_s", lag_s, [-limit_s, limit_s], cure)
+    cure.doubt(of, "clock_lag_s", lag_s, [-limit_s, limit_s])
 }

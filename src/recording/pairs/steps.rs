@@ -79,7 +79,7 @@ impl FoundStep {
     pub(crate) fn doubt(&self, topic: String, limit_ns: f64, cure: ClockCure) -> Doubt {
         let (step_s, limit_s) = (self.shift_ns() as f64 / 1e9, limit_ns / 1e9);
         let usual = [-limit_s, limit_s];
-        Doubt::new(Subject::Topic(topic), "clock_step_s", step_s, usual, cure)
+        cure.doubt(Subject::Topic(topic), "clock_step_s", step_s, usual)
     }
 }
 

@@ -202,7 +202,7 @@ impl Places<'_> {
         let [median, near] = [0.5, 1.0 - TENTH].map(at);
         let origin = &truth.kind.origin;
         let usual = [self.infinite_px(), self.width as f64];
-        let doubt = |cure| Doubt::new(Subject::Truth, "disparity_px", median, usual, cure);
+        let doubt = |cure: TruthCure| cure.doubt(Subject::Truth, "disparity_px", median, usual);
         if fault == TruthFault::Negative {
             return doubt(TruthCure::Negative {
                 origin: origin.clone(),

@@ -175,7 +175,7 @@ impl MeasuredScales {
                 cells,
             };
             let usual = [0.0, cells as f64 / 2.0];
-            Doubt::new(Subject::Truth, "wrong_cells", wrong as f64, usual, cure)
+            cure.doubt(Subject::Truth, "wrong_cells", wrong as f64, usual)
         })
     }
 
@@ -189,8 +189,7 @@ impl MeasuredScales {
             is_constant.then_some(median)
         };
         let algorithms: Vec<_> = self.algorithms.keys().cloned().collect();
-        let doubt =
-            |scale, cure: TruthCure| Doubt::new(Subject::Truth, "scale", scale, USUAL, cure);
+        let doubt = |scale, cure: TruthCure| cure.doubt(Subject::Truth, "scale", scale, USUAL);
         match of_all(|scale| scale.factor) {
             Some(factor) if factor < 0.0 => {
                 Some(doubt(factor, TruthCure::OppositeSign { algorithms }))
@@ -224,7 +223,7 @@ impl AlgorithmScale {
     fn map_doubt(&self, label: &str, other: Compared) -> Option<Doubt> {
         let doubt = |scale, cure: MapCure| {
             let of = Subject::Map(label.to_owned());
-            Some(Doubt::new(of, "scale", scale, USUAL, cure))
+            Some(cure.doubt(of, "scale", scale, USUAL))
         };
         let of_files = self.recorded.as_deref().and_then(unit_of_files);
         let Some(measured) = self.factor else {

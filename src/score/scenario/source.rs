@@ -72,7 +72,7 @@ pub struct SourceOptions {
     /// Each image holds the left and the right one, as its halves [default: no; without a layout
     /// left-right]
     #[arg(
-        long, value_name = "left-right|right-left|top-bottom", num_args = 0..=1,
+        long, value_name = "left-right|right-left|top-bottom|bottom-top", num_args = 0..=1,
         require_equals = true, default_missing_value = "left-right",
         value_parser = clap::value_parser!(SideBySide)
     )]
@@ -81,8 +81,8 @@ pub struct SourceOptions {
     /// not known]
     #[arg(long, value_name = "HZ", value_parser = within(FPS))]
     pub fps: Option<f64>,
-    /// Number of bits of 16 that the images use [default: 10, 12, 14 or 16, by the largest value of
-    /// the first 16 pairs]
+    /// Number of bits of 16 that the images use [default: 10, 12, 14 or 16, by the values of the
+    /// first 16 pairs]
     #[arg(long, value_name = "N", value_parser = within(BITS))]
     pub bits: Option<u8>,
     /// Largest skew of a pair made by stamp [default: 5; with cameras a quarter of their period,

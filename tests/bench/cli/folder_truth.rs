@@ -286,10 +286,15 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
         summary.to_string().contains("its distances are 5 times"),
         "{summary}"
     );
-    assert_says(
-        &fixture.text("r/index.html"),
-        &["its distances are 5 times"],
+    let kept = &fixture.json_file("r/manifest.json")["doubts"][0];
+    assert_eq!(
+        [&kept["of"], &kept["name"], &kept["cure"]["kind"]],
+        ["truth", "scale", "unit"]
     );
+    let scale = kept["value"].as_f64().unwrap();
+    assert!((scale * 5.0 - 1.0).abs() < 0.1, "{kept}");
+    let page = fixture.text("r/index.html");
+    assert_says(&page, &["its distances are 5 times", "0.666667 to 1.5"]);
     let ran = score("depth/*.png:unit=0.0002");
     assert!(!(ran.stdout + &ran.stderr).contains("doubtful"));
     // 0.6 mm is no distance.

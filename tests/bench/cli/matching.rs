@@ -31,6 +31,18 @@ fn finds_the_shift_and_writes_what_was_asked_for() {
 }
 
 #[test]
+fn doubts_about_the_pair_are_in_its_json() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (320, 240), 7);
+    let json = fixture.json("match l.pgm r.pgm --algo v3 -o d.pfm --json");
+    assert!(json["doubts"].is_null(), "{json}");
+    let doubts = fixture.json("match r.pgm l.pgm --algo v3 -o e.pfm --json")["doubts"].take();
+    assert_eq!(doubts[0]["of"], "pairs");
+    assert_eq!(doubts[0]["cure"]["kind"], "exchanged", "{doubts}");
+    assert_eq!(doubts[0]["value"], -8.0);
+}
+
+#[test]
 fn a_cloud_has_the_points_of_the_disparities() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);

@@ -358,6 +358,10 @@ fn a_video_is_turned_before_its_halves_are_cut() {
         greys("upright.mov", "=top-bottom"),
         ((64, 24), [1, 4], false)
     );
+    assert_eq!(
+        greys("upright.mov", "=bottom-top"),
+        ((64, 24), [4, 1], false)
+    );
     assert_eq!(greys("turned.mov", ""), ((24, 64), [4, 1], true));
     fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right | right-left");
 }

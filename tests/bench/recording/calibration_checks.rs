@@ -6,6 +6,7 @@ use super::bag_folders::describe;
 use super::frames::read;
 use super::sensor::tf;
 use crate::cli::fixture::{Fixture, Ran, assert_says};
+use serde_json::Value;
 use svl::stereo::{Frame, Rig};
 
 const SIZE: (usize, usize) = (320, 240);
@@ -185,12 +186,16 @@ fn contradictions_in_a_bag_are_named_first() {
         bag::write(&fixture.path(""), &all);
         let line = answer(&fixture, "bag.mcap");
         assert!(line.contains(words), "{words}: {line}");
-        let checks = &fixture.json("info bag.mcap --json")["first_pairs"]["calibration_checks"];
+        let json = fixture.json("info bag.mcap --json");
+        let checks = &json["first_pairs"]["calibration_checks"];
         let doubts = checks.as_array().unwrap().iter();
         let doubts = doubts.filter(|check| !check["cure"].is_null()).count();
         let is_named = !words.starts_with("usable");
         let is_doubted = is_named && !line.contains("no calibration");
         assert_eq!(doubts, usize::from(is_doubted), "{words}: {checks}");
+        let told = json["usability"]["doubts"].as_array().unwrap();
+        let is_told = |own: &Value| own["words"].as_str().unwrap().contains(words);
+        assert_eq!(told.iter().any(is_told), is_doubted, "{words}: {told:?}");
         // Every other command says it too.
         let replayed = fixture.svl("replay bag.mcap --algo v3");
         assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);

@@ -276,8 +276,8 @@ fn exchanged_images_or_calibrations_have_a_cure_each() {
             &exchanged[..],
             [left, right],
             "name them the other way round (--left and --right, the files of match, or \
-             --side-by-side=right-left for halves of one image), and as the calibrations are not \
-             exchanged, --calib FILE",
+             --side-by-side=right-left, or bottom-top, for halves of one image), and as the \
+             calibrations are not exchanged, --calib FILE",
             "--left /cam1/image_raw --right /cam0/image_raw --calib calib.txt",
         ),
         (

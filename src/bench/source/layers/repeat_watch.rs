@@ -78,13 +78,7 @@ impl RepeatWatch {
             seconds: since_ns.saturating_sub(begin_ns) as f64 / 1e9,
         };
         let usual = [1.0, MIN_PAIRS as f64 - 1.0];
-        Some(Doubt::new(
-            Subject::Pairs,
-            "equal_pairs",
-            pairs as f64,
-            usual,
-            cure,
-        ))
+        Some(cure.doubt(Subject::Pairs, "equal_pairs", pairs as f64, usual))
     }
 }
 

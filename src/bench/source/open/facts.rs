@@ -205,7 +205,7 @@ fn skew_doubt(mut skews_ns: Vec<i64>, stamps_ns: &[u64]) -> Option<Doubt> {
     let (skew_ms, limit_ms) = (skew_ns as f64 / 1e6, limit_ns / 1e6);
     let cure = PairCure::Skew { skew_ms, limit_ms };
     let usual = [-limit_ms, limit_ms];
-    let doubt = Doubt::new(Subject::Pairs, "skew_ms", skew_ms, usual, cure);
+    let doubt = cure.doubt(Subject::Pairs, "skew_ms", skew_ms, usual);
     (skew_ns.unsigned_abs() as f64 > limit_ns).then_some(doubt)
 }
 
