@@ -384,54 +384,45 @@ impl StepSession {
             Keys::Script(_) => Screen::in_memory()?,
             Keys::Terminal => Screen::from_terminal()?,
         };
-        run(stepper, tool, &mut self.0, &mut screen)
-    }
-}
-
-fn run(
-    stepper: &mut Stepper<'_>,
-    tool: &mut dyn StepTool,
-    keys: &mut Keys,
-    screen: &mut Screen,
-) -> anyhow::Result<Ended> {
-    listen_for_interrupt();
-    let (shades, is_script) = (screen.has_shades(), matches!(keys, Keys::Script(_)));
-    let mut changed = true;
-    loop {
-        if std::mem::take(&mut stepper.is_new) {
-            tool.show(stepper)?;
-            changed = true;
-        }
-        if let Some(warning) = log::take_last() {
-            stepper.say(warning);
-            changed = true;
-        }
-        if std::mem::take(&mut changed) {
-            screen.draw(|canvas| stepper.draw(tool, shades, canvas))?;
-        }
-        if interrupted() {
-            return Ok(Ended::Interrupted);
-        }
-        match keys.next(stepper.wait())? {
-            Key::Tick => {
-                stepper.tick(is_script);
-                changed |= tool.poll(stepper);
-            }
-            Key::Wait => {
-                tool.settle();
-                changed |= tool.poll(stepper);
-            }
-            Key::Screen => screen.print()?,
-            Key::Resize(columns, rows) => {
-                screen.resize(columns, rows)?;
+        listen_for_interrupt();
+        let (shades, is_script) = (screen.has_shades(), matches!(self.0, Keys::Script(_)));
+        let mut changed = true;
+        loop {
+            if std::mem::take(&mut stepper.is_new) {
+                tool.show(stepper)?;
                 changed = true;
             }
-            Key::Interrupt | Key::Closed => return Ok(Ended::Interrupted),
-            key => {
+            if let Some(warning) = log::take_last() {
+                stepper.say(warning);
                 changed = true;
-                stepper.message.clear();
-                if stepper.key(key, tool)? == Reaction::Quit {
-                    return Ok(Ended::Quit);
+            }
+            if std::mem::take(&mut changed) {
+                screen.draw(|canvas| stepper.draw(tool, shades, canvas))?;
+            }
+            if interrupted() {
+                return Ok(Ended::Interrupted);
+            }
+            match self.0.next(stepper.wait())? {
+                Key::Tick => {
+                    stepper.tick(is_script);
+                    changed |= tool.poll(stepper);
+                }
+                Key::Wait => {
+                    tool.settle();
+                    changed |= tool.poll(stepper);
+                }
+                Key::Screen => screen.print()?,
+                Key::Resize(columns, rows) => {
+                    screen.resize(columns, rows)?;
+                    changed = true;
+                }
+                Key::Interrupt | Key::Closed => return Ok(Ended::Interrupted),
+                key => {
+                    changed = true;
+                    stepper.message.clear();
+                    if stepper.key(key, tool)? == Reaction::Quit {
+                        return Ok(Ended::Quit);
+                    }
                 }
             }
         }

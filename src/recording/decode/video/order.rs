@@ -9,6 +9,7 @@ use crate::message::MessageError::{Keyframe, Slices, Video};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// The pictures of a topic so far.
+#[derive(Default)]
 pub(crate) struct PictureOrder {
     /// Codec and parameters of the sequence.
     sequence: Option<(Codec, CodecParameters)>,
@@ -16,8 +17,9 @@ pub(crate) struct PictureOrder {
     hash: u64,
     /// True if they changed since the last picture that can be decoded.
     is_new: bool,
-    /// The number of the next picture, or the reason to wait for a keyframe.
-    next: CodedResult<u32>,
+    /// The number of the next picture, or the reason to wait for a keyframe; `None` before the
+    /// first one.
+    next: Option<CodedResult<u32>>,
     /// Slices of a picture.
     slices: usize,
     /// Stamp of the last message.
@@ -28,22 +30,6 @@ pub(crate) struct PictureOrder {
     /// begin anew there.
     since_key: u32,
     shortest_group: Option<u32>,
-}
-
-impl Default for PictureOrder {
-    fn default() -> Self {
-        Self {
-            sequence: None,
-            hash: 0,
-            is_new: false,
-            next: Err(Video("the video begins without one").into()),
-            slices: 0,
-            last_ns: None,
-            periods_ns: (0, 0),
-            since_key: 0,
-            shortest_group: None,
-        }
-    }
 }
 
 /// A picture that can be decoded.
@@ -69,10 +55,8 @@ impl PictureOrder {
             Ok(packet) => self.picture(packet),
             Err(reason) => Err(reason.clone()),
         };
-        if let Err(reason) = &picture
-            && self.next.is_ok()
-        {
-            self.next = Err(reason.clone());
+        if let (Err(reason), Some(Ok(_))) = (&picture, &self.next) {
+            self.next = Some(Err(reason.clone()));
         }
         picture
     }
@@ -90,7 +74,9 @@ impl PictureOrder {
         let is_whole = slice.is_first() && pictures == 1;
         check(is_whole, "it does not contain one whole picture")?;
         let is_key = slice.is_key();
-        if !is_key && let Err(reason) = &self.next {
+        let begins = || Err(Video("the video begins without one").into());
+        let next = self.next.clone().unwrap_or_else(begins);
+        if !is_key && let Err(reason) = &next {
             return Err(Keyframe(reason.clone()).into());
         }
         let parameters = self.take_in_parameters(codec, &units, is_key)?;
@@ -100,7 +86,7 @@ impl PictureOrder {
             !number.is_bidirectional,
             "it has B-frames, which refer to later messages: record without",
         )?;
-        let is_next = self.next.as_ref().is_ok_and(|next| *next == number.number);
+        let is_next = next.is_ok_and(|next| next == number.number);
         check(
             is_key || is_next,
             "a message before it is missing, or it has B-frames",
@@ -110,7 +96,7 @@ impl PictureOrder {
         let group = self.shortest_group.unwrap_or(numbers);
         self.check_time(apart_ns, is_key, numbers.min(group))?;
         self.count_in_group(is_key);
-        self.next = Ok(number.next);
+        self.next = Some(Ok(number.next));
         Ok(CodedPicture {
             codec,
             is_key,
@@ -124,7 +110,7 @@ impl PictureOrder {
         if is_key {
             let group = std::mem::take(&mut self.since_key);
             // From the first one on, and where nothing is missing.
-            if self.next.is_ok() {
+            if let Some(Ok(_)) = self.next {
                 let shortest = self.shortest_group.unwrap_or(group);
                 self.shortest_group = Some(shortest.min(group));
             }
