@@ -66,7 +66,7 @@ pub(crate) trait StepTool {
 pub(crate) struct ToolCanvas<'c, 'f> {
     pub(crate) screen: &'c mut ratatui::Frame<'f>,
     pub(crate) area: Rect,
-    /// As [`Screen::has_shades`].
+    /// [`Screen::has_shades`].
     pub(crate) shades: bool,
 }
 

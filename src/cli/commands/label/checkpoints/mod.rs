@@ -26,7 +26,7 @@ use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
 use svl::source::Request;
 use svl::stereo::GridShape;
-use tool::{Labelling, Question};
+use tool::{Labelling, TypedLine};
 
 /// Label what cells of recorded frames show, for `svl score`
 #[derive(clap::Args)]
@@ -137,7 +137,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         run,
         picked: (0, 0),
         picture: Rect::ZERO,
-        asked: Question::Cell,
+        asked: TypedLine::Cell,
         leaves: false,
         moved_by: None,
         written: Vec::new(),

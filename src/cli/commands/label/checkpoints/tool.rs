@@ -36,8 +36,8 @@ pub(super) struct Labelling {
     pub(super) picked: (usize, usize),
     /// Place where the image was drawn last.
     pub(super) picture: Rect,
-    /// Purpose of the line that is typed.
-    pub(super) asked: Question,
+    /// The line that was asked for last.
+    pub(super) asked: TypedLine,
     /// True if the next key says what becomes of the draft on leaving.
     pub(super) leaves: bool,
     /// The key before, if it moved to another frame and could begin a label.
@@ -46,9 +46,9 @@ pub(super) struct Labelling {
     pub(super) written: Vec<String>,
 }
 
-/// A question to the user.
+/// Purpose of a line that the user types.
 #[derive(Clone, Copy)]
-pub(super) enum Question {
+pub(super) enum TypedLine {
     Cell,
     /// True if the checkpoint is written after the answer.
     Name(bool),
@@ -98,18 +98,18 @@ impl Labelling {
     /// Takes a line that was asked for.
     pub(super) fn answered(&mut self, text: &str, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
         match self.asked {
-            Question::Cell if self.is_doubtful(text) => {
+            TypedLine::Cell if self.is_doubtful(text) => {
                 let key = self.moved_by.take().unwrap_or_default();
                 stepper.say(format!(
                     "not labelled: is it {text} or {key}{text}? {key} has moved; type = first"
                 ));
             }
-            Question::Cell if text == NONE => self.label(None, stepper),
-            Question::Cell => match text.parse() {
+            TypedLine::Cell if text == NONE => self.label(None, stepper),
+            TypedLine::Cell => match text.parse() {
                 Ok(label) => self.label(Some(label), stepper),
                 Err(why) => stepper.say(why),
             },
-            Question::Name(then_write) => {
+            TypedLine::Name(then_write) => {
                 text.clone_into(&mut self.draft.name);
                 if then_write && !self.draft.name.is_empty() {
                     self.write(stepper)?;
@@ -172,14 +172,14 @@ impl Labelling {
 
     fn ask_name(&mut self, then_write: bool, stepper: &mut Stepper<'_>) {
         let question = "name of the checkpoint, or name: description";
-        self.asked = Question::Name(then_write);
+        self.asked = TypedLine::Name(then_write);
         stepper.ask(question.to_owned(), self.draft.name.clone(), "");
     }
 
     fn ask_cell(&mut self, text: impl Into<String>, stepper: &mut Stepper<'_>) {
         let (column, row) = self.picked;
         let question = format!("cell ({column}, {row}) shows");
-        self.asked = Question::Cell;
+        self.asked = TypedLine::Cell;
         stepper.ask(question, text.into(), FORMS);
     }
 
