@@ -126,18 +126,12 @@ const STEPS: i32 = 16;
 
 impl Knob {
     fn new(part: KnobPart, parameter: &Parameter) -> Self {
-        let Parameter {
-            name,
-            unit,
-            range,
-            description,
-        } = *parameter;
         Self {
             part,
-            name,
-            unit,
-            range,
-            description,
+            name: parameter.name,
+            unit: parameter.unit,
+            range: parameter.range,
+            description: parameter.description,
         }
     }
 
@@ -145,15 +139,9 @@ impl Knob {
     /// fiftieth, rounded down to 1, 2 or 5 times a power of ten; a coarse one is ten times that.
     /// None for values without an order.
     fn step(&self, value: f64, coarse: bool) -> Option<f64> {
-        let (default, low, high, least, part) = match self.range {
-            Range::Int { default, min, max } => (
-                f64::from(default),
-                f64::from(min),
-                f64::from(max),
-                1.0,
-                50.0,
-            ),
-            Range::Real { default, min, max } => (default, min, max, 0.0, 20.0),
+        let ([default, low, high], least, part) = match self.range {
+            Range::Int { default, min, max } => ([default, min, max].map(f64::from), 1.0, 50.0),
+            Range::Real { default, min, max } => ([default, min, max], 0.0, 20.0),
             _ => return None,
         };
         let size = value.abs().max(default.abs()).max((high - low) / 1000.0);

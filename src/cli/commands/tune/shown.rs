@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 use svl::matcher::Algorithm;
-use svl::report::Row;
 use svl::report::compare::Change;
 use svl::score::{Judged, Metric, MetricValues};
 use svl::stereo::{Frame, Gray, Reason};
@@ -39,13 +38,21 @@ pub(super) struct TuneState {
 /// The frame, through the setting and the one compared with.
 #[derive(Clone)]
 pub(super) struct FrameView {
-    pub(super) metrics: [Option<MetricValues>; 2],
+    /// `None` where an algorithm failed.
+    pub(super) sides: [Option<FrameSide>; 2],
     pub(super) ms: [Option<f64>; 2],
-    /// Pixels per reason.
-    pub(super) why: [[usize; Reason::PIXELS.len()]; 2],
     pub(super) pixels: usize,
+}
+
+/// The part of an estimate that is kept.
+#[derive(Clone)]
+pub(super) struct FrameSide {
+    pub(super) algorithm: String,
+    pub(super) metrics: MetricValues,
+    /// Pixels per reason.
+    pub(super) why: [usize; Reason::PIXELS.len()],
     /// Disparities, from far and dark to near and light.
-    pub(super) pictures: [Option<Arc<Gray>>; 2],
+    pub(super) picture: Option<Arc<Gray>>,
 }
 
 /// The sample, as far as it is done.
@@ -80,17 +87,9 @@ impl SampleView {
     }
 }
 
-/// The part of an estimate that is kept.
-#[derive(Clone)]
-pub(super) struct Watched {
-    pub(super) algorithm: String,
-    why: [usize; Reason::PIXELS.len()],
-    picture: Option<Arc<Gray>>,
-}
-
-pub(super) fn watch(judged: &Judged) -> Vec<Watched> {
-    let estimates = judged.estimates.iter().map(|scored| &scored.estimate);
-    let watched = estimates.map(|estimate| {
+pub(super) fn sides(judged: &Judged) -> Vec<FrameSide> {
+    let sides = judged.estimates.iter().map(|scored| {
+        let estimate = &scored.estimate;
         let map = estimate.disparity.disparity();
         let finite = map.pixels().filter(|d| d.is_finite());
         let nearest = finite.fold(1.0_f32, f32::max);
@@ -103,28 +102,14 @@ pub(super) fn watch(judged: &Judged) -> Vec<Watched> {
                 0
             }
         });
-        Watched {
+        FrameSide {
             algorithm: estimate.algorithm.clone(),
+            metrics: scored.metrics,
             why: estimate.disparity.tally(),
             picture: picture.ok().map(Arc::new),
         }
     });
-    watched.collect()
-}
-
-impl FrameView {
-    pub(super) fn new(frame: &Frame, rows: &[Row], watched: &[Watched]) -> Self {
-        let row = |label: &str| rows.iter().find(|row| row.algorithm == label);
-        let find = |label: &str| watched.iter().find(|find| find.algorithm == label);
-        let (width, height) = frame.pair.size();
-        Self {
-            metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
-            ms: [None; 2],
-            why: LABELS.map(|label| find(label).map_or([0; Reason::PIXELS.len()], |find| find.why)),
-            pixels: width * height,
-            pictures: LABELS.map(|label| find(label).and_then(|find| find.picture.clone())),
-        }
-    }
+    sides.collect()
 }
 
 /// The algorithm as it runs, with its filters.

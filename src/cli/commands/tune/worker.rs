@@ -1,7 +1,7 @@
 //! The work while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
-use super::shown::{FrameView, Job, LABELS, SampleView, TuneState, Watched, title, watch};
+use super::shown::{FrameSide, FrameView, Job, LABELS, SampleView, TuneState, sides, title};
 use crate::cli::shared::viewer;
 use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, VecDeque};
@@ -39,6 +39,13 @@ struct State {
     shown: TuneState,
     is_busy: bool,
     stops: bool,
+}
+
+impl State {
+    /// True if what is under way has to give way.
+    fn is_interrupted(&self) -> bool {
+        self.job.is_some() || self.stops
+    }
 }
 
 type SharedState = Arc<(Mutex<State>, Condvar)>;
@@ -136,8 +143,7 @@ struct KeyWatch<'a> {
 
 impl Monitor for KeyWatch<'_> {
     fn go_on(&mut self, _: u64) -> bool {
-        let state = self.shared.0.lock();
-        !(self.ends && (state.job.is_some() || state.stops))
+        !(self.ends && self.shared.0.lock().is_interrupted())
     }
 
     fn failed(&mut self, failure: &Notice) {
@@ -161,14 +167,14 @@ struct Bench {
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
     /// Result of the setting compared with for the frame that is shown.
-    compared: Option<(Arc<Frame>, Row, Watched)>,
+    compared: Option<(Arc<Frame>, FrameSide)>,
 }
 
 impl Bench {
     fn run(&mut self) {
         loop {
             let mut state = self.shared.0.lock();
-            while state.job.is_none() && !state.stops {
+            while !state.is_interrupted() {
                 state.is_busy = false;
                 self.shared.1.notify_all();
                 self.shared.1.wait(&mut state);
@@ -246,15 +252,15 @@ impl Bench {
     }
 
     fn show_frame(&mut self, job: &Job, number: u64) -> svl::Result<()> {
-        let watched: Outbox<Vec<Watched>> = Outbox::default();
-        let outbox = watched.clone();
-        let watch_sink = WatchSink(move |judged: &Judged| outbox.put(watch(judged)));
+        let seen: Outbox<Vec<FrameSide>> = Outbox::default();
+        let outbox = seen.clone();
+        let watch_sink = WatchSink(move |judged: &Judged| outbox.put(sides(judged)));
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(watch_sink)];
         sinks.extend(self.rerun.take());
         let frames = [Arc::clone(&job.frame)];
         // Results that are known of this frame are not computed again.
         let known = self.compared.take();
-        let known = known.filter(|(frame, _, _)| Arc::ptr_eq(frame, &job.frame));
+        let known = known.filter(|(frame, _)| Arc::ptr_eq(frame, &job.frame));
         let idle = match (&known, &mut self.matchers) {
             (Some(_), Some(matchers)) => Some(matchers.split_off(1)),
             _ => None,
@@ -274,19 +280,20 @@ impl Bench {
         if let (Some(idle), Some(matchers)) = (idle, &mut self.matchers) {
             matchers.append(idle);
         }
-        let (mut rows, mut watched) = (ran?, watched.take());
-        if let Some((_, row, seen)) = known {
-            rows.push(row);
-            watched.push(seen);
-        }
-        let row = rows.iter().find(|row| row.algorithm == LABELS[1]);
-        let seen = watched.iter().find(|seen| seen.algorithm == LABELS[1]);
-        self.compared = row
-            .zip(seen)
-            .map(|(row, seen)| (Arc::clone(&job.frame), row.clone(), seen.clone()));
-        let view = FrameView::new(&job.frame, &rows, &watched);
+        ran?;
+        let mut seen = seen.take();
+        seen.extend(known.map(|(_, compared)| compared));
+        let side = |label: &str| seen.iter().find(|side| side.algorithm == label).cloned();
+        let sides = LABELS.map(side);
+        let compared = sides[1].clone();
+        self.compared = compared.map(|side| (Arc::clone(&job.frame), side));
+        let (width, height) = job.frame.pair.size();
         let mut state = self.shared.0.lock();
-        state.shown.frame = Some(view);
+        state.shown.frame = Some(FrameView {
+            sides,
+            ms: [None; 2],
+            pixels: width * height,
+        });
         state.shown.done = number;
         drop(state);
         let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
@@ -345,12 +352,10 @@ impl Bench {
 
     /// Reads and runs the sample, as far as nothing else is wanted.
     fn do_sample(&mut self, job: &Job) -> svl::Result<()> {
-        let is_wanted = |shared: &SharedState| {
-            let state = shared.0.lock();
-            state.job.is_some() || state.stops
-        };
+        let shared = Arc::clone(&self.shared);
+        let is_interrupted = || shared.0.lock().is_interrupted();
         if let Some(sampler) = &mut self.sampler {
-            while !is_wanted(&self.shared) && sampler.step()? {}
+            while !is_interrupted() && sampler.step()? {}
         }
         let frames: Vec<_> = match &self.sampler {
             Some(sampler) => sampler.frames().to_vec(),
@@ -362,7 +367,7 @@ impl Bench {
         let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
         let (mut left, mut chunk, mut shown) = (&left[..], 1, 1);
         while !left.is_empty() {
-            if is_wanted(&self.shared) {
+            if is_interrupted() {
                 return Ok(());
             }
             let (now, later) = left.split_at(chunk.min(left.len()));
@@ -380,7 +385,7 @@ impl Bench {
             }
         }
         self.publish();
-        if !is_wanted(&self.shared) && !self.rows.is_empty() {
+        if !is_interrupted() && !self.rows.is_empty() {
             let mut state = self.shared.0.lock();
             let changes = state.shown.sample.changes.clone();
             let written = job.settings[0].algorithm.written();

@@ -7,13 +7,16 @@ use std::fmt;
 const MAX_CHARACTERS: usize = 200;
 
 /// A question, and as much of its answer as was typed.
-pub(crate) struct LineEdit {
-    question: String,
-    text: String,
+pub(super) struct LineEdit {
+    pub(super) question: String,
+    /// May begin with a proposal.
+    pub(super) text: String,
+    /// Shown until something is typed.
+    pub(super) hint: &'static str,
 }
 
 /// Result of a key for the answer.
-pub(crate) enum Edited {
+pub(super) enum Edited {
     Going,
     /// With the white space around it taken off.
     Done(String),
@@ -21,18 +24,8 @@ pub(crate) enum Edited {
 }
 
 impl LineEdit {
-    /// Begins with a text that may be changed.
-    pub(crate) fn with(question: impl Into<String>, text: impl Into<String>) -> Self {
-        let (question, text) = (question.into(), text.into());
-        Self { question, text }
-    }
-
-    pub(crate) fn is_empty(&self) -> bool {
-        self.text.is_empty()
-    }
-
     /// Enter ends it, Escape cancels it.
-    pub(crate) fn key(&mut self, key: Key) -> Edited {
+    pub(super) fn key(&mut self, key: Key) -> Edited {
         match key {
             Key::Enter => return Edited::Done(self.text.trim().to_owned()),
             Key::Escape => return Edited::Cancelled,
@@ -48,6 +41,10 @@ impl LineEdit {
 
 impl fmt::Display for LineEdit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}_", self.question, self.text)
+        write!(f, "{}: {}_", self.question, self.text)?;
+        if self.text.is_empty() && !self.hint.is_empty() {
+            write!(f, " ({})", self.hint)?;
+        }
+        Ok(())
     }
 }

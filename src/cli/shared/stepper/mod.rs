@@ -9,11 +9,11 @@ mod screen;
 
 pub(crate) use frames::{FrameStore, Open, open_again};
 pub(crate) use keys::Key;
-pub(crate) use line_edit::{Edited, LineEdit};
 
 use crate::cli::shared::log;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
 use keys::Keys;
+use line_edit::{Edited, LineEdit};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::widgets::{Block, Clear, Paragraph};
@@ -35,7 +35,12 @@ pub(crate) trait StepTool {
     /// Takes a key, before the stepper does.
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
 
-    /// Question of the tool at the moment, in place of the message.
+    /// Takes the line that it asked for by [`Stepper::ask`].
+    fn answer(&mut self, _text: &str, _stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        Ok(())
+    }
+
+    /// Question that the next key answers, in place of the message.
     fn question(&self) -> Option<String> {
         None
     }
@@ -53,14 +58,16 @@ pub(crate) trait StepTool {
         ", . step  < > ten  space play  g go to  ? all keys  q quit"
     }
 
-    /// Draws what lies between the lines of the stepper; `shades` as [`Screen::has_shades`].
-    fn draw(
-        &mut self,
-        stepper: &Stepper<'_>,
-        shades: bool,
-        area: Rect,
-        canvas: &mut ratatui::Frame<'_>,
-    );
+    /// Draws what lies between the lines of the stepper.
+    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>);
+}
+
+/// The part of the screen that a tool draws on.
+pub(crate) struct ToolCanvas<'c, 'f> {
+    pub(crate) screen: &'c mut ratatui::Frame<'f>,
+    pub(crate) area: Rect,
+    /// [`Screen::has_shades`].
+    pub(crate) shades: bool,
 }
 
 /// Reaction of a tool to a key.
@@ -104,7 +111,9 @@ pub(crate) struct Stepper<'a> {
     period: Duration,
     /// Time of the next frame; `None` unless playing.
     due: Option<Instant>,
-    jump: Option<LineEdit>,
+    /// The line that is typed, for the tool unless it is the number of a frame to go to.
+    line: Option<LineEdit>,
+    jumps: bool,
     help: bool,
     message: String,
     /// True if the tool has to be shown the frame.
@@ -132,7 +141,8 @@ impl<'a> Stepper<'a> {
             period: GLANCE,
             // Cameras play all the time.
             due: is_live.then(Instant::now),
-            jump: None,
+            line: None,
+            jumps: false,
             help: false,
             message: String::new(),
             is_new: true,
@@ -162,6 +172,17 @@ impl<'a> Stepper<'a> {
     /// Shows a message until the next key.
     pub(crate) fn say(&mut self, message: impl Into<String>) {
         self.message = message.into();
+    }
+
+    /// Asks for a line, the tool's [`StepTool::answer`] unless the user cancels it. `text`: what
+    /// it begins with; `hint`: shown while it is empty.
+    pub(crate) fn ask(&mut self, question: String, text: String, hint: &'static str) {
+        self.jumps = false;
+        self.line = Some(LineEdit {
+            question,
+            text,
+            hint,
+        });
     }
 
     /// Goes to the frame with that number, or to the next one that there is.
@@ -214,29 +235,42 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    fn key(&mut self, key: Key) {
-        if let Some(edit) = &mut self.jump {
-            match edit.key(key) {
-                Edited::Going => return,
-                Edited::Cancelled => {}
-                Edited::Done(text) => match text.parse() {
-                    Ok(sequence) => self.go_to(sequence),
-                    Err(_) => self.say(format!("'{text}' is not the number of a frame")),
-                },
+    /// Takes a key for the line that is typed, else for the tool, else for itself.
+    fn key(&mut self, key: Key, tool: &mut dyn StepTool) -> anyhow::Result<Reaction> {
+        if let Some(line) = &mut self.line {
+            match line.key(key) {
+                Edited::Going => {}
+                Edited::Cancelled => self.line = None,
+                Edited::Done(text) => {
+                    self.line = None;
+                    if !self.jumps {
+                        tool.answer(&text, self)?;
+                    } else if let Ok(sequence) = text.parse() {
+                        self.go_to(sequence);
+                    } else {
+                        self.say(format!("'{text}' is not the number of a frame"));
+                    }
+                }
             }
-            self.jump = None;
-            return;
+            return Ok(Reaction::Taken);
         }
         // Any key leaves the help.
         if std::mem::take(&mut self.help) {
-            return;
+            return Ok(Reaction::Taken);
+        }
+        let reaction = tool.key(key, self)?;
+        if reaction != Reaction::Ignored {
+            return Ok(reaction);
         }
         match key {
             Key::Char(',') => self.step(-1),
             Key::Char('.') => self.step(1),
             Key::Char('<') => self.step(-10),
             Key::Char('>') => self.step(10),
-            Key::Char('g') => self.jump = Some(LineEdit::with("go to frame", "")),
+            Key::Char('g') => {
+                self.ask("go to frame".to_owned(), String::new(), "");
+                self.jumps = true;
+            }
             Key::Char('?') => self.help = true,
             Key::Char(' ') => {
                 self.due = self.due.is_none().then(Instant::now);
@@ -244,6 +278,7 @@ impl<'a> Stepper<'a> {
             Key::Char(c) => self.say(format!("'{c}' does nothing here; ? shows the keys")),
             _ => {}
         }
+        Ok(Reaction::Taken)
     }
 
     /// Plays on if the next frame is due; a script triggers it with a tick.
@@ -290,9 +325,14 @@ impl<'a> Stepper<'a> {
         let bar = Style::new().add_modifier(Modifier::REVERSED);
         let words = printable_line(&self.title());
         canvas.render_widget(Paragraph::new(words).style(bar), title);
-        tool.draw(self, shades, middle, canvas);
-        let jump = self.jump.as_ref().map(LineEdit::to_string);
-        let question = tool.question().or(jump);
+        let mut tool_canvas = ToolCanvas {
+            screen: canvas,
+            area: middle,
+            shades,
+        };
+        tool.draw(self, &mut tool_canvas);
+        let line = self.line.as_ref().map(LineEdit::to_string);
+        let question = tool.question().or(line);
         let words = question.unwrap_or_else(|| self.message.clone());
         canvas.render_widget(Paragraph::new(printable_line(&words)), message);
         canvas.render_widget(Paragraph::new(tool.hint()).style(bar), keys);
@@ -344,61 +384,45 @@ impl StepSession {
             Keys::Script(_) => Screen::in_memory()?,
             Keys::Terminal => Screen::from_terminal()?,
         };
-        run(stepper, tool, &mut self.0, &mut screen)
-    }
-}
-
-fn run(
-    stepper: &mut Stepper<'_>,
-    tool: &mut dyn StepTool,
-    keys: &mut Keys,
-    screen: &mut Screen,
-) -> anyhow::Result<Ended> {
-    listen_for_interrupt();
-    let (shades, is_script) = (screen.has_shades(), matches!(keys, Keys::Script(_)));
-    let mut changed = true;
-    loop {
-        if std::mem::take(&mut stepper.is_new) {
-            tool.show(stepper)?;
-            changed = true;
-        }
-        if let Some(warning) = log::take_last() {
-            stepper.say(warning);
-            changed = true;
-        }
-        if std::mem::take(&mut changed) {
-            screen.draw(|canvas| stepper.draw(tool, shades, canvas))?;
-        }
-        if interrupted() {
-            return Ok(Ended::Interrupted);
-        }
-        match keys.next(stepper.wait())? {
-            Key::Tick => {
-                stepper.tick(is_script);
-                changed |= tool.poll(stepper);
-            }
-            Key::Wait => {
-                tool.settle();
-                changed |= tool.poll(stepper);
-            }
-            Key::Screen => screen.print()?,
-            Key::Resize(columns, rows) => {
-                screen.resize(columns, rows)?;
+        listen_for_interrupt();
+        let (shades, is_script) = (screen.has_shades(), matches!(self.0, Keys::Script(_)));
+        let mut changed = true;
+        loop {
+            if std::mem::take(&mut stepper.is_new) {
+                tool.show(stepper)?;
                 changed = true;
             }
-            Key::Interrupt | Key::Closed => return Ok(Ended::Interrupted),
-            key => {
+            if let Some(warning) = log::take_last() {
+                stepper.say(warning);
                 changed = true;
-                stepper.message.clear();
-                let is_stepper = stepper.jump.is_some() || stepper.help;
-                match if is_stepper {
-                    Reaction::Ignored
-                } else {
-                    tool.key(key, stepper)?
-                } {
-                    Reaction::Ignored => stepper.key(key),
-                    Reaction::Taken => {}
-                    Reaction::Quit => return Ok(Ended::Quit),
+            }
+            if std::mem::take(&mut changed) {
+                screen.draw(|canvas| stepper.draw(tool, shades, canvas))?;
+            }
+            if interrupted() {
+                return Ok(Ended::Interrupted);
+            }
+            match self.0.next(stepper.wait())? {
+                Key::Tick => {
+                    stepper.tick(is_script);
+                    changed |= tool.poll(stepper);
+                }
+                Key::Wait => {
+                    tool.settle();
+                    changed |= tool.poll(stepper);
+                }
+                Key::Screen => screen.print()?,
+                Key::Resize(columns, rows) => {
+                    screen.resize(columns, rows)?;
+                    changed = true;
+                }
+                Key::Interrupt | Key::Closed => return Ok(Ended::Interrupted),
+                key => {
+                    changed = true;
+                    stepper.message.clear();
+                    if stepper.key(key, tool)? == Reaction::Quit {
+                        return Ok(Ended::Quit);
+                    }
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! A grey image in characters: two pixels of shades in each, or one by a character as dark.
 
+use super::ToolCanvas;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect, Size};
 use ratatui::style::{Color, Style};
@@ -26,20 +27,15 @@ pub(crate) fn fitting((width, height): (usize, usize), room: Size) -> Size {
 }
 
 /// Draws an image, and lines of text to its right; returns the place of the image.
-pub(crate) fn draw_beside(
-    lines: &[String],
-    image: &Gray,
-    area: Rect,
-    shades: bool,
-    canvas: &mut ratatui::Frame<'_>,
-) -> Rect {
+pub(crate) fn draw_beside(lines: &[String], image: &Gray, canvas: &mut ToolCanvas<'_, '_>) -> Rect {
+    let area = canvas.area;
     let room = Size::new(area.width.saturating_sub(PANEL), area.height);
     let place = Rect::from((area.as_position(), fitting(image.size(), room)));
-    draw(image, place, shades, canvas.buffer_mut());
+    draw(image, place, canvas.shades, canvas.screen.buffer_mut());
     let left = place.right() + 1;
     let panel = Rect::new(left, area.y, area.right().saturating_sub(left), area.height);
     let words = Paragraph::new(lines.join("\n")).wrap(Wrap { trim: false });
-    canvas.render_widget(words, panel);
+    canvas.screen.render_widget(words, panel);
     place
 }
 
@@ -74,6 +70,24 @@ pub(crate) fn cell(shape: GridShape, at: (usize, usize), image: Rect) -> Rect {
     let (x, y) = shape.pixels(at, (image.width.into(), image.height.into()));
     let (column, row) = (image.x + x.start as u16, image.y + y.start as u16);
     Rect::new(column, row, x.len() as u16, y.len() as u16)
+}
+
+/// The places along the border of a part of the screen, each with its line.
+pub(crate) fn border(part: Rect) -> impl Iterator<Item = (Position, &'static str)> {
+    part.positions().filter_map(move |at| {
+        let (is_left, is_right) = (at.x == part.left(), at.x + 1 == part.right());
+        let (is_top, is_bottom) = (at.y == part.top(), at.y + 1 == part.bottom());
+        let line = match (is_left || is_right, is_top, is_bottom) {
+            (true, true, _) if is_right => "┓",
+            (true, true, _) => "┏",
+            (true, _, true) if is_right => "┛",
+            (true, _, true) => "┗",
+            (true, ..) => "┃",
+            (_, true, _) | (_, _, true) => "━",
+            _ => return None,
+        };
+        Some((at, line))
+    })
 }
 
 /// One of the 24 greys that every terminal of 256 colours has.

@@ -114,17 +114,17 @@ impl VideoDecoder {
     /// The reason why it cannot be decoded.
     pub(crate) fn picture(&mut self, number: u64) -> MessageResult<DecodedImage> {
         loop {
-            match self.ahead.take() {
+            let next = match self.ahead.take() {
+                None => self.advance()?,
+                ahead => ahead,
+            };
+            match next {
+                Some((found, _)) if found < number => {}
                 Some((found, picture)) if found == number => return picture,
-                Some(later) if later.0 > number => {
-                    self.ahead = Some(later);
+                later => {
+                    self.ahead = later;
                     return Err(Video("ffmpeg cannot decode it"));
                 }
-                _ => {}
-            }
-            match self.advance()? {
-                Some(next) => self.ahead = Some(next),
-                None => return Err(Video("ffmpeg cannot decode it")),
             }
         }
     }
@@ -132,15 +132,12 @@ impl VideoDecoder {
     /// The next picture that comes back; `None` after the last.
     fn advance(&mut self) -> MessageResult<Option<Numbered>> {
         loop {
-            if self.current.is_none() {
-                let next = self.sessions.as_ref().and_then(|next| next.recv().ok());
-                match next {
-                    Some(session) => self.current = Some(session?),
+            let session = match &mut self.current {
+                Some(session) => session,
+                None => match self.sessions.as_ref().and_then(|next| next.recv().ok()) {
+                    Some(session) => self.current.insert(session?),
                     None => return Ok(None),
-                }
-            }
-            let Some(session) = &mut self.current else {
-                continue;
+                },
             };
             match session.pictures.next(MAX_BYTES) {
                 Ok(Some((time, bytes))) => {

@@ -1,7 +1,7 @@
 //! Headers of H.264 and H.265 in Annex B: parameter sets, and the number of a picture.
 
 use super::bits::BitReader;
-use super::message::Codec;
+use super::message::Codec::{self, H264, H265};
 use crate::message::{MessageError, MessageResult};
 
 /// Profiles of H.264 whose parameter sets contain the format of the chroma (7.3.2.1.1).
@@ -11,28 +11,25 @@ const HIGH_PROFILES: [u32; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138,
 ///
 /// # Errors
 /// The reason why it is not in Annex B.
-pub(crate) fn units(data: &[u8]) -> MessageResult<Vec<&[u8]>> {
-    let starts: Vec<_> = data
-        .windows(3)
-        .enumerate()
-        .filter_map(|(at, bytes)| (bytes == [0, 0, 1]).then_some(at))
+pub(crate) fn units(codec: Codec, data: &[u8]) -> MessageResult<Vec<NalUnit<'_>>> {
+    let places = 0..data.len().saturating_sub(2);
+    let starts: Vec<_> = places
+        .filter(|at| data[*at..].starts_with(&[0, 0, 1]))
         .collect();
-    let begins = starts
-        .first()
-        .is_some_and(|&first| first <= 1 && data[0] == 0);
-    if !begins {
+    if !matches!(starts[..], [0 | 1, ..]) || data[0] != 0 {
         let why = "its video is not in Annex B: it begins without a start code";
         return Err(MessageError::Video(why));
     }
     let ends = starts[1..].iter().copied().chain([data.len()]);
-    let units = starts.iter().zip(ends);
-    Ok(units
-        .map(|(start, end)| &data[start + 3..end])
-        .filter(|unit| !unit.is_empty())
-        .collect())
+    let units = starts
+        .iter()
+        .zip(ends)
+        .map(|(start, end)| &data[start + 3..end]);
+    let units = units.filter_map(|bytes| NalUnit::new(codec, bytes));
+    Ok(units.collect())
 }
 
-/// Kind of a NAL unit.
+/// Kind of a NAL unit that svl reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum UnitKind {
     /// The sequence's parameters, which include the size.
@@ -40,33 +37,53 @@ pub(crate) enum UnitKind {
     /// The parameters of pictures.
     Pictures,
     /// A part of a picture.
-    Slice {
-        is_key: bool,
-        is_first: bool,
-    },
-    Other,
+    Slice,
 }
 
-pub(crate) fn kind(codec: Codec, unit: &[u8]) -> UnitKind {
-    // A slice's header begins with the position of the slice: a 1 at the picture's start.
-    let begins = |payload: usize| unit.get(payload).is_some_and(|byte| byte >> 7 == 1);
-    match (codec, unit[0] & 0x1F, unit[0] >> 1 & 0x3F) {
-        (Codec::H264, 7, _) | (Codec::H265, _, 33) => UnitKind::Sequence,
-        (Codec::H264, 8, _) | (Codec::H265, _, 34) => UnitKind::Pictures,
-        (Codec::H264, kind @ 1..=5, _) => UnitKind::Slice {
-            is_key: kind == 5,
-            is_first: begins(1),
-        },
-        (Codec::H265, _, kind @ 0..=31) => UnitKind::Slice {
-            is_key: (16..=21).contains(&kind),
-            is_first: begins(2),
-        },
-        _ => UnitKind::Other,
+/// A NAL unit: its type, and its bytes without and with the header that contains the type.
+pub(crate) struct NalUnit<'a> {
+    codec: Codec,
+    number: u8,
+    pub(crate) kind: UnitKind,
+    payload: &'a [u8],
+    pub(crate) bytes: &'a [u8],
+}
+
+impl<'a> NalUnit<'a> {
+    /// `None` for other kinds, and without a byte.
+    fn new(codec: Codec, bytes: &'a [u8]) -> Option<Self> {
+        let (number, header) = match codec {
+            H264 => (bytes.first()? & 0x1F, 1),
+            H265 => (bytes.first()? >> 1 & 0x3F, 2),
+        };
+        let kind = match (codec, number) {
+            (H264, 7) | (H265, 33) => UnitKind::Sequence,
+            (H264, 8) | (H265, 34) => UnitKind::Pictures,
+            (H264, 1..=5) | (H265, 0..=31) => UnitKind::Slice,
+            _ => return None,
+        };
+        Some(Self {
+            codec,
+            number,
+            kind,
+            payload: bytes.get(header..).unwrap_or_default(),
+            bytes,
+        })
+    }
+
+    /// True for a slice of a keyframe.
+    pub(crate) fn is_key(&self) -> bool {
+        matches!((self.codec, self.number), (H264, 5) | (H265, 16..=21))
+    }
+
+    /// True for the first slice of a picture: the header begins with its position, 0, coded as 1.
+    pub(crate) fn is_first(&self) -> bool {
+        self.payload.first().is_some_and(|byte| byte >> 7 == 1)
     }
 }
 
 /// Fields of the parameter sets that the header of a slice depends on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) struct CodecParameters {
     /// Bits of a picture's number.
     number_bits: u32,
@@ -78,12 +95,14 @@ pub(crate) struct CodecParameters {
 
 impl CodecParameters {
     /// From the parameters of a sequence. `None` if they are cut or out of range.
-    pub(crate) fn read(codec: Codec, unit: &[u8]) -> Option<Self> {
-        let (number_bits, has_separate_planes) = match codec {
-            Codec::H264 => h264_sequence(unit.get(1..)?)?,
-            Codec::H265 => h265_sequence(unit.get(2..)?)?,
+    pub(crate) fn read(unit: &NalUnit<'_>) -> Option<Self> {
+        let mut bits = BitReader::new(unit.payload);
+        let has_separate_planes = match unit.codec {
+            H264 => h264_planes(&mut bits)?,
+            H265 => h265_planes(&mut bits)?,
         };
-        (4..=16).contains(&number_bits).then_some(Self {
+        let number_bits = bits.golomb()?.checked_add(4)?;
+        (number_bits <= 16).then_some(Self {
             number_bits,
             has_separate_planes,
             extra_bits: 0,
@@ -91,14 +110,13 @@ impl CodecParameters {
         })
     }
 
-    /// Adds those of H.265's pictures.
-    pub(crate) fn with_pictures(self, codec: Codec, unit: &[u8]) -> Option<Self> {
-        if codec == Codec::H264 {
+    /// Adds those of H.265's pictures (7.3.2.3.1).
+    pub(crate) fn with_pictures(self, unit: &NalUnit<'_>) -> Option<Self> {
+        if unit.codec == H264 {
             return Some(self);
         }
-        let mut bits = BitReader::new(unit.get(2..)?);
-        let (_id, _sequence) = (bits.golomb()?, bits.golomb()?);
-        let _dependent_slices = bits.bit()?;
+        let mut bits = BitReader::new(unit.payload);
+        let (_id, _sequence, _dependent_slices) = (bits.golomb()?, bits.golomb()?, bits.bit()?);
         Some(Self {
             has_output_flag: bits.bit()?,
             extra_bits: bits.bits(3)? as usize,
@@ -106,53 +124,40 @@ impl CodecParameters {
         })
     }
 
-    /// The number of a picture's first slice, and the next one's.
-    pub(crate) fn number(&self, codec: Codec, unit: &[u8]) -> Option<PictureNumber> {
-        match codec {
-            Codec::H264 => self.h264_number(unit),
-            Codec::H265 => self.h265_number(unit),
+    /// The number of the picture that a slice begins: 7.3.3 of H.264, 7.3.6.1 of H.265.
+    pub(crate) fn number(&self, unit: &NalUnit<'_>) -> Option<PictureNumber> {
+        let mut bits = BitReader::new(unit.payload);
+        let mut is_bidirectional = false;
+        match unit.codec {
+            H264 => {
+                let (_first, slice, _pictures) = (bits.golomb()?, bits.golomb()?, bits.golomb()?);
+                is_bidirectional = slice % 5 == 1;
+            }
+            // Encoders of low delay use B slices that refer to the past alone: the number tells.
+            H265 => {
+                bits.skip(if (16..=23).contains(&unit.number) {
+                    2
+                } else {
+                    1
+                });
+                let _pictures = bits.golomb()?;
+                bits.skip(self.extra_bits);
+                let _slice = bits.golomb()?;
+                bits.skip(self.has_output_flag.into());
+            }
         }
-    }
-
-    /// 7.3.3 of H.264.
-    fn h264_number(&self, unit: &[u8]) -> Option<PictureNumber> {
-        let is_reference = unit.first()? >> 5 & 3 > 0;
-        let mut bits = BitReader::new(unit.get(1..)?);
-        let (_first, slice, _pictures) = (bits.golomb()?, bits.golomb()?, bits.golomb()?);
         bits.skip(if self.has_separate_planes { 2 } else { 0 });
-        let number = bits.bits(self.number_bits)?;
-        Some(PictureNumber {
-            number,
-            // Only references are counted.
-            next: self.wrapped(number + u32::from(is_reference)),
-            is_bidirectional: slice % 5 == 1,
-        })
-    }
-
-    /// 7.3.6.1 of H.265.
-    fn h265_number(&self, unit: &[u8]) -> Option<PictureNumber> {
-        let kind = unit.first()? >> 1 & 0x3F;
-        let mut bits = BitReader::new(unit.get(2..)?);
-        bits.skip(if (16..=23).contains(&kind) { 2 } else { 1 });
-        let _pictures = bits.golomb()?;
-        bits.skip(self.extra_bits);
-        let _slice = bits.golomb()?;
-        bits.skip(if self.has_output_flag { 1 } else { 0 });
-        bits.skip(if self.has_separate_planes { 2 } else { 0 });
-        let number = match kind {
-            19 | 20 => 0,
+        let number = match (unit.codec, unit.number) {
+            (H265, 19 | 20) => 0,
             _ => bits.bits(self.number_bits)?,
         };
+        // H.264 counts references only.
+        let is_counted = unit.codec == H265 || unit.bytes[0] >> 5 & 3 > 0;
         Some(PictureNumber {
             number,
-            next: self.wrapped(number + 1),
-            // Encoders of low delay use B slices that refer to the past alone: the number tells.
-            is_bidirectional: false,
+            next: (number + u32::from(is_counted)) % self.numbers(),
+            is_bidirectional,
         })
-    }
-
-    fn wrapped(&self, number: u32) -> u32 {
-        number & (self.numbers() - 1)
     }
 
     /// Number of different numbers: a gap of that many pictures is not visible in them.
@@ -170,66 +175,61 @@ pub(crate) struct PictureNumber {
     pub(crate) is_bidirectional: bool,
 }
 
-/// Bits of `frame_num`, and the flag of separate colour planes.
-fn h264_sequence(payload: &[u8]) -> Option<(u32, bool)> {
-    let mut bits = BitReader::new(payload);
+/// The flag of separate colour planes, and all up to the bits of `frame_num`.
+fn h264_planes(bits: &mut BitReader) -> Option<bool> {
     let profile = bits.bits(8)?;
     bits.skip(16);
     let _id = bits.golomb()?;
-    let mut is_separate = false;
-    if HIGH_PROFILES.contains(&profile) {
-        let chroma = bits.golomb()?;
-        is_separate = chroma == 3 && bits.bit()?;
-        let (_luma_bits, _chroma_bits) = (bits.golomb()?, bits.golomb()?);
-        bits.skip(1);
-        if bits.bit()? {
-            for list in 0..if chroma == 3 { 12 } else { 8 } {
-                if bits.bit()? {
-                    skip_scaling(&mut bits, if list < 6 { 16 } else { 64 })?;
-                }
+    if !HIGH_PROFILES.contains(&profile) {
+        return Some(false);
+    }
+    let chroma = bits.golomb()?;
+    let is_separate = chroma == 3 && bits.bit()?;
+    let (_luma_bits, _chroma_bits) = (bits.golomb()?, bits.golomb()?);
+    bits.skip(1);
+    if bits.bit()? {
+        for list in 0..if chroma == 3 { 12 } else { 8 } {
+            if bits.bit()? {
+                skip_scaling(bits, if list < 6 { 16 } else { 64 })?;
             }
         }
     }
-    Some((bits.golomb()?.checked_add(4)?, is_separate))
+    Some(is_separate)
 }
 
 /// 7.3.2.1.1.1 of H.264.
 fn skip_scaling(bits: &mut BitReader, numbers: usize) -> Option<()> {
-    let (mut last, mut next) = (8, 8);
+    let mut scale = 8;
     for _ in 0..numbers {
-        if next != 0 {
-            next = (last + bits.signed()?).rem_euclid(256);
+        scale = (scale + bits.signed()?).rem_euclid(256);
+        // The others are equal to the last one.
+        if scale == 0 {
+            break;
         }
-        last = if next == 0 { last } else { next };
     }
     Some(())
 }
 
-/// Bits of the order of output, and the flag of separate colour planes: 7.3.2.2.1 of H.265.
-fn h265_sequence(payload: &[u8]) -> Option<(u32, bool)> {
-    let mut bits = BitReader::new(payload);
+/// The flag of separate colour planes, and all up to the bits of the order of output: 7.3.2.2.1 of
+/// H.265.
+fn h265_planes(bits: &mut BitReader) -> Option<bool> {
     bits.skip(4);
     let layers = bits.bits(3)?;
     // Nesting, then profile and level: 88 bits and 8.
     bits.skip(1 + 96);
     if layers > 0 {
-        let mut present = Vec::new();
-        for _ in 0..layers {
-            present.push((bits.bit()?, bits.bit()?));
-        }
-        bits.skip(2 * (8 - layers as usize));
-        for (profile, level) in present {
-            bits.skip(if profile { 88 } else { 0 } + if level { 8 } else { 0 });
-        }
+        // Two flags for each of eight layers: has it a profile, a level?
+        let flags = bits.bits(16)? >> (16 - 2 * layers);
+        let profiles = (flags & 0xAAAA).count_ones();
+        let levels = (flags & 0x5555).count_ones();
+        bits.skip((88 * profiles + 8 * levels) as usize);
     }
     let _id = bits.golomb()?;
     let is_separate = bits.golomb()? == 3 && bits.bit()?;
     let (_width, _height) = (bits.golomb()?, bits.golomb()?);
-    if bits.bit()? {
-        for _side_of_window in 0..4 {
-            bits.golomb()?;
-        }
+    // The sides of the window, then the bits of luma and chroma.
+    for _ in 0..if bits.bit()? { 6 } else { 2 } {
+        bits.golomb()?;
     }
-    let (_luma_bits, _chroma_bits) = (bits.golomb()?, bits.golomb()?);
-    Some((bits.golomb()?.checked_add(4)?, is_separate))
+    Some(is_separate)
 }

@@ -3,14 +3,13 @@
 //! A decoder conceals a missing picture: it repeats the one before. So svl looks for gaps itself,
 //! and omits all pictures from there to the next keyframe.
 
-use super::headers::{self, CodecParameters, UnitKind};
+use super::headers::{self, CodecParameters, NalUnit, UnitKind};
 use super::message::{Codec, CodedResult, Packet};
-use crate::message::MessageError::{self, Keyframe, Slices, Video};
+use crate::message::MessageError::{Keyframe, Slices, Video};
 use xxhash_rust::xxh3::xxh3_64;
 
-const NO_PARAMETERS: MessageError = Video("it has no parameters of its video");
-
 /// The pictures of a topic so far.
+#[derive(Default)]
 pub(crate) struct PictureOrder {
     /// Codec and parameters of the sequence.
     sequence: Option<(Codec, CodecParameters)>,
@@ -18,8 +17,9 @@ pub(crate) struct PictureOrder {
     hash: u64,
     /// True if they changed since the last picture that can be decoded.
     is_new: bool,
-    /// The number of the next picture, or the reason to wait for a keyframe.
-    next: CodedResult<u32>,
+    /// The number of the next picture, or the reason to wait for a keyframe; `None` before the
+    /// first one.
+    next: Option<CodedResult<u32>>,
     /// Slices of a picture.
     slices: usize,
     /// Stamp of the last message.
@@ -30,22 +30,6 @@ pub(crate) struct PictureOrder {
     /// begin anew there.
     since_key: u32,
     shortest_group: Option<u32>,
-}
-
-impl Default for PictureOrder {
-    fn default() -> Self {
-        Self {
-            sequence: None,
-            hash: 0,
-            is_new: false,
-            next: Err(Video("the video begins without one").into()),
-            slices: 0,
-            last_ns: None,
-            periods_ns: (0, 0),
-            since_key: 0,
-            shortest_group: None,
-        }
-    }
 }
 
 /// A picture that can be decoded.
@@ -71,10 +55,8 @@ impl PictureOrder {
             Ok(packet) => self.picture(packet),
             Err(reason) => Err(reason.clone()),
         };
-        if let Err(reason) = &picture
-            && self.next.is_ok()
-        {
-            self.next = Err(reason.clone());
+        if let (Err(reason), Some(Ok(_))) = (&picture, &self.next) {
+            self.next = Some(Err(reason.clone()));
         }
         picture
     }
@@ -84,49 +66,37 @@ impl PictureOrder {
         let apart_ns = packet.stamp.zip(last_ns);
         let apart_ns = apart_ns.and_then(|(stamp, last)| stamp.checked_sub(last));
         let codec = packet.codec.clone()?;
-        let units = headers::units(&packet.data)?;
-        let kinds: Vec<_> = units
-            .iter()
-            .map(|unit| headers::kind(codec, unit))
-            .collect();
-        let is_slice = |kind: &&UnitKind| matches!(kind, UnitKind::Slice { .. });
-        let mut slices = kinds.iter().filter(is_slice);
-        let begins = |kind: &UnitKind| matches!(kind, UnitKind::Slice { is_first: true, .. });
-        let pictures = kinds.iter().filter(|kind| begins(kind)).count();
-        let Some(&UnitKind::Slice { is_key, is_first }) = slices.next() else {
-            return Err(Video("it contains no picture").into());
-        };
-        if !is_first || pictures != 1 {
-            return Err(Video("it does not contain one whole picture").into());
-        }
-        if !is_key && let Err(reason) = &self.next {
+        let units = headers::units(codec, &packet.data)?;
+        let slices = units.iter().filter(|unit| unit.kind == UnitKind::Slice);
+        let slices: Vec<_> = slices.collect();
+        let slice = *slices.first().ok_or(Video("it contains no picture"))?;
+        let pictures = slices.iter().filter(|slice| slice.is_first()).count();
+        let is_whole = slice.is_first() && pictures == 1;
+        check(is_whole, "it does not contain one whole picture")?;
+        let is_key = slice.is_key();
+        let begins = || Err(Video("the video begins without one").into());
+        let next = self.next.clone().unwrap_or_else(begins);
+        if !is_key && let Err(reason) = &next {
             return Err(Keyframe(reason.clone()).into());
         }
-        let slice_count = kinds.iter().filter(is_slice).count();
-        self.take_in_parameters(codec, &units, &kinds, is_key)?;
-        let unread = || Video("the header of its picture cannot be read");
-        let (_, parameters) = self.sequence.ok_or(NO_PARAMETERS)?;
-        let mut slices = units.iter().zip(&kinds).filter(|(_, kind)| begins(kind));
-        let slice = slices.next().map(|(unit, _)| unit).ok_or_else(unread)?;
-        let number = parameters.number(codec, slice).ok_or_else(unread)?;
-        if number.is_bidirectional {
-            let why = "it has B-frames, which refer to later messages: record without";
-            return Err(Video(why).into());
-        }
-        if let Ok(expected) = self.next
-            && !is_key
-            && number.number != expected
-        {
-            return Err(Video("a message before it is missing, or it has B-frames").into());
-        }
-        self.check_slices(slice_count, is_key)?;
+        let parameters = self.take_in_parameters(codec, &units, is_key)?;
+        let number = parameters.number(slice);
+        let number = number.ok_or(Video("the header of its picture cannot be read"))?;
+        check(
+            !number.is_bidirectional,
+            "it has B-frames, which refer to later messages: record without",
+        )?;
+        let is_next = next.is_ok_and(|next| next == number.number);
+        check(
+            is_key || is_next,
+            "a message before it is missing, or it has B-frames",
+        )?;
+        self.check_slices(slices.len(), is_key)?;
         let numbers = parameters.numbers();
-        let numbers = self
-            .shortest_group
-            .map_or(numbers, |group| group.min(numbers));
-        self.check_time(apart_ns, is_key, numbers)?;
+        let group = self.shortest_group.unwrap_or(numbers);
+        self.check_time(apart_ns, is_key, numbers.min(group))?;
         self.count_in_group(is_key);
-        self.next = Ok(number.next);
+        self.next = Some(Ok(number.next));
         Ok(CodedPicture {
             codec,
             is_key,
@@ -140,7 +110,7 @@ impl PictureOrder {
         if is_key {
             let group = std::mem::take(&mut self.since_key);
             // From the first one on, and where nothing is missing.
-            if self.next.is_ok() {
+            if let Some(Ok(_)) = self.next {
                 let shortest = self.shortest_group.unwrap_or(group);
                 self.shortest_group = Some(shortest.min(group));
             }
@@ -165,54 +135,54 @@ impl PictureOrder {
             return Ok(());
         };
         let (total_ns, count) = self.periods_ns;
-        if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
-            let why = "as many messages before it may be missing as have other numbers";
-            return Err(Video(why).into());
-        }
+        check(
+            count == 0 || apart_ns / u64::from(numbers) < total_ns / count,
+            "as many messages before it may be missing as have other numbers",
+        )?;
         self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
         Ok(())
     }
 
-    /// Stores the parameters in a message.
+    /// Stores the parameters in a message, and returns all that are known.
     fn take_in_parameters(
         &mut self,
         codec: Codec,
-        units: &[&[u8]],
-        kinds: &[UnitKind],
+        units: &[NalUnit<'_>],
         is_key: bool,
-    ) -> CodedResult<()> {
-        for (unit, kind) in units.iter().zip(kinds) {
+    ) -> CodedResult<CodecParameters> {
+        for unit in units {
             let known = self.sequence.filter(|(known, _)| *known == codec);
-            let parameters = match kind {
+            let parameters = match unit.kind {
                 UnitKind::Sequence => {
-                    let hash = xxh3_64(unit);
+                    let hash = xxh3_64(unit.bytes);
                     if known.is_some() && hash == self.hash {
                         continue;
                     }
-                    if !is_key {
-                        return Err(Video("its parameters change without a keyframe").into());
-                    }
+                    check(is_key, "its parameters change without a keyframe")?;
                     (self.sequence, self.hash, self.is_new) = (None, hash, true);
                     self.slices = 0;
-                    CodecParameters::read(codec, unit)
+                    CodecParameters::read(unit)
                 }
                 UnitKind::Pictures => {
-                    let (_, known) = known.ok_or(NO_PARAMETERS)?;
-                    known.with_pictures(codec, unit)
+                    let (_, known) = known.ok_or(Video("it has no parameters of its video"))?;
+                    known.with_pictures(unit)
                 }
-                _ => continue,
+                UnitKind::Slice => continue,
             };
             let parameters = parameters.ok_or(Video("its parameters cannot be read"))?;
             self.sequence = Some((codec, parameters));
         }
-        match self.sequence {
-            Some((known, _)) if known == codec => Ok(()),
-            _ => {
-                let why = "it has no parameters of its video: record them with each keyframe";
-                Err(Video(why).into())
-            }
-        }
+        let known = self.sequence.filter(|(known, _)| *known == codec);
+        let why = "it has no parameters of its video: record them with each keyframe";
+        Ok(known.ok_or(Video(why))?.1)
     }
+}
+
+fn check(is_so: bool, why_not: &'static str) -> CodedResult<()> {
+    if is_so {
+        return Ok(());
+    }
+    Err(Video(why_not).into())
 }
 
 #[cfg(test)]

@@ -75,9 +75,11 @@ impl Draft {
     ///
     /// # Errors
     /// It would be behind the last one.
-    pub(super) fn begin(&mut self, frame: u64) -> Result<(), RangeFault> {
+    pub(super) fn begin(&mut self, frame: u64) -> Result<(), String> {
         if let Some(last) = self.last.filter(|last| *last < frame) {
-            return Err(RangeFault::Begin(frame, last));
+            return Err(format!(
+                "frame {frame} is behind the last one, {last}; move that with ] first"
+            ));
         }
         self.first = Some(frame);
         Ok(())
@@ -87,22 +89,15 @@ impl Draft {
     ///
     /// # Errors
     /// It would be before the first one.
-    pub(super) fn end(&mut self, frame: u64) -> Result<(), RangeFault> {
+    pub(super) fn end(&mut self, frame: u64) -> Result<(), String> {
         if let Some(first) = self.first.filter(|first| frame < *first) {
-            return Err(RangeFault::End(frame, first));
+            return Err(format!(
+                "frame {frame} is before the first one, {first}; move that with [ first"
+            ));
         }
         self.last = Some(frame);
         Ok(())
     }
-}
-
-/// A frame that cannot begin or end a draft.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum RangeFault {
-    #[error("frame {0} is behind the last one, {1}; move that with ] first")]
-    Begin(u64, u64),
-    #[error("frame {0} is before the first one, {1}; move that with [ first")]
-    End(u64, u64),
 }
 
 /// The file of a draft.

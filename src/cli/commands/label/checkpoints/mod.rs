@@ -9,13 +9,14 @@ mod view;
 
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{Ended, Key, Reaction, StepSession, StepTool, Stepper};
+use crate::cli::shared::stepper::{
+    Ended, Key, Reaction, StepSession, StepTool, Stepper, ToolCanvas,
+};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
 use draft::DraftFile;
-use label::FORMS;
 use ratatui::layout::Rect;
 use reported::Reported;
 use scenario_file::{NewScenario, ScenarioFile};
@@ -25,7 +26,7 @@ use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
 use svl::source::Request;
 use svl::stereo::GridShape;
-use tool::{Labelling, Question};
+use tool::{Labelling, TypedLine};
 
 /// Label what cells of recorded frames show, for `svl score`
 #[derive(clap::Args)]
@@ -136,7 +137,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         run,
         picked: (0, 0),
         picture: Rect::ZERO,
-        asks: None,
+        asked: TypedLine::Cell,
+        leaves: false,
         moved_by: None,
         written: Vec::new(),
     };
@@ -203,41 +205,41 @@ impl StepTool for Labelling {
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        let before = (self.draft.clone(), self.picked);
-        let reaction = match self.asks {
-            Some(_) => self.answer(key, stepper)?,
-            None => self.command(key, stepper)?,
-        };
-        if before != (self.draft.clone(), self.picked) {
-            self.show_in_viewer(stepper);
-            self.draft_file.keep(stepper.frame(), &self.draft)?;
-        }
-        Ok(reaction)
+        self.acting(stepper, |tool, stepper| tool.command(key, stepper))
+    }
+
+    fn answer(&mut self, text: &str, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        self.acting(stepper, |tool, stepper| tool.answered(text, stepper))
     }
 
     fn question(&self) -> Option<String> {
-        Some(match self.asks.as_ref()? {
-            Question::Cell(edit) if edit.is_empty() => format!("{edit} ({FORMS})"),
-            Question::Cell(edit) | Question::Name(edit, _) => edit.to_string(),
-            Question::Leave => format!(
-                "{} not written: w write, k keep as a draft, d discard, Esc continue",
-                counted(self.draft.cells.len(), "cell")
-            ),
+        let cells = counted(self.draft.cells.len(), "cell");
+        self.leaves.then(|| {
+            format!("{cells} not written: w write, k keep as a draft, d discard, Esc continue")
         })
     }
 
-    fn draw(
-        &mut self,
-        stepper: &Stepper<'_>,
-        shades: bool,
-        area: Rect,
-        canvas: &mut ratatui::Frame<'_>,
-    ) {
-        self.picture = view::draw(self, stepper.frame(), shades, area, canvas);
+    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
+        self.picture = view::draw(self, stepper.frame(), canvas);
     }
 }
 
 impl Labelling {
+    /// Shows and keeps the draft if a key changes it.
+    fn acting<'a, T>(
+        &mut self,
+        stepper: &mut Stepper<'a>,
+        act: impl FnOnce(&mut Self, &mut Stepper<'a>) -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
+        let before = (self.draft.clone(), self.picked);
+        let acted = act(self, stepper)?;
+        if before != (self.draft.clone(), self.picked) {
+            self.show_in_viewer(stepper);
+            self.draft_file.keep(stepper.frame(), &self.draft)?;
+        }
+        Ok(acted)
+    }
+
     /// Reports the files that were written, and the draft.
     fn finish(&mut self, ended: Ended) -> anyhow::Result<()> {
         if let Some(viewer) = &self.viewer {

@@ -2,10 +2,10 @@
 //! written.
 
 use super::draft::{Draft, DraftFile};
-use super::label::{CellLabel, NONE};
+use super::label::{CellLabel, FORMS, NONE};
 use super::reported::Reported;
 use super::scenario_file::ScenarioFile;
-use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, Stepper, picture};
+use crate::cli::shared::stepper::{Key, Reaction, Stepper, picture};
 use ratatui::layout::Rect;
 use svl::counted;
 use svl::score::{ExpectedCell, FrameOrigin, LabelledPair, Verdict};
@@ -36,20 +36,22 @@ pub(super) struct Labelling {
     pub(super) picked: (usize, usize),
     /// Place where the image was drawn last.
     pub(super) picture: Rect,
-    pub(super) asks: Option<Question>,
+    /// The line that was asked for last.
+    pub(super) asked: TypedLine,
+    /// True if the next key says what becomes of the draft on leaving.
+    pub(super) leaves: bool,
     /// The key before, if it moved to another frame and could begin a label.
     pub(super) moved_by: Option<char>,
     /// Files that were written, a line each.
     pub(super) written: Vec<String>,
 }
 
-/// A question to the user.
-pub(super) enum Question {
-    Cell(LineEdit),
+/// Purpose of a line that the user types.
+#[derive(Clone, Copy)]
+pub(super) enum TypedLine {
+    Cell,
     /// True if the checkpoint is written after the answer.
-    Name(LineEdit, bool),
-    /// Confirmation to leave without writing.
-    Leave,
+    Name(bool),
 }
 
 impl Labelling {
@@ -93,55 +95,43 @@ impl Labelling {
         }
     }
 
-    pub(super) fn answer(
-        &mut self,
-        key: Key,
-        stepper: &mut Stepper<'_>,
-    ) -> anyhow::Result<Reaction> {
-        let question = self.asks.take();
-        match question {
-            Some(Question::Cell(mut edit)) => match edit.key(key) {
-                Edited::Going => self.asks = Some(Question::Cell(edit)),
-                Edited::Cancelled => {}
-                Edited::Done(text) if self.is_doubtful(&text) => {
-                    let key = self.moved_by.take().unwrap_or_default();
-                    stepper.say(format!(
-                        "not labelled: is it {text} or {key}{text}? {key} has moved; type = first"
-                    ));
-                }
-                Edited::Done(text) if text == NONE => self.label(None, stepper),
-                Edited::Done(text) => match text.parse() {
-                    Ok(label) => self.label(Some(label), stepper),
-                    Err(why) => stepper.say(why),
-                },
+    /// Takes a line that was asked for.
+    pub(super) fn answered(&mut self, text: &str, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        match self.asked {
+            TypedLine::Cell if self.is_doubtful(text) => {
+                let key = self.moved_by.take().unwrap_or_default();
+                stepper.say(format!(
+                    "not labelled: is it {text} or {key}{text}? {key} has moved; type = first"
+                ));
+            }
+            TypedLine::Cell if text == NONE => self.label(None, stepper),
+            TypedLine::Cell => match text.parse() {
+                Ok(label) => self.label(Some(label), stepper),
+                Err(why) => stepper.say(why),
             },
-            Some(Question::Name(mut edit, then_write)) => match edit.key(key) {
-                Edited::Going => self.asks = Some(Question::Name(edit, then_write)),
-                Edited::Cancelled => {}
-                Edited::Done(name) => {
-                    self.draft.name = name;
-                    if then_write && !self.draft.name.is_empty() {
-                        self.write(stepper)?;
-                    }
-                }
-            },
-            Some(Question::Leave) => match key {
-                Key::Char('w') => {
+            TypedLine::Name(then_write) => {
+                text.clone_into(&mut self.draft.name);
+                if then_write && !self.draft.name.is_empty() {
                     self.write(stepper)?;
-                    if self.draft.is_empty() {
-                        return Ok(Reaction::Quit);
-                    }
                 }
-                Key::Char('k') => return Ok(Reaction::Quit),
-                Key::Char('d') => {
-                    self.draft = Draft::default();
-                    return Ok(Reaction::Quit);
-                }
-                _ => {}
-            },
-            None => return Ok(Reaction::Ignored),
+            }
         }
-        Ok(Reaction::Taken)
+        Ok(())
+    }
+
+    /// Leaves with the draft written, kept or discarded, or continues.
+    fn leave(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+        match key {
+            Key::Char('w') => self.write(stepper)?,
+            Key::Char('k') => return Ok(Reaction::Quit),
+            Key::Char('d') => self.draft = Draft::default(),
+            _ => return Ok(Reaction::Taken),
+        }
+        Ok(if self.draft.is_empty() {
+            Reaction::Quit
+        } else {
+            Reaction::Taken
+        })
     }
 
     fn write(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
@@ -150,7 +140,7 @@ impl Labelling {
             return Ok(());
         }
         if self.draft.name.is_empty() {
-            self.ask_name(true);
+            self.ask_name(true, stepper);
             return Ok(());
         }
         let shown = stepper.frame().sequence;
@@ -180,16 +170,17 @@ impl Labelling {
         Ok(())
     }
 
-    fn ask_name(&mut self, then_write: bool) {
+    fn ask_name(&mut self, then_write: bool, stepper: &mut Stepper<'_>) {
         let question = "name of the checkpoint, or name: description";
-        let edit = LineEdit::with(question, &self.draft.name);
-        self.asks = Some(Question::Name(edit, then_write));
+        self.asked = TypedLine::Name(then_write);
+        stepper.ask(question.to_owned(), self.draft.name.clone(), "");
     }
 
-    fn ask_cell(&mut self, text: impl Into<String>) {
+    fn ask_cell(&mut self, text: impl Into<String>, stepper: &mut Stepper<'_>) {
         let (column, row) = self.picked;
         let question = format!("cell ({column}, {row}) shows");
-        self.asks = Some(Question::Cell(LineEdit::with(question, text)));
+        self.asked = TypedLine::Cell;
+        stepper.ask(question, text.into(), FORMS);
     }
 
     fn pick(&mut self, key: Key) {
@@ -212,6 +203,9 @@ impl Labelling {
         key: Key,
         stepper: &mut Stepper<'_>,
     ) -> anyhow::Result<Reaction> {
+        if std::mem::take(&mut self.leaves) {
+            return self.leave(key, stepper);
+        }
         let frame = stepper.frame().sequence;
         if !matches!(key, Key::Char(c) if c.is_ascii_digit()) {
             self.moved_by = match key {
@@ -221,26 +215,26 @@ impl Labelling {
         }
         match key {
             Key::Left | Key::Right | Key::Up | Key::Down | Key::Click(..) => self.pick(key),
-            Key::Char(c) if c.is_ascii_digit() => self.ask_cell(c),
+            Key::Char(c) if c.is_ascii_digit() => self.ask_cell(c, stepper),
             Key::Char('=') => {
                 let label = self.draft.label(self.picked.into());
-                self.ask_cell(label.map(String::from).unwrap_or_default());
+                self.ask_cell(label.map(String::from).unwrap_or_default(), stepper);
             }
             Key::Char('f') => self.label(Some(CellLabel::FREE), stepper),
             Key::Char('x') | Key::Delete | Key::Backspace => self.label(None, stepper),
-            Key::Char('n') => self.ask_name(false),
+            Key::Char('n') => self.ask_name(false, stepper),
             Key::Char(end @ ('[' | ']')) => {
                 let set = match end {
                     '[' => self.draft.begin(frame),
                     _ => self.draft.end(frame),
                 };
                 if let Err(why) = set {
-                    stepper.say(why.to_string());
+                    stepper.say(why);
                 }
             }
             Key::Char('w') | Key::Enter => self.write(stepper)?,
             Key::Char('q') if self.draft.is_empty() => return Ok(Reaction::Quit),
-            Key::Char('q') => self.asks = Some(Question::Leave),
+            Key::Char('q') => self.leaves = true,
             _ => return Ok(Reaction::Ignored),
         }
         Ok(Reaction::Taken)

@@ -2,7 +2,7 @@
 //! checkpoint.
 
 use super::tool::Labelling;
-use crate::cli::shared::stepper::picture;
+use crate::cli::shared::stepper::{ToolCanvas, picture};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -11,16 +11,10 @@ use svl::score::Verdict;
 use svl::stereo::Frame;
 
 /// Draws it all. Returns where the image is.
-pub(super) fn draw(
-    tool: &Labelling,
-    frame: &Frame,
-    shades: bool,
-    area: Rect,
-    canvas: &mut ratatui::Frame<'_>,
-) -> Rect {
+pub(super) fn draw(tool: &Labelling, frame: &Frame, canvas: &mut ToolCanvas<'_, '_>) -> Rect {
     let lines = lines(tool, frame);
-    let image = picture::draw_beside(&lines, frame.pair.left(), area, shades, canvas);
-    let buffer = canvas.buffer_mut();
+    let image = picture::draw_beside(&lines, frame.pair.left(), canvas);
+    let buffer = canvas.screen.buffer_mut();
     let shape = tool.shape();
     for at in shape.iter() {
         let cell = picture::cell(shape, at, image);
@@ -55,30 +49,15 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
     let style = Style::reset()
         .fg(Color::Yellow)
         .add_modifier(Modifier::BOLD);
-    let (Some(right), Some(bottom)) = (cell.right().checked_sub(1), cell.bottom().checked_sub(1))
-    else {
-        return;
-    };
-    for y in cell.top()..=bottom {
-        for x in cell.left()..=right {
-            let vertical = x == cell.left() || x == right;
-            let line = match (vertical, y == cell.top(), y == bottom) {
-                (true, true, _) if x == right => "┓",
-                (true, true, _) => "┏",
-                (true, _, true) if x == right => "┛",
-                (true, _, true) => "┗",
-                (true, ..) => "┃",
-                (_, true, _) | (_, _, true) => "━",
-                _ => continue,
-            };
-            // Text in a cell of few characters stays.
-            if let Some(place) = buffer.cell_mut((x, y))
-                && (cell.width > 2 && cell.height > 2 || place.symbol() == "│")
-            {
-                place.set_symbol(line).set_style(style);
-            } else if let Some(place) = buffer.cell_mut((x, y)) {
-                place.set_style(Style::new().add_modifier(Modifier::REVERSED));
-            }
+    let is_roomy = cell.width > 2 && cell.height > 2;
+    for (at, line) in picture::border(cell) {
+        // Text in a cell of few characters stays.
+        if let Some(place) = buffer.cell_mut(at)
+            && (is_roomy || place.symbol() == "│")
+        {
+            place.set_symbol(line).set_style(style);
+        } else if let Some(place) = buffer.cell_mut(at) {
+            place.set_style(Style::new().add_modifier(Modifier::REVERSED));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The categorizer: a key per category for each window.
 
-use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, picture};
+use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, ToolCanvas, picture};
 use anyhow::{Context, bail};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -219,17 +219,11 @@ impl StepTool for Categorizer {
         Ok(Reaction::Taken)
     }
 
-    fn draw(
-        &mut self,
-        stepper: &Stepper<'_>,
-        shades: bool,
-        area: Rect,
-        canvas: &mut ratatui::Frame<'_>,
-    ) {
+    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
         let frame = stepper.frame();
         let lines = self.lines(frame);
-        let image = picture::draw_beside(&lines, frame.pair.left(), area, shades, canvas);
-        let buffer = canvas.buffer_mut();
+        let image = picture::draw_beside(&lines, frame.pair.left(), canvas);
+        let buffer = canvas.screen.buffer_mut();
         if let Ok(windows) = windows(self, frame) {
             for (window, &corner) in windows.corners().iter().enumerate() {
                 let side = self.labels.kind.spec().features.window;
@@ -274,26 +268,14 @@ fn outline(place: Rect, is_picked: bool, label: &str, buffer: &mut Buffer) {
     if place.width < 2 || place.height < 2 {
         return;
     }
-    let (right, bottom) = (place.right() - 1, place.bottom() - 1);
-    let mut set = |x, y, line: &str| {
-        if let Some(cell) = buffer.cell_mut((x, y)) {
+    for (at, line) in picture::border(place) {
+        let is_corner = !["━", "┃"].contains(&line);
+        if let Some(cell) = buffer.cell_mut(at)
+            && (is_picked || is_corner)
+        {
             cell.set_symbol(line).set_style(style);
         }
-    };
-    if is_picked {
-        (place.x..=right).for_each(|x| {
-            set(x, place.y, "━");
-            set(x, bottom, "━");
-        });
-        (place.y..=bottom).for_each(|y| {
-            set(place.x, y, "┃");
-            set(right, y, "┃");
-        });
     }
-    set(place.x, place.y, "┏");
-    set(right, place.y, "┓");
-    set(place.x, bottom, "┗");
-    set(right, bottom, "┛");
     let bold = Style::reset().add_modifier(Modifier::BOLD).fg(Color::Green);
     let room = usize::from(place.width.saturating_sub(2));
     buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, bold);

@@ -4,7 +4,7 @@ mod view;
 
 use super::shown::{Job, TuneState, title};
 use super::worker::TuneWorker;
-use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
+use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, ToolCanvas};
 use crate::cli::shared::usage;
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
@@ -43,12 +43,6 @@ struct Knobs {
     current: usize,
 }
 
-/// Purpose of a line that is typed.
-enum Asks {
-    Value(LineEdit),
-    File(LineEdit),
-}
-
 /// State of the tuning session.
 pub(super) struct Tuner {
     worker: TuneWorker,
@@ -61,7 +55,8 @@ pub(super) struct Tuner {
     chosen: usize,
     shows_compared: bool,
     shows_all_metrics: bool,
-    asks: Option<Asks>,
+    /// True if the line that is typed names a file; else it is a value.
+    asks_file: bool,
     /// Place among the frames, the worst first.
     worst: Option<usize>,
     shown: TuneState,
@@ -97,7 +92,7 @@ impl Tuner {
             chosen: 0,
             shows_compared: false,
             shows_all_metrics: false,
-            asks: None,
+            asks_file: false,
             worst: None,
             out,
             scenario,
@@ -215,42 +210,15 @@ impl Tuner {
         }
     }
 
-    fn answered(&mut self, key: Key, stepper: &mut Stepper<'_>) {
-        let edit = match &mut self.asks {
-            Some(Asks::Value(edit) | Asks::File(edit)) => edit,
-            None => return,
-        };
-        let text = match edit.key(key) {
-            Edited::Going => return,
-            Edited::Cancelled => {
-                self.asks = None;
-                return;
-            }
-            Edited::Done(text) => text,
-        };
-        match self.asks.take() {
-            Some(Asks::File(_)) => {
-                let words = match self.write(Path::new(&text), stepper) {
-                    Ok(words) => words,
-                    Err(error) => format!("{error:#}"),
-                };
-                stepper.say(words);
-            }
-            _ => {
-                let typed = self.pair()[0].typed(&self.knob(), &text);
-                self.set(typed, stepper);
-            }
-        }
-    }
-
-    /// Begins to ask for a value, with that text.
-    fn ask_value(&mut self, text: String) {
+    /// Asks for a value, with that text to begin with.
+    fn ask_value(&mut self, text: String, stepper: &mut Stepper<'_>) {
         let knob = self.knob();
         let question = format!("{} ({})", knob.name, knob.range);
-        self.asks = Some(Asks::Value(LineEdit::with(question, text)));
+        self.asks_file = false;
+        stepper.ask(question, text, "");
     }
 
-    fn ask_file(&mut self) {
+    fn ask_file(&mut self, stepper: &mut Stepper<'_>) {
         let proposed = self.out.clone().unwrap_or_else(|| {
             let names = std::iter::once("tuned.toml".to_owned())
                 .chain((2..1000).map(|n| format!("tuned-{n}.toml")));
@@ -258,7 +226,8 @@ impl Tuner {
             free.next().unwrap_or_default().into()
         });
         let text = proposed.display().to_string();
-        self.asks = Some(Asks::File(LineEdit::with("write to", text)));
+        self.asks_file = true;
+        stepper.ask("write to".to_owned(), text, "");
     }
 
     fn write(&mut self, path: &Path, stepper: &Stepper<'_>) -> anyhow::Result<String> {
@@ -363,10 +332,6 @@ impl StepTool for Tuner {
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        if self.asks.is_some() {
-            self.answered(key, stepper);
-            return Ok(Reaction::Taken);
-        }
         let knobs = self.pair()[0].knobs().len();
         match key {
             Key::Up => self.chosen = self.chosen.checked_sub(1).unwrap_or(knobs - 1),
@@ -375,10 +340,10 @@ impl StepTool for Tuner {
             Key::Right | Key::ScrollUp => self.turn(true, false, stepper),
             Key::FarLeft => self.turn(false, true, stepper),
             Key::FarRight => self.turn(true, true, stepper),
-            Key::Char(c) if c.is_ascii_digit() || c == '-' => self.ask_value(c.to_string()),
+            Key::Char(c) if c.is_ascii_digit() || c == '-' => self.ask_value(c.into(), stepper),
             Key::Enter => {
                 let value = self.pair()[0].value(&self.knob()).written();
-                self.ask_value(value);
+                self.ask_value(value, stepper);
             }
             Key::Char('r') => {
                 let knob = self.knob();
@@ -402,7 +367,7 @@ impl StepTool for Tuner {
             }
             Key::Char('u') => self.undone(false, stepper),
             Key::Redo => self.undone(true, stepper),
-            Key::Char('w') => self.ask_file(),
+            Key::Char('w') => self.ask_file(stepper),
             Key::Click(column, row) => {
                 let at = Position::new(column, row);
                 let hit = self.rows.iter().find(|(place, _)| place.contains(at));
@@ -414,10 +379,15 @@ impl StepTool for Tuner {
         Ok(Reaction::Taken)
     }
 
-    fn question(&self) -> Option<String> {
-        match self.asks.as_ref()? {
-            Asks::Value(edit) | Asks::File(edit) => Some(edit.to_string()),
+    fn answer(&mut self, text: &str, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+        if self.asks_file {
+            let words = self.write(Path::new(text), stepper);
+            stepper.say(words.unwrap_or_else(|error| format!("{error:#}")));
+        } else {
+            let typed = self.pair()[0].typed(&self.knob(), text);
+            self.set(typed, stepper);
         }
+        Ok(())
     }
 
     fn poll(&mut self, stepper: &mut Stepper<'_>) -> bool {
@@ -440,13 +410,7 @@ impl StepTool for Tuner {
         self.worker.settle();
     }
 
-    fn draw(
-        &mut self,
-        stepper: &Stepper<'_>,
-        shades: bool,
-        area: Rect,
-        canvas: &mut ratatui::Frame<'_>,
-    ) {
-        self.rows = view::draw(self, stepper, shades, area, canvas);
+    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
+        self.rows = view::draw(self, stepper, canvas);
     }
 }

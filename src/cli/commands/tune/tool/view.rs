@@ -3,7 +3,7 @@
 
 use super::Tuner;
 use crate::cli::commands::tune::shown::{FrameView, SampleView, TuneState, title};
-use crate::cli::shared::stepper::{Stepper, picture};
+use crate::cli::shared::stepper::{Stepper, ToolCanvas, picture};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
@@ -45,10 +45,9 @@ const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█']
 pub(super) fn draw(
     tuner: &Tuner,
     stepper: &Stepper<'_>,
-    shades: bool,
-    area: Rect,
-    canvas: &mut ratatui::Frame<'_>,
+    canvas: &mut ToolCanvas<'_, '_>,
 ) -> Vec<(Rect, usize)> {
+    let area = canvas.area;
     let is_roomy = area.width >= ROOMY.0 && area.height >= ROOMY.1;
     let pictures = if is_roomy { PICTURE } else { 0 };
     let rows = [
@@ -60,16 +59,16 @@ pub(super) fn draw(
     let [head, body, below, words] = Layout::vertical(rows).areas(area);
     let columns = [Constraint::Length(KNOBS), Constraint::Fill(1)];
     let [left, right] = Layout::horizontal(columns).areas(body);
-    canvas.render_widget(Paragraph::new(heading(tuner)), head);
+    canvas
+        .screen
+        .render_widget(Paragraph::new(heading(tuner)), head);
     let places = knobs(tuner, left, canvas);
-    numbers(tuner, stepper, shades, right, canvas);
+    numbers(tuner, stepper, right, canvas);
     if is_roomy {
-        draw_pictures(tuner, shades, below, canvas);
+        draw_pictures(tuner, below, canvas);
     }
-    canvas.render_widget(
-        Paragraph::new(description(tuner)).wrap(Wrap { trim: true }),
-        words,
-    );
+    let description = Paragraph::new(description(tuner)).wrap(Wrap { trim: true });
+    canvas.screen.render_widget(description, words);
     places
 }
 
@@ -99,7 +98,7 @@ fn heading(tuner: &Tuner) -> Line<'static> {
 }
 
 /// The list of knobs around the chosen one; returns where each is.
-fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rect, usize)> {
+fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ToolCanvas<'_, '_>) -> Vec<(Rect, usize)> {
     let [now, compared] = tuner.pair();
     let shown = tuner.pair()[tuner.side()];
     let knobs = now.knobs();
@@ -141,39 +140,24 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
             Some(_) => Style::new(),
         };
         let text: String = text.chars().take(width.saturating_sub(1)).collect();
-        canvas.render_widget(Paragraph::new(text).style(style), place);
+        let text = Paragraph::new(text).style(style);
+        canvas.screen.render_widget(text, place);
         places.extend(knob.map(|knob| (place, knob)));
     }
     places
 }
 
-/// A metric of the frame and of the sample: value, value, change and interval.
-struct NumberLine {
-    name: &'static str,
-    frame: String,
-    sample: String,
-    change: String,
-    interval: String,
-    judgement: Judgement,
-}
-
-fn numbers(
-    tuner: &Tuner,
-    stepper: &Stepper<'_>,
-    colors: bool,
-    area: Rect,
-    canvas: &mut ratatui::Frame<'_>,
-) {
+fn numbers(tuner: &Tuner, stepper: &Stepper<'_>, area: Rect, canvas: &mut ToolCanvas<'_, '_>) {
     let shown = &tuner.shown;
     let side = tuner.side();
     let mut lines = vec![sample_head(shown)];
-    let numbers = number_lines(shown, side);
+    let numbers = number_lines(shown, side, canvas.shades);
     let (why, bars) = (why_lines(shown, side, area.width), 2);
     let room = usize::from(area.height).saturating_sub(2 + bars + why.len());
     let names = shown_names(&numbers, room, tuner.shows_all_metrics);
-    let fitting = numbers.iter().filter(|line| names.contains(&line.name));
-    lines.extend(fitting.map(|line| number_line(line, colors)));
     let more = numbers.len() - names.len();
+    let fitting = numbers.into_iter().filter(|(name, _)| names.contains(name));
+    lines.extend(fitting.map(|(_, line)| line));
     lines.push(match (more, tuner.shows_all_metrics) {
         (0, _) => Line::default(),
         (more, false) => Line::raw(format!("and {more} more: m")),
@@ -188,16 +172,20 @@ fn numbers(
             Line::raw(failure.clone()),
         ];
     }
-    let wrap = Wrap { trim: false };
-    canvas.render_widget(Paragraph::new(lines).wrap(wrap), area);
+    let lines = Paragraph::new(lines).wrap(Wrap { trim: false });
+    canvas.screen.render_widget(lines, area);
 }
 
 /// The names of the metrics that are shown in so many lines: those of the headline first.
-fn shown_names(numbers: &[NumberLine], room: usize, is_all: bool) -> Vec<&'static str> {
-    let is_measured = |name: &&str| numbers.iter().any(|line| line.name == *name);
+fn shown_names(
+    numbers: &[(&'static str, Line<'static>)],
+    room: usize,
+    is_all: bool,
+) -> Vec<&'static str> {
+    let is_measured = |name: &&str| numbers.iter().any(|(measured, _)| measured == name);
     let mut names: Vec<_> = HEADLINE.into_iter().filter(is_measured).collect();
     if is_all {
-        let others = numbers.iter().map(|line| line.name);
+        let others = numbers.iter().map(|(name, _)| *name);
         names.extend(others.filter(|name| !HEADLINE.contains(name)));
     }
     names.truncate(if is_all { room } else { room.min(MAX_HEADLINE) });
@@ -243,8 +231,13 @@ fn compact(metric: &Metric, value: f64) -> String {
     }
 }
 
-/// Lines of the metrics that the frame or the sample has.
-fn number_lines(shown: &TuneState, side: usize) -> Vec<NumberLine> {
+/// Lines of the metrics that the frame or the sample has, by their names: value, value, change and
+/// interval.
+fn number_lines(
+    shown: &TuneState,
+    side: usize,
+    colors: bool,
+) -> Vec<(&'static str, Line<'static>)> {
     let line = |metric: &'static Metric| {
         let frame = shown.frame.as_ref();
         let frame = frame.and_then(|frame| frame_value(frame, metric, side));
@@ -255,14 +248,24 @@ fn number_lines(shown: &TuneState, side: usize) -> Vec<NumberLine> {
         }
         let [base, other, difference, interval] =
             change.map_or_else(<[String; 4]>::default, change_cells);
-        Some(NumberLine {
-            name: metric.name,
-            frame: frame.unwrap_or_default(),
-            sample: if side == 0 { other } else { base },
-            change: difference,
-            interval,
-            judgement: change.map_or(Judgement::Equal, |change| change.judgement),
-        })
+        let (name, frame) = (metric.name, frame.unwrap_or_default());
+        let sample = if side == 0 { other } else { base };
+        // A mark, for eyes and terminals without colours.
+        let (mark, color) = match change.map(|change| change.judgement) {
+            Some(Judgement::Better) => ('+', Color::Green),
+            Some(Judgement::Worse) => ('!', Color::Red),
+            _ => (' ', Color::Reset),
+        };
+        let style = if colors && mark != ' ' {
+            Style::new().fg(color)
+        } else {
+            Style::new()
+        };
+        let line = Line::from(vec![
+            Span::raw(format!("{name:<14}{frame:>7}{sample:>9}")),
+            Span::styled(format!("{difference:>7} {mark}{interval}"), style),
+        ]);
+        Some((name, line))
     };
     METRICS.iter().filter_map(line).collect()
 }
@@ -271,38 +274,10 @@ fn frame_value(frame: &FrameView, metric: &Metric, side: usize) -> Option<String
     match metric.origin {
         MetricOrigin::Time => frame.ms[side].map(|ms| compact(metric, ms)),
         _ => {
-            let value = frame.metrics[side]?.value(metric);
+            let value = frame.sides[side].as_ref()?.metrics.value(metric);
             value.map(|value| compact(metric, value))
         }
     }
-}
-
-fn number_line(line: &NumberLine, colors: bool) -> Line<'static> {
-    // A mark, for eyes and terminals without colours.
-    let (mark, color) = match line.judgement {
-        Judgement::Better => ('+', Some(Color::Green)),
-        Judgement::Worse => ('!', Some(Color::Red)),
-        Judgement::Equal
-        | Judgement::Unclear
-        | Judgement::TooFew
-        | Judgement::Differs
-        | Judgement::Unjudged => (' ', None),
-    };
-    let NumberLine {
-        name,
-        frame,
-        sample,
-        change,
-        interval,
-        ..
-    } = line;
-    let style = color
-        .filter(|_| colors)
-        .map_or(Style::new(), |color| Style::new().fg(color));
-    Line::from(vec![
-        Span::raw(format!("{name:<14}{frame:>7}{sample:>9}")),
-        Span::styled(format!("{change:>7} {mark}{interval}"), style),
-    ])
 }
 
 /// The metric that frames are ranked by, over time; the frame that is shown is marked.
@@ -341,10 +316,11 @@ fn why_lines(shown: &TuneState, side: usize, width: u16) -> Vec<Line<'static>> {
     let Some(frame) = &shown.frame else {
         return Vec::new();
     };
-    let share = |side: usize, i: usize| 100.0 * frame.why[side][i] as f64 / frame.pixels as f64;
+    let why = [0, 1].map(|side| frame.sides[side].as_ref().map_or([0; _], |side| side.why));
+    let share = |side: usize, i: usize| 100.0 * why[side][i] as f64 / frame.pixels as f64;
     let words = Reason::PIXELS.iter().enumerate().filter_map(|(i, reason)| {
         let (now, before) = (share(side, i), share(1, i));
-        let is_shown = *reason != Reason::Valid && (frame.why[0][i] > 0 || frame.why[1][i] > 0);
+        let is_shown = *reason != Reason::Valid && (why[0][i] > 0 || why[1][i] > 0);
         let change = if (now - before).abs() < 0.05 {
             String::new()
         } else {
@@ -366,21 +342,21 @@ fn why_lines(shown: &TuneState, side: usize, width: u16) -> Vec<Line<'static>> {
     lines.into_iter().map(Line::raw).collect()
 }
 
-fn draw_pictures(tuner: &Tuner, shades: bool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
+fn draw_pictures(tuner: &Tuner, area: Rect, canvas: &mut ToolCanvas<'_, '_>) {
     let Some(frame) = &tuner.shown.frame else {
         return;
     };
     let halves = [Constraint::Fill(1); 2];
     let sides = Layout::horizontal(halves).areas::<2>(area);
     let names = ["disparities", "disparities of the setting compared with"];
-    for ((side, picture), name) in sides.into_iter().zip(&frame.pictures).zip(names) {
+    for ((place, side), name) in sides.into_iter().zip(&frame.sides).zip(names) {
         let [head, room] =
-            Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(side);
-        canvas.render_widget(Paragraph::new(name), head);
-        if let Some(gray) = picture {
+            Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]).areas(place);
+        canvas.screen.render_widget(Paragraph::new(name), head);
+        if let Some(gray) = side.as_ref().and_then(|side| side.picture.as_ref()) {
             let size = picture::fitting((gray.width(), gray.height()), room.as_size());
             let place = Rect::from((room.as_position(), size));
-            picture::draw(gray, place, shades, canvas.buffer_mut());
+            picture::draw(gray, place, canvas.shades, canvas.screen.buffer_mut());
         }
     }
 }
