@@ -4,7 +4,7 @@
 use super::change::{Change, Judgement, changes};
 use super::summary::{CheckpointSummary, ReportTables, Results};
 use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{blocks, resamples, run_key, sample};
+use crate::rows::samples::{run_key, runs, sample};
 use crate::show::table::model::Table;
 use crate::subjects::drives::DriveRow;
 use crate::subjects::stress::{
@@ -106,7 +106,7 @@ impl Results {
         let cases = if is_driven {
             courses
         } else {
-            blocks(&own).last().map_or(0, |last| last + 1)
+            runs(&own).blocks()
         };
         let untold = if text.is_none() || !broken.is_empty() {
             None
@@ -179,7 +179,7 @@ fn pair_changes(rows: &[Row], label: &str, text: &str, metrics: &[&'static Metri
     all.extend(same.and_then(|same| {
         let own = MetricTotals::new(&now).measured(same, AreaChoice::default())?;
         let value = same.value_of(own)?;
-        let interval = sample(same, &now)?.interval(&resamples(&now));
+        let interval = sample(same, &now)?.interval(&runs(&now));
         // All cells are the same before; the difference that counts is that from the limit.
         let interval = interval.map(|(low, high)| (low - MIN_SAME, high - MIN_SAME));
         Some(Change {
