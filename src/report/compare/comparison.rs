@@ -12,7 +12,7 @@ use crate::rows::samples::{paired, runs, sample_in};
 use crate::subjects::drives::DriveRow;
 use crate::subjects::references::EXACT;
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Result, counted};
 use svl_score::bootstrap::{self, TestMethod};
@@ -111,9 +111,6 @@ pub struct AlgorithmChange {
     /// Metrics that one of the reports does not measure, or neither.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_measured: Vec<NotMeasured>,
-    /// The metrics of the other areas, by the names of the areas.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub areas: BTreeMap<&'static str, Vec<Change>>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<Change>,
     /// True if checkpoints of both are not compared, as they have not the same pairs.
@@ -296,11 +293,10 @@ impl AlgorithmChange {
         } else {
             None
         };
-        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &runs, METRICS);
         let Changes {
             measured: mut metrics,
             not_measured,
-        } = changes(base.area);
+        } = Changes::over([&a, &b], errors.as_ref(), base.area, &runs, METRICS);
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
@@ -313,12 +309,6 @@ impl AlgorithmChange {
                     .and_then(|own| own.total());
             }
         }
-        let areas = AreaChoice::ALL.into_iter();
-        let areas = areas.filter(|area| *area != base.area).map(|area| {
-            let mut own = changes(area).measured;
-            own.retain(|change| change.metric.by_area);
-            (area.name(), own)
-        });
         let checkpoints = checkpoint_changes(join.runs, own);
         let has_both = (0..2).all(|side| join.runs[side].has_checkpoints(own.labels[side]));
         let count = |is: fn(&[&Row; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
@@ -328,7 +318,6 @@ impl AlgorithmChange {
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
             metrics,
             not_measured,
-            areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
             has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
             ..self
@@ -364,11 +353,8 @@ impl AlgorithmChange {
         })
     }
 
-    /// All changes, those of other areas included.
     fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
-        let areas = self.areas.values_mut().flatten();
-        let own = self.metrics.iter_mut().chain(&mut self.checkpoints);
-        own.chain(areas)
+        self.metrics.iter_mut().chain(&mut self.checkpoints)
     }
 }
 

@@ -1,19 +1,13 @@
 //! The answer of a report: a sentence at its head, and the meanings of marks below its table.
 
-use super::best::{
-    BEST, Best, Certainty, FAILED, MAX_BAD, MAX_WRONG, MIN_COVERAGE, MIN_FOUND, MIN_NEAR,
-    MIN_RIGHT, Unfit,
-};
+use super::best::{BEST, Best, Certainty, FAILED, Unfit};
 use super::summary::{AlgorithmSummary, Results};
+use super::sweep::SweepChoice;
 use crate::rows::samples::grouped;
-use crate::show::words::ms;
 use crate::subjects::references::EXACT;
 use svl_core::{counted, joined};
 use svl_score::bootstrap::METHOD;
 use svl_score::judge::{AreaChoice, Metric, TruthLevel};
-
-/// Times that differ by more than this factor do not look alike.
-const MAX_ALIKE: f64 = 1.2;
 
 /// Limit of the algorithms whose faults are named.
 const MAX_NAMED: usize = 3;
@@ -21,23 +15,17 @@ const MAX_NAMED: usize = 3;
 impl Unfit {
     /// The number that is the reason.
     fn words(self, results: &Results, label: &str) -> String {
-        let number = |name| {
-            let metric = Metric::find(name);
-            let value = metric.and_then(|own| Some((own, results.value(label, own, None)?)));
-            value.map_or_else(String::new, |(own, value)| {
-                format!("{label} {} {}", own.name, own.show(value))
-            })
-        };
         match self {
-            Self::Wrong => number("wrong"),
-            Self::Right => number("right"),
-            Self::Found => number("found"),
-            Self::Bad => number("bad2"),
-            Self::Coverage => number("coverage"),
+            Self::Limit(name) => {
+                let metric = Metric::find(name);
+                let value = metric.and_then(|own| Some((own, results.value(label, own, None)?)));
+                let value = value.map(|(own, value)| own.show(value));
+                format!("{label} {name} {}", value.unwrap_or_default())
+            }
             Self::BehindPrior => format!("{label} not above the prior"),
             Self::TooFewPairs => format!("{label} too few pairs to tell from the prior"),
             Self::Absent => format!("{label} answered less than half"),
-            Self::Reference | Self::Stands => format!("{label} not compared"),
+            Self::NotCompared => format!("{label} not compared"),
         }
     }
 }
@@ -50,7 +38,8 @@ impl Results {
             return Vec::new();
         }
         let head = self.head();
-        head.into_iter().chain(self.choice_words()).collect()
+        let choices = self.choices.iter().map(SweepChoice::words);
+        head.into_iter().chain(choices).collect()
     }
 
     /// Which algorithm is best, by how much, on how many pairs and cells; or why none is.
@@ -186,12 +175,8 @@ impl Results {
         let cells = self
             .most_cells(self.basis.area)
             .filter(|_| self.has_areas());
-        let area = match self.basis.area {
-            AreaChoice::Obstacle if self.includes_floor() => "cell",
-            AreaChoice::Obstacle => "obstacle cell",
-            AreaChoice::Floor => "floor cell",
-            AreaChoice::Beyond | AreaChoice::All => "cell",
-        };
+        let is_obstacle = self.basis.area == AreaChoice::Obstacle && !self.includes_floor();
+        let area = if is_obstacle { "obstacle cell" } else { "cell" };
         let cells = cells.map(|cells| format!(", {}", counted(cells, area)));
         format!("{pairs}{}", cells.unwrap_or_default())
     }
@@ -231,7 +216,7 @@ impl Results {
         let order = self.shown.sort.and_then(|_| self.order_words());
         let order = order.map(|words| format!("The algorithms are {words}."));
         let parts = marks.into_iter().chain(self.own_pairs_words());
-        parts.chain(order).chain(self.time_words()).collect()
+        parts.chain(order).collect()
     }
 
     /// Says that the numbers are of each algorithm's own pairs.
@@ -241,44 +226,6 @@ impl Results {
         is_own.then(|| {
             let (common, read) = (common.common, common.read);
             format!("All have only {common} of {read} pairs, so numbers are of each one's own.")
-        })
-    }
-
-    /// The limits of an algorithm that may be best.
-    fn limit_words(&self) -> String {
-        let percent = |share: f64| 100.0 * share;
-        match self.kind() {
-            TruthLevel::Disparities => format!(
-                "at most {:.0} % off by > 2 px and at least {:.0} % coverage",
-                percent(MAX_BAD),
-                percent(MIN_COVERAGE)
-            ),
-            TruthLevel::Courses => "it has to drive a tenth of the courses".to_owned(),
-            _ => format!(
-                "at most {:.0} % wrong, at least {:.0} % right, {:.0} % of {MIN_NEAR} or more near \
-                 obstacles found, right minus wrong above the prior's, half of the pairs answered",
-                percent(MAX_WRONG),
-                percent(MIN_RIGHT),
-                percent(MIN_FOUND)
-            ),
-        }
-    }
-
-    /// Times that are not told apart although they are far from each other, with the reason.
-    fn time_words(&self) -> Option<String> {
-        let best = self.best.iter().find(|best| best.metric.name == "time")?;
-        let alike = best.others.iter();
-        let alike = alike.filter(|other| other.certainty == Certainty::NotToldApart);
-        let labels = [&best.algorithm].into_iter();
-        let labels = labels.chain(alike.map(|other| &other.algorithm));
-        let own = labels.filter_map(|label| Some((label, self.value(label, best.metric, None)?)));
-        let own: Vec<_> = own.collect();
-        let is_far = own.iter().any(|(_, ms)| *ms > MAX_ALIKE * best.value);
-        let busy = ["", "; the machine was busy"][usize::from(self.is_disturbed())];
-        is_far.then(|| {
-            let names = joined(own.iter().map(|(label, _)| label));
-            let times = joined(own.iter().map(|(_, time)| ms(*time)));
-            format!("By time {names} are not told apart ({times} ms{busy}).")
         })
     }
 }

@@ -74,36 +74,36 @@ impl Best {
     }
 }
 
-/// Limits of an algorithm that may be called best, as fractions: of cells where distances are
-/// scored, of pixels where disparities are. An algorithm that answers nothing misses nothing, so
-/// right and found cells, and coverage, have limits, too.
+/// The largest fraction of wrong cells of an algorithm that may be called best.
 pub(crate) const MAX_WRONG: f64 = 0.1;
-pub(crate) const MIN_RIGHT: f64 = 0.1;
-pub(crate) const MIN_FOUND: f64 = 0.5;
-/// Fewest near obstacles of which so many have to be found.
-pub(crate) const MIN_NEAR: u64 = 10;
-pub(crate) const MAX_BAD: f64 = 0.2;
-pub(crate) const MIN_COVERAGE: f64 = 0.1;
+
+/// Least and largest fractions of an algorithm that may be called best: of cells where distances
+/// are scored, of pixels where disparities are. An algorithm that answers nothing misses nothing,
+/// so right and found cells, and coverage, have limits, too.
+const LIMITS: [(TruthLevel, &str, [f64; 2]); 5] = [
+    (TruthLevel::Distances, "wrong", [0.0, MAX_WRONG]),
+    (TruthLevel::Distances, "right", [0.1, 1.0]),
+    (TruthLevel::Distances, "found", [0.5, 1.0]),
+    (TruthLevel::Disparities, "bad2", [0.0, 0.2]),
+    (TruthLevel::Disparities, "coverage", [0.1, 1.0]),
+];
+/// Fewest near obstacles of which a part has to be found.
+const MIN_NEAR: f64 = 10.0;
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MAX_PRIOR: f64 = 0.8;
 
 /// Why an algorithm may not be best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unfit {
-    /// The truth and `blind`, at the ends of the scale.
-    Reference,
+    /// The truth and `blind`, at the ends of the scale; a robot that stands, or failed.
+    NotCompared,
     /// It answered less than half of the pairs.
     Absent,
-    Wrong,
-    Right,
-    Found,
+    /// That metric is beyond its limit.
+    Limit(&'static str),
     /// It is not better than the prior, or too few pairs tell.
     BehindPrior,
     TooFewPairs,
-    Bad,
-    Coverage,
-    /// A robot that stands hits nothing; or a failed drive.
-    Stands,
 }
 
 /// The unperturbed rows of each algorithm, in their order.
@@ -170,40 +170,42 @@ impl Results {
     }
 
     fn unfit(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
+        let kind = self.kind();
         let value = |name| a.value(Metric::find(name)?);
-        let is_below = |name, min| value(name).is_some_and(|value| value < min);
-        let is_above = |name, max| value(name).is_some_and(|value| value > max);
-        let near = value("near").unwrap_or_default() as u64;
-        let is_driven = self.kind() == TruthLevel::Courses;
-        let of_distances = || {
-            if is_above("wrong", MAX_WRONG) {
-                Some(Unfit::Wrong)
-            } else if is_below("right", MIN_RIGHT) {
-                Some(Unfit::Right)
-            } else if near >= MIN_NEAR && is_below("found", MIN_FOUND) {
-                Some(Unfit::Found)
-            } else {
-                self.beside_prior(a, rows)
-            }
+        let is_tested = |name: &str| name != "found" || value("near") >= Some(MIN_NEAR);
+        let is_broken = |(level, name, [min, max]): &&(TruthLevel, &'static str, [f64; 2])| {
+            let is_within = |value| *min <= value && value <= *max;
+            *level == kind && is_tested(name) && value(name).is_some_and(|own| !is_within(own))
         };
-        if self.is_reference(a) {
-            Some(Unfit::Reference)
+        let is_driven = kind == TruthLevel::Courses;
+        if self.is_reference(a) || is_driven && !(self.has_driven(a) && a.failed_pairs == 0) {
+            Some(Unfit::NotCompared)
         } else if !is_driven && self.basis.common.is_absent(&a.algorithm) {
             Some(Unfit::Absent)
+        } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
+            Some(Unfit::Limit(name))
         } else {
-            match self.kind() {
-                TruthLevel::Distances => of_distances(),
-                TruthLevel::Disparities if is_above("bad2", MAX_BAD) => Some(Unfit::Bad),
-                TruthLevel::Disparities => {
-                    is_below("coverage", MIN_COVERAGE).then_some(Unfit::Coverage)
-                }
-                TruthLevel::Courses => {
-                    let is_fit = self.has_driven(a) && a.failed_pairs == 0;
-                    (!is_fit).then_some(Unfit::Stands)
-                }
-                TruthLevel::NoTruth => None,
-            }
+            self.beside_prior(a, rows)
         }
+    }
+
+    /// The limits of an algorithm that may be best, in words.
+    pub(crate) fn limit_words(&self) -> String {
+        let own = LIMITS.iter().filter(|(level, ..)| *level == self.kind());
+        let limits = own.map(|(_, name, [min, max])| match (*min, *max) {
+            (0.0, max) => format!("at most {:.0} % {name}", 100.0 * max),
+            (min, _) => format!("at least {:.0} % {name}", 100.0 * min),
+        });
+        let distances = self.kind() == TruthLevel::Distances;
+        let prior = distances.then(|| {
+            format!("of {MIN_NEAR} or more near obstacles, right minus wrong above the prior's")
+        });
+        let half = "half of the pairs answered".to_owned();
+        limits
+            .chain(prior)
+            .chain([half])
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 
     /// Tests right minus wrong cells against the prior's.
@@ -288,16 +290,12 @@ impl Results {
             };
             all.into_iter().find(|change| change.metric == metric)
         };
+        let is_faster = |own: &Change| own.interval.is_some_and(|(low, _)| low > 1.0);
         match change {
             Some(own) if own.judgement == Judgement::Worse => Certainty::Clear,
-            // A ratio of times, which no verdict has.
-            Some(own) if own.interval.is_some_and(|(low, _)| low > 1.0) => Certainty::Clear,
-            Some(own) if own.judgement == Judgement::TooFew => Certainty::TooFew,
-            Some(own) if own.judgement == Judgement::Unjudged && own.interval.is_none() => {
-                Certainty::TooFew
-            }
-            Some(_) => Certainty::NotToldApart,
-            None => Certainty::TooFew,
+            Some(own) if metric.name == "time" && is_faster(&own) => Certainty::Clear,
+            Some(own) if own.interval.is_some() => Certainty::NotToldApart,
+            _ => Certainty::TooFew,
         }
     }
 
@@ -423,7 +421,10 @@ mod tests {
             None,
             "the scene hardly changes"
         );
-        assert_eq!(unfit(200, half, |i| i % 20 < 10), Some(Unfit::Wrong));
+        assert_eq!(
+            unfit(200, half, |i| i % 20 < 10),
+            Some(Unfit::Limit("wrong"))
+        );
         assert_eq!(
             unfit(200, |i| i % 10 > 2, |i| i % 11 > 0),
             Some(Unfit::BehindPrior)

@@ -112,21 +112,20 @@ impl Results {
         let own = self.algorithms.iter();
         let own = own.filter(|a| labels.contains(&&*a.algorithm));
         let fit = own.clone().filter(|a| self.may_be_best(a));
-        let fit: Vec<_> = fit.map(|a| a.algorithm.as_str()).collect();
-        if fit.is_empty() {
+        let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
+        let mut settings: Settings<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
+        let Some((_, mut common)) = settings.first().cloned() else {
             return Err(self.unfit_words(own));
+        };
+        for (_, own) in &settings {
+            [common, _] = paired(&common, own);
         }
-        let all: Vec<_> = fit.iter().filter_map(|label| rows.get(label)).collect();
-        let first = all.first().map_or(Vec::new(), |own| own.to_vec());
-        let common = all.iter().fold(first, |common, own| {
-            let [common, _] = paired(&common, own);
-            common
-        });
-        let settings = fit.iter().zip(&all);
-        let settings = settings.map(|(label, own)| (*label, paired(&common, own)[1].clone()));
-        let settings: Settings<'_> = settings.collect();
-        let blocks = runs(&common).block_numbers();
-        if blocks.last().map_or(0, |last| last + 1) < METHOD.fewest_blocks {
+        for (_, own) in &mut settings {
+            [_, *own] = paired(&common, own);
+        }
+        let runs = runs(&common);
+        let blocks = runs.block_numbers();
+        if runs.blocks() < METHOD.fewest_blocks {
             return Err("too few pairs to tell".to_owned());
         }
         let measure = |rows: &[&Row]| {
@@ -152,35 +151,26 @@ impl Results {
         let [even, odd] = [best(&halves[0])?.0, best(&halves[1])?.0];
         let unseen = [&*halves[1][even].1, &*halves[0][odd].1].concat();
         let (place, own_score) = best(&settings)?;
-        let alike = settings.iter().enumerate().filter(|(i, (_, rows))| {
-            let samples = measure(&settings[place].1).zip(measure(rows));
-            let change = samples.and_then(|(a, b)| {
-                let values = [a.total()?, b.total()?];
-                Some(Change::from_samples(
-                    metric,
-                    values,
-                    [&a, &b],
-                    &runs(&common),
-                ))
-            });
-            *i != place && change.is_none_or(|own| own.judgement != Judgement::Worse)
-        });
+        let is_alike = |rows: &[&Row]| {
+            let (a, b) = measure(&settings[place].1).zip(measure(rows))?;
+            let values = [a.total()?, b.total()?];
+            let change = Change::from_samples(metric, values, [&a, &b], &runs);
+            (change.judgement != Judgement::Worse).then_some(())
+        };
+        let alike = settings.iter().filter_map(|(_, rows)| is_alike(rows));
         Ok(BestSetting {
             label: settings[place].0.to_owned(),
             own_score,
             score: score(&unseen).unwrap_or(own_score),
-            alike: alike.count(),
+            // It is one of them.
+            alike: alike.count().saturating_sub(1),
         })
-    }
-
-    /// The choices in sentences.
-    pub(crate) fn choice_words(&self) -> Vec<String> {
-        self.choices.iter().map(SweepChoice::words).collect()
     }
 }
 
 impl SweepChoice {
-    fn words(&self) -> String {
+    /// The choice in a sentence.
+    pub(crate) fn words(&self) -> String {
         let (settings, name) = (counted(self.settings, "setting"), &self.algorithm);
         let Some(own) = &self.setting else {
             let reason = self.reason.as_deref().unwrap_or_default();
@@ -250,7 +240,7 @@ mod tests {
             ..ResultParts::default()
         };
         let results = Results::new(&tables, parts, shown).unwrap();
-        let words = results.choice_words().join(" ");
+        let words = results.choices[0].words();
         (results.choices, words)
     }
 

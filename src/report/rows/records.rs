@@ -492,20 +492,6 @@ fn optional_by<T>(text: &str, read: fn(&str) -> Option<T>) -> Option<Option<T>> 
     }
 }
 
-/// The metrics whose columns come first in rows; the others follow in the order of [`METRICS`].
-const FIRST_IN_ROWS: [&str; 10] = [
-    "coverage",
-    "bad1",
-    "bad2",
-    "invalid",
-    "right",
-    "wrong",
-    "unknown",
-    "missed",
-    "false",
-    "row_offset",
-];
-
 /// A metric's column in a table, of the cells of an area.
 struct MetricColumn {
     metric: &'static Metric,
@@ -514,11 +500,7 @@ struct MetricColumn {
 }
 
 static METRICS_IN_ROWS: LazyLock<Vec<MetricColumn>> = LazyLock::new(|| {
-    let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
-    let rest = METRICS
-        .iter()
-        .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
-    let of_frames = first.chain(rest).filter(|metric| metric.column().is_some());
+    let of_frames = METRICS.iter().filter(|metric| metric.column().is_some());
     metric_columns(&of_frames.collect::<Vec<_>>(), &AreaChoice::PARTS)
 });
 
