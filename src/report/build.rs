@@ -141,7 +141,7 @@ impl Report<'_> {
     fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
         let tables = &mut self.tables;
-        for row in tables.rows.iter_mut().chain(&mut tables.prior) {
+        for row in tables.rows.iter_mut().chain(&mut tables.references) {
             row.metrics = row.metrics.in_area(options.area);
         }
         let tables = &self.tables;
@@ -327,7 +327,9 @@ impl Report<'_> {
         let plan = self.plan;
         let mut missing = plan.lost.clone().unwrap_or_default();
         for run in self.runs {
-            if let Some(losses) = &run.facts.losses {
+            // A perturbed run is of the same input, whose losses count once.
+            let losses = run.facts.losses.as_ref();
+            if let Some(losses) = losses.filter(|_| run.run.stress.is_none()) {
                 missing.pairs += run.facts.pairs.len() as u64;
                 missing.losses.add(losses.clone());
             }

@@ -1,16 +1,13 @@
-//! Bootstrap confidence intervals of a run's numbers.
+//! Confidence intervals and tests of a run's numbers.
 //!
-//! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of
-//! one drive are similar to their neighbours, so they are drawn in blocks: Politis and Romano, "A
-//! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
-//! root of the drive's length, long enough to decorrelate the arena's pairs.
+//! Pairs of one drive are similar to their neighbours, so the standard error is that of blocks:
+//! Politis and Romano, "A Circular Block-Resampling Procedure for Stationary Data", 1992. Of a sum
+//! over the pairs it is that of the circular sums of a block, without resamples; ratios, roots and
+//! medians are linearized. Intervals and probabilities are those of Student's t, whose degrees of
+//! freedom are fewer where few blocks carry the difference.
 
-use std::ops::Range;
+use crate::holm::MAX_P;
 use svl_core::statistics::{lower_median, upper_rank};
-
-/// Number of resamples. Equal data give equal intervals: the generator has a fixed seed.
-const DRAWS: usize = 1000;
-const SEED: u64 = 2007;
 
 /// Fewest blocks for an interval.
 const MIN_BLOCKS: usize = 8;
@@ -22,10 +19,8 @@ pub const LEVEL: &str = "95 %";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct TestMethod {
     pub name: &'static str,
-    pub resamples: Option<usize>,
-    pub seed: Option<u64>,
     pub level: &'static str,
-    /// Block length for a run of n pairs of one drive; 1 for scenes, which are independent.
+    /// Block length of n pairs; 1 for scenes, which are independent.
     pub block_length: Option<&'static str>,
     /// Below this number of blocks, or courses, nothing is tested.
     pub fewest_blocks: usize,
@@ -33,121 +28,158 @@ pub struct TestMethod {
 
 /// The method of all intervals.
 pub const METHOD: TestMethod = TestMethod {
-    name: "circular block bootstrap, percentile intervals",
-    resamples: Some(DRAWS),
-    seed: Some(SEED),
+    name: "Student's t on the standard error of the circular block bootstrap",
     level: LEVEL,
-    block_length: Some("ceil(2 n^(1/3))"),
+    block_length: Some(
+        "3 times the first lag with an autocorrelation below 2/√n, from ceil(2 n^(1/3)) to n/8",
+    ),
     fewest_blocks: MIN_BLOCKS,
 };
 
-/// The middle 95 % of the resamples.
+/// An interval at [`LEVEL`].
 pub type Interval = (f64, f64);
 
-/// Resamples of the items `0..n`.
-pub struct Resamples {
-    /// Each with the items of these ranges, one after the other.
-    draws: Vec<Vec<Range<usize>>>,
-    /// Number of blocks in each.
-    blocks: usize,
-}
-
-/// Length of the blocks drawn from a drive of `length`.
+/// Least length of the blocks of a drive of `length`.
 pub fn block_length(length: usize) -> usize {
     (2.0 * (length as f64).cbrt()).ceil() as usize
 }
 
-impl Resamples {
-    /// `stretches`: lengths of the consecutive drives; `independent` if items are not similar to
-    /// their neighbours, as with scenes.
-    pub fn draw(stretches: &[usize], independent: bool) -> Self {
-        let mut random = fastrand::Rng::with_seed(SEED);
-        let mut draw = || {
-            let mut ranges = Vec::new();
-            let mut begin = 0;
-            for &length in stretches {
-                let block = if independent { 1 } else { block_length(length) };
-                let mut left = length;
-                while left > 0 {
-                    let first = random.usize(0..length);
-                    let taken = block.min(left);
-                    let end = (first + taken).min(length);
-                    ranges.push(begin + first..begin + end);
-                    // Circular: a block that begins near the end continues at the start, so all
-                    // items are drawn equally often.
-                    ranges.push(begin..begin + taken - (end - first));
-                    left -= taken;
-                }
-                begin += length;
-            }
-            ranges
-        };
-        let blocks = |&length: &usize| {
-            if independent {
-                length
-            } else {
-                length.div_ceil(block_length(length).max(1))
-            }
-        };
+/// The runs that items are of, one after the other.
+pub struct Runs {
+    lengths: Vec<usize>,
+    are_independent: bool,
+}
+
+impl Runs {
+    /// `lengths`: numbers of items; `are_independent` if items are not similar to their neighbours,
+    /// as with scenes.
+    pub fn new(lengths: &[usize], are_independent: bool) -> Self {
         Self {
-            draws: (0..DRAWS).map(|_| draw()).collect(),
-            blocks: stretches.iter().map(blocks).sum(),
+            lengths: lengths.to_vec(),
+            are_independent,
         }
     }
 
-    /// Number of blocks in each resample: about as many pairs are independent.
+    fn least_length(&self, run: usize) -> usize {
+        if self.are_independent {
+            1
+        } else {
+            block_length(run).max(1)
+        }
+    }
+
+    /// The number of the least block of each item.
+    pub fn block_numbers(&self) -> Vec<usize> {
+        let mut numbers: Vec<usize> = Vec::new();
+        for &run in &self.lengths {
+            let first = numbers.last().map_or(0, |last| last + 1);
+            numbers.extend((0..run).map(|i| first + i / self.least_length(run)));
+        }
+        numbers
+    }
+
+    /// Number of blocks: about as many items are independent.
     pub fn blocks(&self) -> usize {
-        self.blocks
+        self.block_numbers().last().map_or(0, |last| last + 1)
     }
 
-    /// The interval of a statistic of the items; `None` for too few blocks, or if it is undefined
-    /// for some resample.
-    pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
-        middle(self.values(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))?)
+    /// The uncertainty of the sum of these parts; `None` if fewer blocks than
+    /// [`METHOD`] needs have an item with a value.
+    fn uncertainty(&self, parts: &[f64], has_value: impl Fn(usize) -> bool) -> Option<Uncertainty> {
+        let numbers = self.block_numbers();
+        let mut with_value: Vec<_> = (0..numbers.len()).filter(|i| has_value(*i)).collect();
+        with_value.dedup_by_key(|i| numbers[*i]);
+        if with_value.len() < MIN_BLOCKS {
+            return None;
+        }
+        let count = parts.len() as f64;
+        let mean = parts.iter().sum::<f64>() / count;
+        let centred: Vec<_> = parts.iter().map(|part| part - mean).collect();
+        let runs = self.split(&centred);
+        let longest = (3 * self.first_uncorrelated_lag(&runs)).min(parts.len() / 8);
+        // The number of blocks, and the sums of their second and fourth powers.
+        let [mut blocks, mut squares, mut fourths] = [0.0; 3];
+        for run in runs.iter().filter(|run| !run.is_empty()) {
+            let length = self.least_length(run.len()).max(longest).min(run.len());
+            let in_run = run.len() as f64 / length as f64;
+            blocks += in_run;
+            let mut sum: f64 = run[..length].iter().sum();
+            for i in 0..run.len() {
+                squares += sum.powi(2) * in_run / run.len() as f64;
+                fourths += sum.powi(4) * in_run / run.len() as f64;
+                sum += run[(i + length) % run.len()] - run[i];
+            }
+        }
+        // Three for a normal distribution: then all blocks count.
+        let carrying = if fourths > 0.0 {
+            3.0 * squares.powi(2) / fourths
+        } else {
+            blocks
+        };
+        let freedom = blocks.min(with_value.len() as f64).min(carrying) - 1.0;
+        Some(Uncertainty {
+            // Blocks vary about their own mean, so one degree of freedom is lost.
+            error: (squares * blocks / (blocks - 1.0)).sqrt(),
+            freedom: freedom.max(1.0) as usize,
+        })
     }
 
-    /// A statistic in each resample; `None` for too few blocks, or if it is undefined for one.
-    fn values(&self, statistic: &dyn Fn(&[Range<usize>]) -> Option<f64>) -> Option<Vec<f64>> {
-        let values = self.draws.iter().map(|ranges| statistic(ranges));
-        (self.blocks >= MIN_BLOCKS).then(|| values.collect())?
+    fn split<'a>(&self, parts: &'a [f64]) -> Vec<&'a [f64]> {
+        let mut left = parts;
+        let mut next = |length: &usize| left.split_off(..*length).unwrap_or_default();
+        self.lengths.iter().map(&mut next).collect()
     }
 
-    /// The probability that a difference from 0 is as large by chance, two-sided: Student's t of
-    /// the difference over its standard error in the resamples. Of few blocks that is nearer to the
-    /// truth than the share of the resamples beyond 0, and tells small probabilities apart.
-    pub fn p_value(&self, difference: f64, draws: &[f64]) -> f64 {
-        let (count, blocks) = (draws.len() as f64, self.blocks as f64);
-        let mean = draws.iter().sum::<f64>() / count;
-        let squares = draws
-            .iter()
-            .map(|value| (value - mean).powi(2))
-            .sum::<f64>();
-        // Resamples vary as the sample does, without the correction by a degree of freedom.
-        let error = (squares / count * blocks / (blocks - 1.0)).sqrt();
+    /// The first lag at which items are hardly correlated, over all runs; 0 of independent ones.
+    fn first_uncorrelated_lag(&self, runs: &[&[f64]]) -> usize {
+        let count: usize = self.lengths.iter().sum();
+        let products = |lag: usize| -> f64 {
+            let all = runs.iter().filter(|run| run.len() > lag);
+            let products = all.flat_map(|run| run.iter().zip(&run[lag..]));
+            products.map(|(a, b)| a * b).sum()
+        };
+        let limit = 2.0 / (count as f64).sqrt() * products(0);
+        let mut lags = 1..=count / 24;
+        if self.are_independent {
+            return 0;
+        }
+        lags.find(|lag| products(*lag) <= limit)
+            .unwrap_or(count / 24 + 1)
+    }
+}
+
+/// The uncertainty of a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Standard error.
+    error: f64,
+    /// Degrees of freedom of Student's t.
+    freedom: usize,
+}
+
+impl Uncertainty {
+    pub fn interval(self, value: f64) -> Interval {
+        // The probability falls with t.
+        let (mut low, mut high) = (0.0, 13.0);
+        for _ in 0..50 {
+            let middle = f64::midpoint(low, high);
+            let is_within = two_sided_t(middle, self.freedom) > MAX_P;
+            *(if is_within { &mut low } else { &mut high }) = middle;
+        }
+        (value - high * self.error, value + high * self.error)
+    }
+
+    /// The probability that a difference from 0 is as large by chance, two-sided.
+    pub fn p_value(self, difference: f64) -> f64 {
         if difference == 0.0 {
             1.0
         } else {
-            two_sided_t(difference / error, self.blocks - 1)
+            two_sided_t(difference / self.error, self.freedom)
         }
     }
 }
 
-fn items(ranges: &[Range<usize>]) -> impl Iterator<Item = usize> {
-    ranges.iter().cloned().flatten()
-}
-
-/// The sums of the rows of these items, in their order.
-fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] {
-    let mut sums = [0.0; N];
-    for range in ranges {
-        for row in &rows[range.clone()] {
-            sums = std::array::from_fn(|i| sums[i] + row[i]);
-        }
-    }
-    sums
-}
-
-/// The values of a metric for the items to be resampled.
+/// The values of a metric for the items of runs.
 pub enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
     Ratio(Vec<[f64; 2]>),
@@ -159,8 +191,11 @@ pub enum Sample {
     Median(Vec<Vec<f64>>),
 }
 
-fn ratio([numerator, denominator]: [f64; 2]) -> Option<f64> {
-    (denominator > 0.0).then(|| numerator / denominator)
+/// The sums of numerators and denominators; `None` if the ratio is undefined.
+fn sums(parts: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let add = |sum: [f64; 2], part: &[f64; 2]| [sum[0] + part[0], sum[1] + part[1]];
+    let sums = parts.iter().fold([0.0; 2], add);
+    (sums[1] > 0.0).then_some(sums)
 }
 
 impl Sample {
@@ -175,85 +210,106 @@ impl Sample {
 
     /// The metric over all items.
     pub fn total(&self) -> Option<f64> {
-        self.value(std::slice::from_ref(&(0..self.items())))
-    }
-
-    /// The metric over these items, with their multiplicities.
-    fn value(&self, ranges: &[Range<usize>]) -> Option<f64> {
         match self {
-            Self::Ratio(parts) => ratio(sums(parts, ranges)),
-            Self::Root(parts) => ratio(sums(parts, ranges)).map(f64::sqrt),
-            Self::Count(values) => Some(items(ranges).map(|i| values[i]).sum()),
+            Self::Ratio(parts) => sums(parts).map(|[a, b]| a / b),
+            Self::Root(parts) => sums(parts).map(|[a, b]| (a / b).sqrt()),
+            Self::Count(values) => Some(values.iter().sum()),
+            Self::Median(values) => lower_median(values.iter().flatten().copied()),
+        }
+    }
+
+    fn has_value(&self, item: usize) -> bool {
+        match self {
+            Self::Ratio(parts) | Self::Root(parts) => parts[item][1] > 0.0,
+            Self::Count(_) => true,
+            Self::Median(values) => !values[item].is_empty(),
+        }
+    }
+
+    /// The part of each item in the deviation of the metric from its expectation.
+    fn parts(&self) -> Option<Vec<f64>> {
+        let total = self.total()?;
+        let of_ratio = |parts: &[[f64; 2]], ratio: f64, slope: f64| {
+            let [_, whole] = sums(parts)?;
+            let part = |[a, b]: &[f64; 2]| slope * (a - ratio * b) / whole;
+            Some(parts.iter().map(part).collect())
+        };
+        match self {
+            Self::Ratio(parts) => of_ratio(parts, total, 1.0),
+            Self::Root(parts) if total > 0.0 => of_ratio(parts, total.powi(2), 0.5 / total),
+            Self::Root(parts) => Some(vec![0.0; parts.len()]),
+            Self::Count(values) => Some(values.clone()),
             Self::Median(values) => {
-                lower_median(items(ranges).flat_map(|i| values[i].iter().copied()))
+                let mut all: Vec<_> = values.iter().flatten().copied().collect();
+                all.sort_by(f64::total_cmp);
+                let count = all.len() as f64;
+                // The inverse of the density: M. Siddiqui, "Distribution of Quantiles in Samples
+                // from a Bivariate Population", 1960.
+                let width = count.cbrt().recip().min(0.25);
+                let [low, high] = [0.5 - width, 0.5 + width].map(|rank| upper_rank(&all, rank));
+                let slope = (high? - low?) / (2.0 * width * count);
+                let below = |own: &Vec<f64>| own.iter().filter(|v| **v <= total).count() as f64;
+                let part = |own: &Vec<f64>| slope * (own.len() as f64 / 2.0 - below(own));
+                Some(values.iter().map(part).collect())
             }
         }
     }
 
-    /// The interval of the metric.
-    pub fn interval(&self, resamples: &Resamples) -> Option<Interval> {
-        middle(self.draws(resamples)?)
+    /// The interval of the metric; `None` for too few blocks.
+    pub fn interval(&self, runs: &Runs) -> Option<Interval> {
+        let own = runs.uncertainty(&self.parts()?, |i| self.has_value(i))?;
+        let (low, high) = own.interval(self.total()?);
+        // A mean lies among what it is of.
+        Some(match self {
+            Self::Ratio(parts) => {
+                let ratios = parts.iter().filter(|own| own[1] > 0.0);
+                let ratios = ratios.map(|[a, b]| a / b);
+                let least = ratios.clone().fold(f64::INFINITY, f64::min);
+                (
+                    low.max(least),
+                    high.min(ratios.fold(f64::NEG_INFINITY, f64::max)),
+                )
+            }
+            Self::Root(_) | Self::Count(_) => (low.max(0.0), high),
+            Self::Median(_) => (low, high),
+        })
     }
 
-    /// The metric in each resample; `None` for too few blocks, or if it is undefined for one.
-    pub fn draws(&self, resamples: &Resamples) -> Option<Vec<f64>> {
-        resamples.values(&|ranges| self.value(ranges))
-    }
-
-    /// `difference(base, other)` in each resample.
-    pub fn draws_between(
-        base: &Self,
-        other: &Self,
-        difference: fn(f64, f64) -> f64,
-        resamples: &Resamples,
-    ) -> Option<Vec<f64>> {
-        // Sums wait for their last addition: both together take the time of one.
-        match (base, other) {
-            (Self::Ratio(a), Self::Ratio(b)) => {
-                let both = a.iter().zip(b).map(|(&[a, b], &[c, d])| [a, b, c, d]);
-                let both: Vec<_> = both.collect();
-                resamples.values(&|ranges| {
-                    let [a, b, c, d] = sums(&both, ranges);
-                    Some(difference(ratio([a, b])?, ratio([c, d])?))
-                })
-            }
-            (Self::Count(a), Self::Count(b)) => {
-                let both: Vec<_> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
-                resamples.values(&|ranges| {
-                    let [a, b] = sums(&both, ranges);
-                    Some(difference(a, b))
-                })
-            }
-            _ => resamples
-                .values(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
-        }
+    /// The uncertainty of a function of two metrics of the same items, of these derivatives;
+    /// `None` for too few blocks.
+    pub fn uncertainty_between(
+        [base, other]: [&Self; 2],
+        slopes: [f64; 2],
+        runs: &Runs,
+    ) -> Option<Uncertainty> {
+        let both = base.parts()?.into_iter().zip(other.parts()?);
+        let parts: Vec<_> = both.map(|(a, b)| slopes[0] * a + slopes[1] * b).collect();
+        runs.uncertainty(&parts, |i| base.has_value(i) && other.has_value(i))
     }
 }
 
-/// The interval of the difference of a metric from another, both in the same resamples.
-pub fn difference_interval(base: &[f64], other: &[f64]) -> Option<Interval> {
-    middle(base.iter().zip(other).map(|(a, b)| b - a).collect())
-}
-
-/// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.
+/// The interval of the difference of two fractions, each `passed` of `frames`, of other frames.
 ///
-/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, with a
-/// probability kept from 0 and 1 by half a block on either side. `None` for too few blocks.
+/// Only sums are known, so as many frames are independent as there are blocks of neighbours, with a
+/// fraction kept from 0 and 1 by half a block on either side. `None` for too few blocks.
 pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
-    let mut random = fastrand::Rng::with_seed(SEED);
     let blocks = |frames: u64| (frames as usize).div_ceil(block_length(frames as usize).max(1));
-    let mut share = |(passed, frames): (u64, u64)| {
+    let fewest = blocks(a.1).min(blocks(b.1));
+    let variance = |(passed, frames): (u64, u64)| {
         let blocks = blocks(frames) as f64;
         // Half a block added on either side: a fraction of 0 or 1 over few frames is not certain.
         let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
-        (0..blocks as usize)
-            .filter(|_| random.f64() < expected)
-            .count() as f64
-            / blocks
+        expected * (1.0 - expected) / blocks
     };
-    (blocks(a.1).min(blocks(b.1)) >= MIN_BLOCKS)
-        .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
-        .and_then(middle)
+    let share = |(passed, frames): (u64, u64)| passed as f64 / frames as f64;
+    (fewest >= MIN_BLOCKS).then(|| {
+        let own = Uncertainty {
+            error: (variance(a) + variance(b)).sqrt(),
+            freedom: fewest - 1,
+        };
+        let (low, high) = own.interval(share(b) - share(a));
+        (low.max(-1.0), high.min(1.0))
+    })
 }
 
 /// The probability of Student's t beyond `t` on either side, of that many degrees of freedom:
@@ -275,54 +331,59 @@ fn two_sided_t(t: f64, freedom: usize) -> f64 {
     (1.0 - within).max(0.0)
 }
 
-/// The middle 95 % of the values in resamples.
-pub fn middle(mut values: Vec<f64>) -> Option<Interval> {
-    values.sort_by(f64::total_cmp);
-    Some((upper_rank(&values, 0.025)?, upper_rank(&values, 0.975)?))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn mean(values: &[f64]) -> impl Fn(&[usize]) -> Option<f64> {
-        |items| Some(items.iter().map(|&i| values[i]).sum::<f64>() / items.len() as f64)
-    }
-
-    #[test]
-    fn resamples_stay_in_their_stretch() {
-        let Resamples { draws, blocks } = Resamples::draw(&[3, 1, 10], false);
-        assert_eq!(blocks, 1 + 1 + 2);
-        assert_eq!(draws.len(), DRAWS);
-        for draw in draws {
-            let draw: Vec<_> = items(&draw).collect();
-            assert!(
-                draw[..3].iter().all(|&i| i < 3)
-                    && draw[3] == 3
-                    && draw[4..].iter().all(|&i| (4..14).contains(&i))
-            );
-            assert_eq!(draw.len(), 14);
-        }
+    fn ratio(values: impl IntoIterator<Item = f64>) -> Sample {
+        Sample::Ratio(values.into_iter().map(|value| [value, 1.0]).collect())
     }
 
     #[test]
     fn as_wide_as_the_theory_says() {
         // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ±
         // 0.049.
-        let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
-        let (low, high) = Resamples::draw(&[400], true)
-            .interval(&mean(&values))
-            .unwrap();
-        assert!(
-            (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
-            "{low} {high}"
-        );
+        let values = (0..400).map(|i| f64::from(i % 2));
+        let (low, high) = ratio(values).interval(&Runs::new(&[400], true)).unwrap();
+        assert!((low - 0.451).abs() < 1e-3 && (high - 0.549).abs() < 1e-3);
         // The same values with equal neighbours carry less information.
-        let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
-        let (low, high) = Resamples::draw(&[400], false)
-            .interval(&mean(&alike))
+        let alike = (0..400).map(|i| f64::from(i / 40 % 2));
+        let runs = Runs::new(&[400], false);
+        let (low, high) = ratio(alike).interval(&runs).unwrap();
+        assert!(high - low > 0.3, "{low} {high}");
+    }
+
+    #[test]
+    fn medians_are_as_sure_as_normal_ones() {
+        // The standard error of the median of normal values is 1.2533 / √n.
+        let mut random = fastrand::Rng::with_seed(7);
+        let mut normal = || (0..12).map(|_| random.f64()).sum::<f64>() - 6.0;
+        let values = (0..2000).map(|_| vec![normal()]).collect();
+        let (low, high) = Sample::Median(values)
+            .interval(&Runs::new(&[2000], true))
             .unwrap();
-        assert!(high - low > 0.15, "{low} {high}");
+        let expected = 2.0 * 1.96 * 1.2533 / 2000f64.sqrt();
+        assert!(((high - low) / expected - 1.0).abs() < 0.2, "{low} {high}");
+    }
+
+    #[test]
+    fn a_difference_in_one_pair_alone_proves_nothing() {
+        let one = |value: f64| ratio((0..280).map(|i| if i == 99 { value } else { 0.5 }));
+        let p = |base, other: f64, runs| {
+            let between = [&one(base), &one(other)];
+            let own = Sample::uncertainty_between(between, [-1.0, 1.0], &runs).unwrap();
+            own.p_value((other - base) / 280.0)
+        };
+        for runs in [[280, 0], [140, 140]] {
+            assert!(p(0.0, 100.0, Runs::new(&runs, false)) > 0.2);
+        }
+        assert!(p(0.0, 100.0, Runs::new(&[280], true)) > 0.2);
+        // Nor does a metric that few pairs have.
+        let few = Sample::Ratio((0..280).map(|i| [0.2, f64::from(i / 7)]).collect());
+        let runs = Runs::new(&[280], false);
+        assert!(few.interval(&runs).is_some());
+        let few = Sample::Ratio((0..280).map(|i| [0.2, f64::from(i / 260)]).collect());
+        assert_eq!(few.interval(&runs), None);
     }
 
     #[test]
@@ -359,27 +420,26 @@ mod tests {
 
     #[test]
     fn a_difference_is_as_probable_as_the_t_test_of_its_values() {
-        // 40 independent values of mean 0.3: the t test has 0.3 / (1.0198 / √40) = 1.86.
-        let values: Vec<f64> = (0..40)
-            .map(|i| 0.3 + if i % 2 == 0 { 1.0 } else { -1.0 })
-            .collect();
-        let resamples = Resamples::draw(&[40], true);
-        let sample = Sample::Ratio(values.iter().map(|value| [*value, 1.0]).collect());
-        let draws = sample.draws(&resamples).unwrap();
-        let p = resamples.p_value(0.3, &draws);
-        assert!((p - two_sided_t(1.873, 39)).abs() < 0.01, "{p}");
-        assert_eq!(resamples.p_value(0.0, &draws), 1.0);
+        // 40 independent values of mean 0.3: the t test has 0.3 / (1.0127 / √40) = 1.873.
+        let signs = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 });
+        let samples = [ratio([0.0; 40]), ratio(signs.map(|sign| 0.3 + sign))];
+        let runs = Runs::new(&[40], true);
+        let between = [&samples[0], &samples[1]];
+        let own = Sample::uncertainty_between(between, [-1.0, 1.0], &runs).unwrap();
+        assert!((own.p_value(0.3) - two_sided_t(1.873, 39)).abs() < 1e-3);
+        assert_eq!(own.p_value(0.0), 1.0);
+        let (low, high) = own.interval(0.3);
+        assert!((low - 0.3 + 2.023 * 0.1601).abs() < 1e-3 && low + high - 0.6 < 1e-9);
     }
 
     #[test]
-    fn too_little_says_nothing() {
-        assert_eq!(Resamples::draw(&[7], true).interval(&|_| Some(1.0)), None);
-        assert_eq!(Resamples::draw(&[20], false).interval(&|_| Some(1.0)), None);
-        assert!(
-            Resamples::draw(&[8], true)
-                .interval(&|_| Some(1.0))
-                .is_some()
-        );
+    fn too_few_blocks_have_no_interval() {
+        let interval = |items: usize, are_independent| {
+            let runs = Runs::new(&[items], are_independent);
+            ratio((0..items).map(|i| i as f64)).interval(&runs)
+        };
+        assert_eq!([interval(7, true), interval(20, false)], [None; 2]);
+        assert!(interval(8, true).is_some());
     }
 
     #[test]
@@ -389,7 +449,7 @@ mod tests {
         assert!(low < -0.3 && high > 0.3, "{low} {high}");
         // Blocks that all agree may still be chance.
         let (low, high) = shares((64, 64), (0, 64)).unwrap();
-        assert!(low == -1.0 && high > -0.9, "{low} {high}");
+        assert!(low == -1.0 && high > -0.8, "{low} {high}");
         for few in [0, 1, 7, 20, 56] {
             assert_eq!(shares((0, few), (64, 64)), None);
             assert_eq!(shares((64, 64), (0, few)), None);

@@ -14,9 +14,7 @@ use svl_core::{Error, Result, interrupt};
 use svl_files::outputs::remove_file;
 use svl_files::safe_name;
 use svl_report::CoursePlan;
-use svl_report::units::{
-    BlockPictures, DriveFacts, ReportRun, StoredUnit, UnitHeader, UnitRows, UnitWriter,
-};
+use svl_report::units::{BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter};
 use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
 
@@ -78,7 +76,7 @@ fn check_programs(
             run.retain(|own, _, unit| own != label || !unit.has_failures());
         }
         for (i, (course, stress)) in runs.iter().enumerate() {
-            let first = session.runs[i].unit(label, 0).map(StoredUnit::first_row);
+            let first = session.runs[i].unit(label, 0).map(|unit| unit.row(0));
             let Some(row) = first.transpose()?.flatten() else {
                 continue;
             };

@@ -4,10 +4,12 @@
 use super::run_opener::OpenedRun;
 use super::work::EvaluationWork;
 use crate::source::Chain;
+use std::time::{SystemTime, UNIX_EPOCH};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::stereo::hash_words;
 use svl_core::{Error, Result, interrupt};
 use svl_report::Row;
+use svl_score::notice::Notice;
 
 /// What came of matching pairs again.
 enum ProgramAnswer {
@@ -19,19 +21,33 @@ enum ProgramAnswer {
 }
 
 impl EvaluationWork<'_> {
-    /// Matches the first pair of each block again by each program that results are kept of, and
-    /// forgets them if an answer is another. Pairs that a program failed on are matched again.
+    /// Matches a pair of each block again by each program that results are kept of, in each session
+    /// another one, and forgets them if an answer is another. Pairs that a program failed on are
+    /// matched again.
     pub(super) fn check_programs(&mut self) -> Result<()> {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        let place = since.map_or(0, |since| since.as_millis() as usize);
         for algorithm in &self.plan.scenario.algorithms {
             if algorithm.spec().is_program() {
-                self.check_program(algorithm)?;
+                let compared = self.check_program(algorithm, place)?;
+                let label = algorithm.label();
+                let runs = self.session.runs.iter();
+                let kept = runs.filter(|run| run.units(label).next().is_some());
+                let kept: usize = kept.map(|run| run.facts.pairs.len()).sum();
+                let words =
+                    format!("{compared} of {kept} kept results were computed again, as before");
+                let note = Notice::new([label], words).to_string();
+                let notes = &mut self.session.list.manifest.warnings;
+                notes.extend((compared > 0).then_some(note));
             }
         }
         Ok(())
     }
 
-    fn check_program(&mut self, algorithm: &Algorithm) -> Result<()> {
+    /// Returns the number of pairs whose results are as before; 0 if any is another.
+    fn check_program(&mut self, algorithm: &Algorithm, place: usize) -> Result<usize> {
         let label = algorithm.label();
+        let mut compared = 0;
         for run in &mut self.session.runs {
             run.retain(|own, _, unit| own != label || !unit.has_failures());
         }
@@ -40,7 +56,9 @@ impl EvaluationWork<'_> {
             let units = self.session.runs[i].units(label);
             // With a memory of the run, results of later blocks depend on all earlier pairs.
             let units = units.filter(|(block, _)| *block == 0 || !has_memory);
-            let rows = units.map(|(_, unit)| unit.first_row());
+            // The first result of a memory needs no earlier pairs.
+            let place = if has_memory { 0 } else { place };
+            let rows = units.map(|(_, unit)| unit.row(place));
             let rows: Vec<Row> = rows.filter_map(Result::transpose).collect::<Result<_>>()?;
             if rows.is_empty() {
                 continue;
@@ -49,10 +67,10 @@ impl EvaluationWork<'_> {
             let opened = opener.open(self.runs[i])?;
             drop(opener);
             match answers(algorithm, opened, &rows)? {
-                ProgramAnswer::Same => {}
+                ProgramAnswer::Same => compared += rows.len(),
                 ProgramAnswer::Other(sequence) => {
                     self.session.forget_algorithm(label, sequence);
-                    return Ok(());
+                    return Ok(0);
                 }
                 ProgramAnswer::OtherPairs => {
                     let changed: Vec<_> = (0..self.runs.len()).map(|j| j == i).collect();
@@ -60,7 +78,7 @@ impl EvaluationWork<'_> {
                 }
             }
         }
-        Ok(())
+        Ok(compared)
     }
 }
 

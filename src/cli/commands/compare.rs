@@ -17,10 +17,10 @@ use svl::sink::find_left;
 ///
 /// Every report is compared with the first, algorithm by algorithm, over the pairs of both, without
 /// stress; an algorithm with other parameters is compared with its namesake. The first line is the
-/// verdict, by the headline metrics but checkpoints: right, wrong, missed, false, found and floor.
-/// They are tested at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are
+/// verdict, by the headline metrics but checkpoints: right, wrong, missed, false and found. They are
+/// tested at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are
 /// correlated; never for fewer than eight blocks or scenes. Any other change is called better or
-/// worse where its 95 % bootstrap interval excludes 0. Times are shown as ratios and never called
+/// worse where its 95 % interval excludes 0. Times are shown as ratios and never called
 /// better or worse, as the machine may have been slower that day. Drives are compared course by
 /// course, by an exact sign test.
 #[derive(clap::Args)]
@@ -33,7 +33,7 @@ Examples:
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
       for a CI: exit 3 when a metric of the verdict became worse, when one
-      failed on pairs that it had results of, or when too few pairs or an
+      failed on more pairs than allow_loss, or when too few pairs or an
       absent algorithm leave that open; others by name, as worse:passed
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare reports/arena reports/range --json \\
@@ -57,8 +57,8 @@ pub(crate) struct Args {
         value_parser = usage::ending(&["html", "json"]), help_heading = "Output"
     )]
     output: Option<PathBuf>,
-    /// Fail if a metric became worse: one of the verdict, or those named. Pairs on which an
-    /// algorithm failed, but not in the first report, always count as worse
+    /// Fail if a metric became worse: one of the verdict, or those named. More pairs on which an
+    /// algorithm failed, but not in the first report, than its allow_loss count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on, help_heading = "Scoring")]
     fail_on: Vec<FailOn>,
     /// The least share of the first report's pairs that a verdict needs
@@ -119,8 +119,13 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
         Some(("worse", name)) => {
             let metric = usage::metric(name).map_err(|fault| fault.to_string())?;
             if metric.better == Better::Neither {
+                let why = if metric.name == "floor" {
+                    ", as it counts true distances"
+                } else {
+                    ""
+                };
                 let cure = "name one that has, as `svl columns metrics` says";
-                return Err(format!("'{name}' has no better direction; {cure}"));
+                return Err(format!("'{name}' has no better direction{why}; {cure}"));
             }
             Ok(Some(metric))
         }

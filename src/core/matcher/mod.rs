@@ -411,7 +411,7 @@ impl std::str::FromStr for Algorithm {
 ///
 /// # Errors
 /// [`Error::Usage`] for a label that contains characters other than letters, digits, `_`, `-` and
-/// `.`, or is an algorithm's own name.
+/// `.`, is an algorithm's own name, or that of a reference in reports.
 #[doc(hidden)]
 pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     let own = text.split([':', '=']).next().unwrap_or_default();
@@ -438,6 +438,11 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     if find(label).is_ok() {
         return Err(Error::Usage(format!(
             "'{label}' is an algorithm's own name; give '{written}' another label"
+        )));
+    }
+    if ["exact", "prior"].contains(&label) {
+        return Err(Error::Usage(format!(
+            "'{label}' is a row of every report's table; give '{written}' another label"
         )));
     }
     Ok((Some(label), written))

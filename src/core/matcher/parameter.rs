@@ -79,6 +79,14 @@ impl Value {
 }
 
 impl Range {
+    /// False for what says which program, file or topic an algorithm is.
+    pub fn is_setting(self) -> bool {
+        !matches!(
+            self,
+            Self::Text { .. } | Self::File | Self::Topic | Self::Pattern
+        )
+    }
+
     /// Whole numbers in `range`.
     pub const fn int(default: i32, range: RangeInclusive<i32>) -> Self {
         Self::Int {

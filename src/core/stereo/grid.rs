@@ -540,6 +540,13 @@ impl CellRule {
         }
     }
 
+    /// The farthest truth, metres, of which a report at `clear_m` is right; none if all are.
+    pub fn far_m(&self) -> Option<f64> {
+        let ((_, clear_m), (metres, percent)) = (self.obstacle_and_clear_m(), self.tolerances());
+        let far_m = (clear_m / (1.0 - percent / 100.0)).max(clear_m + metres);
+        (percent < 100.0).then_some(far_m)
+    }
+
     /// Distance in metres beyond which a cell is of the area beyond, if there is one.
     pub fn beyond_m(&self) -> Option<f64> {
         match *self {

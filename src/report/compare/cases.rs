@@ -13,7 +13,8 @@ impl Comparison {
         let mut cases = Vec::new();
         for own in &self.algorithms {
             let few = own.few_in_common(self.min_common);
-            let compared = match (own.failures(), own.pairs) {
+            let failures = own.failures().filter(|_| own.exceeds_losses);
+            let compared = match (failures, own.pairs) {
                 (Some(words), _) => TestResult::Failed(words),
                 (None, 0) => TestResult::Skipped(format!("no {} in common", own.things())),
                 _ => few.map_or_else(
@@ -121,7 +122,10 @@ impl Change {
         let [base, other] = [self.base, self.other].map(|value| self.metric.show(value));
         let too_few = self.too_few_words();
         match self.judgement {
-            Judgement::Worse => TestResult::Failed(format!("became worse, {base} to {other}")),
+            Judgement::Worse => {
+                let exact = self.exact_words();
+                TestResult::Failed(format!("became worse, {base} to {other}{exact}"))
+            }
             _ if self.metric.unit == MetricUnit::Ms => TestResult::Skipped(
                 "times of two runs vary with the machine; a [[gate]] of the ratio to another \
                  algorithm tests them"

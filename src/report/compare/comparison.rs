@@ -4,17 +4,19 @@ use super::courses::CourseChanges;
 use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
 use crate::compare::courses::is_alike;
-use crate::results::change::{Change, Changes, CheckpointName, Judgement, NotMeasured, is_ranked};
+use crate::results::change::{
+    Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding,
+};
 use crate::rows::records::Row;
-use crate::rows::samples::resamples;
+use crate::rows::samples::{paired, runs, sample_in};
 use crate::subjects::drives::DriveRow;
+use crate::subjects::references::EXACT;
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Result, counted};
 use svl_score::bootstrap::{self, TestMethod};
-use svl_score::holm;
-use svl_score::judge::{AreaChoice, Cases, ColumnChoice, METRICS, Metric, MetricUnit, signs};
+use svl_score::judge::{AreaChoice, Cases, METRICS, Metric, MetricUnit, signs};
 use svl_score::manifest::{Manifest, Purpose};
 
 /// The differences of the second report from the first, as `svl compare --json` prints them.
@@ -94,6 +96,8 @@ pub struct AlgorithmChange {
     pub unmatched: usize,
     /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
+    /// True if these are more than the second report's `allow_loss`.
+    pub exceeds_losses: bool,
     /// Pairs before which the two have different pairs, of an algorithm whose results depend on
     /// them.
     pub other_past: usize,
@@ -107,9 +111,6 @@ pub struct AlgorithmChange {
     /// Metrics that one of the reports does not measure, or neither.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_measured: Vec<NotMeasured>,
-    /// The metrics of the other areas, by the names of the areas.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub areas: BTreeMap<&'static str, Vec<Change>>,
     /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<Change>,
     /// True if checkpoints of both are not compared, as they have not the same pairs.
@@ -131,7 +132,12 @@ impl Comparison {
         let algorithms = join.algorithms.iter();
         let algorithms = algorithms.map(|own| AlgorithmChange::new(join, own));
         let mut algorithms = algorithms.collect::<Result<Vec<_>>>()?;
-        let tested = correct(&mut algorithms);
+        let deciding = algorithms.iter_mut().flat_map(|own| {
+            let metrics = deciding(&own.metrics);
+            let changes = own.metrics.iter_mut();
+            changes.filter(move |change| metrics.contains(&change.metric))
+        });
+        let tested = decide(deciding);
         let few_in_common = algorithms.iter();
         let few_in_common = few_in_common.filter_map(|own| own.few_in_common(min_common));
         let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
@@ -202,12 +208,11 @@ impl Comparison {
         self.named(|own| own.deciding().collect())
     }
 
-    /// A pair that the second report alone failed on is worse.
+    /// Losses beyond those that are allowed are worse.
     fn conclude(&self) -> Conclusion {
         let ranked = self.ranked();
         let is = |judgement| ranked.iter().any(|(_, own)| own.judgement == judgement);
-        let is_worse =
-            self.algorithms.iter().any(|own| own.newly_failed > 0) || is(Judgement::Worse);
+        let is_worse = self.algorithms.iter().any(|own| own.exceeds_losses) || is(Judgement::Worse);
         let mut judgements = ranked.iter().map(|(_, own)| own.judgement);
         let is_tested = |own| ![Judgement::Equal, Judgement::TooFew].contains(&own);
         match (is_worse, is(Judgement::Better)) {
@@ -222,26 +227,6 @@ impl Comparison {
             _ => Conclusion::TooFewPairs,
         }
     }
-}
-
-/// Judges the metrics that decide, all at once; returns their number.
-fn correct(algorithms: &mut [AlgorithmChange]) -> usize {
-    let mut tests = Vec::new();
-    for own in algorithms {
-        let deciding: Vec<_> = own.deciding().map(|change| change.metric).collect();
-        let is_test = |change: &&mut Change| {
-            let has_no_test = [Judgement::Equal, Judgement::TooFew].contains(&change.judgement);
-            deciding.contains(&change.metric) && !has_no_test
-        };
-        let changes = own.metrics.iter_mut().filter(is_test);
-        tests.extend(changes.filter_map(|change| Some((change.p?, change))));
-    }
-    let probabilities: Vec<_> = tests.iter().map(|(p, _)| *p).collect();
-    for ((_, change), is_real) in tests.iter_mut().zip(holm::are_real(&probabilities)) {
-        let is_more = change.difference > 0.0;
-        change.judgement = Judgement::new(change.metric.better, Some(is_real), is_more);
-    }
-    tests.len()
 }
 
 /// The program and the machine that made a report.
@@ -278,6 +263,7 @@ impl AlgorithmChange {
     pub(super) fn new(join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
         let records = [0, 1].map(|side| join.runs[side].record(own.labels[side]));
         let hashes = records.map(|record| record.map(|own| &own.parameters_hash));
+        let allowed = join.runs[1].manifest.allow_loss()?.unwrap_or_default();
         let change = Self {
             algorithm: own.labels[0].to_owned(),
             other_algorithm: own.labels[1].to_owned(),
@@ -286,6 +272,7 @@ impl AlgorithmChange {
             base_pairs: own.base_pairs,
             unmatched: own.unmatched,
             newly_failed: own.newly_failed,
+            exceeds_losses: allowed.is_exceeded(own.newly_failed as u64, own.base_pairs as u64),
             other_past: own.other_past,
             ..Self::default()
         };
@@ -299,48 +286,44 @@ impl AlgorithmChange {
     fn with_pairs(self, join: &Join<'_>, own: &JoinedAlgorithm<'_>) -> Result<Self> {
         let [base, other] = join.runs;
         let [a, b] = [0, 1].map(|side| own.rows(side));
-        let resamples = resamples(&a);
+        let runs = runs(&a);
         let errors = if base.has_cells() && other.has_cells() {
             let theirs = other.pair_errors(own.labels[1], &b)?;
             Some([base.pair_errors(own.labels[0], &a)?, theirs])
         } else {
             None
         };
-        let changes = |area| Changes::over([&a, &b], errors.as_ref(), area, &resamples, METRICS);
         let Changes {
             measured: mut metrics,
             not_measured,
-        } = changes(base.area);
+        } = Changes::over([&a, &b], errors.as_ref(), base.area, &runs, METRICS);
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
-        let areas = AreaChoice::ALL.into_iter();
-        let areas = areas.filter(|area| *area != base.area).map(|area| {
-            let mut own = changes(area).measured;
-            own.retain(|change| change.metric.by_area);
-            (area.name(), own)
-        });
+        let [exact, _] = paired(&base.reference(EXACT), &a);
+        for change in &mut metrics {
+            if ["missed", "found"].contains(&change.metric.name) {
+                let sample = sample_in(change.metric, &exact, base.area);
+                change.exact = sample
+                    .filter(|_| !exact.is_empty())
+                    .and_then(|own| own.total());
+            }
+        }
         let checkpoints = checkpoint_changes(join.runs, own);
         let has_both = (0..2).all(|side| join.runs[side].has_checkpoints(own.labels[side]));
         let count = |is: fn(&[&Row; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
         let mut change = Self {
-            blocks: resamples.blocks(),
+            blocks: runs.blocks(),
             other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
             metrics,
             not_measured,
-            areas: areas.filter(|(_, own)| !own.is_empty()).collect(),
             has_partial_checkpoints: checkpoints.is_empty() && has_both,
             checkpoints,
             ..self
         };
         if change.equal_results < change.pairs {
-            // Equal numbers of unequal results are a coincidence, as wide as the interval.
-            let all = change.changes_mut();
-            for change in all.filter(|change| change.judgement == Judgement::Equal) {
-                let unclear = change.interval.map(|_| Judgement::Unclear);
-                change.judgement = unclear.unwrap_or(Judgement::TooFew);
-            }
+            change.changes_mut().for_each(Change::doubt_equality);
         }
         Ok(change)
     }
@@ -353,9 +336,9 @@ impl AlgorithmChange {
     /// The changes of the metrics that decide if it became better or worse: those of the headline
     /// with a better direction, but checkpoints and times.
     pub fn deciding(&self) -> impl Iterator<Item = &Change> {
-        let headline = self.metrics(&ColumnChoice::Headline);
-        let metrics = self.metrics.iter();
-        metrics.filter(move |own| headline.contains(&own.metric) && is_ranked(own.metric))
+        let metrics = deciding(&self.metrics);
+        let changes = self.metrics.iter();
+        changes.filter(move |own| metrics.contains(&own.metric))
     }
 
     /// The pairs of the base that are compared, in words, if they are too few.
@@ -370,11 +353,8 @@ impl AlgorithmChange {
         })
     }
 
-    /// All changes, those of other areas included.
     fn changes_mut(&mut self) -> impl Iterator<Item = &mut Change> {
-        let areas = self.areas.values_mut().flatten();
-        let own = self.metrics.iter_mut().chain(&mut self.checkpoints);
-        own.chain(areas)
+        self.metrics.iter_mut().chain(&mut self.checkpoints)
     }
 }
 
@@ -439,7 +419,7 @@ fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::change::changes;
+    use crate::results::change::{changes, verdict};
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
 
@@ -497,17 +477,14 @@ mod tests {
         let judged = (0..COMPARISONS).map(|seed| {
             let rows = coin(seed, loss);
             let [base, other] = rows.each_ref().map(|rows| rows.iter().collect::<Vec<_>>());
-            let mut own = [AlgorithmChange {
+            let own = AlgorithmChange {
                 metrics: changes(&base, &other, METRICS),
                 ..AlgorithmChange::default()
-            }];
-            let is_worse = |own: &AlgorithmChange| {
-                let mut all = own.deciding().map(|change| change.judgement);
-                all.any(|judgement| judgement == Judgement::Worse)
             };
-            let alone = is_worse(&own[0]);
-            assert!(correct(&mut own) <= 6);
-            [is_worse(&own[0]), alone]
+            let is_worse = |change: &Change| change.judgement == Judgement::Worse;
+            let corrected = verdict(&base, &other);
+            assert!(corrected.len() <= 5);
+            [corrected.iter().any(is_worse), own.deciding().any(is_worse)]
         });
         judged.fold([0; 2], |[a, b], [own, alone]| {
             [a + usize::from(own), b + usize::from(alone)]

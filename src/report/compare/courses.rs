@@ -83,6 +83,7 @@ impl Change {
             interval: None,
             p: Some(p),
             cases: Some([a, b]),
+            exact: None,
             judgement: if courses.iter().all(is_alike) {
                 Judgement::Equal
             } else {

@@ -5,7 +5,7 @@ use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::rows::samples::{RunKey, run_key, time_ns};
 use crate::subjects::accuracy::{AccuracyTally, PairErrors};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
-use crate::subjects::prior::PRIOR;
+use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -23,6 +23,8 @@ pub struct ScoredRun {
     /// Reason why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
     pub(super) rows: Vec<Row>,
+    /// The rows of the references.
+    references: Vec<Row>,
     pub(super) failures: Vec<FailureRow>,
     checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
@@ -43,8 +45,8 @@ impl ScoredRun {
         let one = name.rsplit_once('#').filter(|_| !Path::new(name).exists());
         let mut run = Self::open(Path::new(one.map_or(name, |(folder, _)| folder)))?;
         if let Some((_, label)) = one {
-            if label == PRIOR {
-                run.become_prior()?;
+            if [PRIOR, EXACT].contains(&label) {
+                run.become_reference(label);
             }
             let labels = run.labels().join(", ");
             run.manifest.algorithms.retain(|own| own.label == label);
@@ -56,7 +58,7 @@ impl ScoredRun {
             run.name = name.into();
         }
         run.area = area;
-        for row in &mut run.rows {
+        for row in run.rows.iter_mut().chain(&mut run.references) {
             row.metrics = row.metrics.in_area(area);
         }
         Ok(run)
@@ -96,6 +98,7 @@ impl ScoredRun {
             area: AreaChoice::default(),
             incomplete,
             rows: read_rows(&folder.join("rows.csv"))?,
+            references: optional(folder, "references.csv")?,
             failures: optional(folder, "failures.csv")?,
             checkpoints: optional(folder, "checkpoints.csv")?,
             drives: optional(folder, "drives.csv")?,
@@ -111,21 +114,25 @@ impl ScoredRun {
         Ok(run)
     }
 
-    /// Keeps the prior, which looks at nothing, in place of the algorithms. Reports of drives, and
-    /// of pixels, have none.
-    fn become_prior(&mut self) -> Result<()> {
-        let rows: Vec<Row> = optional(&self.folder, &format!("{PRIOR}.csv"))?;
+    /// Keeps a reference in place of the algorithms. Reports of drives, and of pixels, have none.
+    fn become_reference(&mut self, name: &str) {
+        let rows = self.reference(name);
         if !rows.is_empty() {
-            self.rows = rows;
+            self.rows = rows.into_iter().cloned().collect();
             self.cells = None;
             self.checkpoints.clear();
             self.manifest.algorithms = vec![AlgorithmRecord {
-                name: PRIOR.to_owned(),
-                label: PRIOR.to_owned(),
+                name: name.to_owned(),
+                label: name.to_owned(),
                 ..AlgorithmRecord::default()
             }];
         }
-        Ok(())
+    }
+
+    /// The rows of a reference.
+    pub(super) fn reference(&self, name: &str) -> Vec<&Row> {
+        let rows = self.references.iter();
+        rows.filter(|row| row.algorithm == name).collect()
     }
 
     pub(super) fn labels(&self) -> Vec<&str> {
@@ -143,7 +150,7 @@ impl ScoredRun {
 
     /// The reason why it has no errors of distances, where it has no table of cells.
     pub(super) fn without_cells(&self) -> String {
-        if self.labels() == [PRIOR] {
+        if matches!(self.labels()[..], [PRIOR | EXACT]) {
             return format!("{} has none", self.name.display());
         }
         let folder = self.folder.display();

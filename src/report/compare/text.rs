@@ -72,6 +72,7 @@ impl Comparison {
                 let real = format!("real at {level} over {pairs}");
                 let real = (!lists.is_empty()).then_some(real);
                 let failed = self.algorithms.iter();
+                let failed = failed.filter(|own| own.exceeds_losses);
                 let failed =
                     failed.filter_map(|own| Some(format!("{} {}", own.labels(), own.failures()?)));
                 let failed = failed.chain(lists).chain(real).collect::<Vec<_>>();
@@ -140,7 +141,12 @@ impl Comparison {
         let other = other.collect::<Vec<_>>().join(", ");
         let times =
             (!other.is_empty()).then(|| format!("ratios of times are also those of {other}"));
-        incomplete.chain(past).chain(times).collect()
+        let allowed = self.algorithms.iter().filter(|own| !own.exceeds_losses);
+        let allowed = allowed.filter_map(|own| {
+            let failures = own.failures()?;
+            Some(format!("{} {failures}, as allow_loss allows", own.labels()))
+        });
+        incomplete.chain(past).chain(times).chain(allowed).collect()
     }
 
     /// What is not compared, in a sentence, and the cautions in another.
@@ -326,7 +332,8 @@ fn listed(changes: &[(String, &Change)], judgement: Judgement, limit: usize) -> 
             ""
         };
         let difference = signed(change.metric, change.difference);
-        format!("{name} {base} → {other} ({difference}{magnitude})")
+        let exact = change.exact_words();
+        format!("{name} {base} → {other} ({difference}{magnitude}{exact})")
     });
     let listed = words.collect::<Vec<_>>().join(", ");
     match own.len().saturating_sub(limit) {
@@ -507,6 +514,12 @@ impl Change {
             Some([base, other]) if base == other => base,
             Some([base, other]) => format!("{base} → {other}"),
         }
+    }
+
+    /// The number of the exact distances, behind another one.
+    pub(super) fn exact_words(&self) -> String {
+        let exact = self.exact.map(|exact| self.metric.show(exact));
+        exact.map_or_else(String::new, |exact| format!("; exact distances {exact}"))
     }
 
     /// The things of which there are too few for an interval.

@@ -2,7 +2,7 @@
 
 use super::scored_run::ScoredRun;
 use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{resamples, run_key, sample_in};
+use crate::rows::samples::{run_key, runs, sample_in};
 use crate::show::page::parts::fill;
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::chart::{Axis, Chart};
@@ -12,7 +12,7 @@ use minijinja::context;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use svl_core::{Result, counted, joined};
-use svl_score::bootstrap::{Interval, Resamples};
+use svl_score::bootstrap::{Interval, Runs};
 use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
 use svl_score::manifest::Purpose;
 
@@ -42,7 +42,7 @@ pub struct TrendLine {
 #[derive(Debug, Serialize)]
 pub struct TrendPoint {
     pub value: f64,
-    /// 95 % bootstrap interval; absent for too few blocks.
+    /// 95 % interval; absent for too few blocks.
     pub interval: Option<Interval>,
     pub cases: Cases,
 }
@@ -195,19 +195,19 @@ fn point(
         let sample = sample_in(metric, &rows, run.area)?;
         (metric.unit != MetricUnit::Ms).then_some(sample)
     })?;
-    let (own, resamples) = if drives.is_empty() {
+    let (own, runs) = if drives.is_empty() {
         let totals = MetricTotals::new(&rows);
-        (totals.measured(metric, run.area)?, resamples(&rows))
+        (totals.measured(metric, run.area)?, runs(&rows))
     } else {
         let (value, cases) = (sample.total()?, Cases::items(sample.items() as u64));
         (
             Measured { value, cases },
-            Resamples::draw(&[sample.items()], true),
+            Runs::new(&[sample.items()], true),
         )
     };
     Some(TrendPoint {
         value: metric.value_of(own)?,
-        interval: sample.interval(&resamples),
+        interval: sample.interval(&runs),
         cases: own.cases,
     })
 }

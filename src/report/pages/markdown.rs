@@ -16,6 +16,9 @@ impl Results {
             page.push_str(&format!("\n**Warning:** {}\n", escape(&caution)));
         }
         page.push_str(&format!("\n{}", self.headline().markdown()));
+        for line in self.legend() {
+            page.push_str(&format!("\n{}\n", escape(&line)));
+        }
         let mut section = |title: &str, table: &Table| {
             page.push_str(&format!("\n## {}\n\n{}", escape(title), table.markdown()));
         };

@@ -1,12 +1,12 @@
 //! The tables of a summary: headline, all metrics, speed, checkpoints, drives, perturbations.
 
-use crate::results::answer::USABLE;
+use crate::results::best::{FAILED, MAX_WRONG, answer_metrics};
 use crate::results::summary::{AlgorithmSummary, CheckpointSummary, Results};
 use crate::show::table::model::{Table, TableCell, TableColumn, TextColumn};
 use crate::show::words::{NONE, digits, mark, number, percent, time};
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::DriveSummary;
-use crate::subjects::prior::PRIOR;
+use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::reliability::ReliabilityRow;
 use svl_score::bootstrap::Interval;
 use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, TruthLevel};
@@ -251,7 +251,7 @@ impl Results {
         let metrics = choice.metrics(kind);
         let mut ranked = self.ranked_algorithms();
         // Below the algorithms, and never among them.
-        ranked.extend(&self.prior);
+        ranked.extend(&self.references);
         let value = |a: &AlgorithmSummary, metric: &Metric| self.value(&a.algorithm, metric, None);
         let is_measured = |metric: &Metric| ranked.iter().any(|a| value(a, metric).is_some());
         let mut table = Table::new("", if is_all { "algorithm" } else { "" });
@@ -300,7 +300,7 @@ impl Results {
                 MetricOrigin::Checkpoints if !is_all => {
                     if let Some(column) = self.marks_column() {
                         add(column, &|a| match a.algorithm.as_str() {
-                            PRIOR => text(String::new()),
+                            PRIOR | EXACT => text(String::new()),
                             label => TableCell::Marks(self.shares(label)),
                         });
                     }
@@ -312,12 +312,8 @@ impl Results {
                         ..TableColumn::new(self.group(metric), metric.head)
                     };
                     add(column, &|a| {
-                        let mark = if is_all {
-                            ""
-                        } else {
-                            self.mark(metric, &a.algorithm)
-                        };
-                        metric_cell(metric, value(a, metric), mark)
+                        let mark = (!is_all).then(|| self.mark(metric, &a.algorithm));
+                        metric_cell(metric, value(a, metric), &mark.unwrap_or_default())
                     });
                 }
                 _ => {}
@@ -332,15 +328,22 @@ impl Results {
         with_time_notes(table)
     }
 
-    /// The mark of an algorithm by a metric: the best, or not told apart from it. All marks of a
-    /// column are as wide.
-    fn mark(&self, metric: &Metric, label: &str) -> &'static str {
-        let best = self.best.iter().find(|best| best.metric == metric);
-        match best.map(|best| best.mark(label)) {
-            None => "",
-            Some("") => " ",
-            Some(mark) => mark,
-        }
+    /// The mark of an algorithm by a metric: the best, or not told apart from it; and where it
+    /// failed on pairs. All marks of a column are as wide.
+    fn mark(&self, metric: &Metric, label: &str) -> String {
+        let lacks = |label: &str| self.basis.common.partial.contains_key(label);
+        let has_losses = answer_metrics(self.kind()).first() == Some(&metric);
+        let mark = |label: &str| {
+            let best = self.best.iter().find(|best| best.metric == metric);
+            let own = best.map_or("", |best| best.mark(label)).to_owned();
+            own + if has_losses && lacks(label) {
+                FAILED
+            } else {
+                ""
+            }
+        };
+        let all = self.algorithms.iter().map(|a| mark(&a.algorithm).len());
+        format!("{:<width$}", mark(label), width = all.max().unwrap_or(0))
     }
 
     /// The meanings of a table's metrics.
@@ -364,11 +367,16 @@ impl Results {
         {
             table.note(term, meaning);
         }
-        if self.prior.is_some() {
+        if !self.references.is_empty() {
             table.note(
                 PRIOR,
-                "who looks at nothing: in each cell the median of the true disparities of the \
-                 other runs, or of the other blocks of a single run",
+                "cell averages of other seeds or blocks, no image: in each cell the median of the \
+                 true disparities of the other runs, or of the other blocks of a single run",
+            );
+            table.note(
+                EXACT,
+                "the distances by which cells are scored: what it misses, any matcher misses that \
+                 is right in every cell; a sensor's truth is compared with itself",
             );
         }
         if table.columns.iter().any(|own| own.group == CHECKPOINTS) {
@@ -481,7 +489,7 @@ fn metric_cell(metric: &Metric, value: Option<f64>, mark: &str) -> TableCell {
         return TableCell::Text(NONE.to_owned());
     };
     let shown = number(metric.unit, value) + mark;
-    if metric.name == "wrong" && value > USABLE.max_wrong {
+    if metric.name == "wrong" && value > MAX_WRONG {
         TableCell::Alert(shown)
     } else {
         TableCell::Text(shown)

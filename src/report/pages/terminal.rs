@@ -3,7 +3,6 @@
 use crate::results::summary::Results;
 use crate::show::table::model::TableCell;
 use crate::show::table::terminal::{TerminalStyle, wrapped};
-use crate::subjects::prior::PRIOR;
 use svl_core::stereo::TruthOrigin;
 use svl_core::{counted, joined};
 use svl_score::judge::{ColumnChoice, Metric, TruthLevel};
@@ -17,11 +16,16 @@ const FIRST_ALGORITHMS: usize = 12;
 const CAUTION: &str = "warning: ";
 
 impl Results {
-    /// The extent of the run, the headline table, the answer and the cautions; the tables of
+    /// The extent of the run, the answer, the headline table and the cautions; the tables of
     /// perturbations. `explain`: the meanings of the columns, too.
     pub fn terminal(&self, title: &str, style: TerminalStyle, explain: bool) -> String {
         let head = format!("{title}: {}", self.scope_words());
         let mut text = wrapped(&head, 2, style.width);
+        let answer = self.answer().join(" ");
+        if !answer.is_empty() {
+            text.push('\n');
+            text.push_str(&wrapped(&answer, 0, style.width));
+        }
         let mut table = self.headline();
         let is_all = self.shown.columns == ColumnChoice::All;
         if table.rows.is_empty() {
@@ -31,8 +35,9 @@ impl Results {
         } else {
             let count = table.rows.len();
             let has_few = count <= MAX_ALGORITHMS || is_all;
-            let best = self.best.iter().map(|best| best.algorithm.clone());
-            let kept = best.chain([PRIOR.to_owned()]).map(TableCell::Text);
+            let best = self.best.iter().map(|best| &best.algorithm);
+            let kept = best.chain(self.references.iter().map(|own| &own.algorithm));
+            let kept = kept.map(|label| TableCell::Text(label.clone()));
             let kept: Vec<_> = kept.collect();
             let mut places = 0..;
             let is_first = |place: Option<usize>| place < Some(FIRST_ALGORITHMS);
@@ -45,6 +50,8 @@ impl Results {
                 0 => {}
                 more => text += &format!("and {more} more: see the page, or --columns all\n"),
             }
+            let legend = self.legend().into_iter();
+            text.extend(legend.map(|line| wrapped(&line, 2, style.width)));
         }
         let absent = self.absent_columns();
         if !absent.is_empty() {
@@ -73,11 +80,6 @@ impl Results {
                 let indent = term.chars().count() + 2;
                 text.push_str(&wrapped(&format!("{term}: {meaning}"), indent, style.width));
             }
-        }
-        let answer = self.answer().join(" ");
-        if !answer.is_empty() {
-            text.push('\n');
-            text.push_str(&wrapped(&answer, 0, style.width));
         }
         let cautions = self.cautions();
         text.push_str(if cautions.is_empty() { "" } else { "\n" });

@@ -19,7 +19,7 @@ impl Results {
     }
 
     /// True if the truth of some pairs does not tell what is floor.
-    fn includes_floor(&self) -> bool {
+    pub(crate) fn includes_floor(&self) -> bool {
         self.basis.scope.knowing_floor < self.basis.scope.by_distance
     }
 
@@ -50,7 +50,7 @@ impl Results {
     }
 
     /// The most cells of an area that an algorithm was scored on; `None` if there is none.
-    fn most_cells(&self, area: AreaChoice) -> Option<u64> {
+    pub(crate) fn most_cells(&self, area: AreaChoice) -> Option<u64> {
         let algorithms = self.algorithms.iter();
         let algorithms = algorithms.filter_map(|a: &AlgorithmSummary| a.cells_in(area));
         algorithms.max()
@@ -74,11 +74,14 @@ impl Results {
 
     /// The number of near obstacles: missed and found ones are of these.
     pub(crate) fn near_words(&self) -> Option<String> {
-        let near = Metric::find("near").filter(|_| self.drives.is_empty())?;
-        let algorithms = self.algorithms.iter();
-        let most = algorithms.filter_map(|a| self.value(&a.algorithm, near, None));
-        let most = most.reduce(f64::max)?;
+        let most = self.most_near().filter(|_| self.drives.is_empty())?;
         Some(format!("{most} near obstacles"))
+    }
+
+    /// The most near obstacles of an algorithm.
+    pub(crate) fn most_near(&self) -> Option<f64> {
+        let near = self.algorithms.iter().filter_map(|a| a.totals.get("near"));
+        near.reduce(f64::max)
     }
 
     /// Caution where no cell is of the area.

@@ -1,7 +1,6 @@
 //! A run case by case: a row per scene of a data set, or per course, and a column per algorithm.
 
-use super::answer::answer_metrics;
-use super::choice::better_first;
+use super::best::{answer_metrics, better_first};
 use super::summary::Results;
 use crate::rows::records::Row;
 use crate::rows::samples::{grouped, is_scene, total};
@@ -34,7 +33,7 @@ impl Results {
             (metric, scenes(metric, rows))
         };
         let ranked = self.ranked_algorithms();
-        let best = &ranked.iter().find(|a| self.is_candidate(a))?.algorithm;
+        let best = &ranked.iter().find(|a| self.may_be_best(a))?.algorithm;
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));

@@ -2,8 +2,10 @@
 
 use super::summary::Results;
 use crate::show::words::ms;
+use crate::subjects::references::PRIOR;
 use svl_core::counted;
 use svl_core::doubt::Doubt;
+use svl_score::judge::Metric;
 
 impl Results {
     /// Losses and cautions, each with its cure where there is one.
@@ -25,16 +27,25 @@ impl Results {
         let profile = self.basis.slow_profile.clone();
         let parts = incomplete.chain(doubts).chain(note).chain(failed);
         let parts = parts.chain(self.empty_area()).chain(self.nothing_near());
-        let parts = parts.chain(self.prior_words()).chain(profile);
+        let parts = parts.chain(self.still_words()).chain(profile);
         let parts = parts.chain(self.mixed_times()).chain(self.slow_drivers());
         parts.chain(self.outliers()).collect()
     }
 
+    /// Caution where the prior tests nothing.
+    fn still_words(&self) -> Option<String> {
+        let right = Metric::find("right").filter(|_| self.is_still())?;
+        let value = right.show(self.value(PRIOR, right, None)?);
+        Some(format!(
+            "the scene hardly changes: cell averages of other seeds or blocks (prior) have {value} \
+             right cells"
+        ))
+    }
+
     /// Caution about obstacles where nothing is near.
     fn nothing_near(&self) -> Option<String> {
-        let near = self.algorithms.iter().filter_map(|a| a.totals.get("near"));
         let (near_m, _) = self.shown.rule.obstacle_and_clear_m();
-        near.reduce(f64::max).filter(|near| *near == 0.0).map(|_| {
+        self.most_near().filter(|near| *near == 0.0).map(|_| {
             format!(
                 "in the truth nothing is nearer than {near_m} m, so no obstacle can be missed or \
                  found; --near M sets what is near"

@@ -1,11 +1,15 @@
-//! The change of a metric from one report to another: its interval, and the verdict.
+//! The one test: the change of each metric from some rows to others of the same pairs, its
+//! interval, and which of those that decide are real.
 
 use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{resamples, sample_in};
+use crate::rows::samples::{runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
 use serde::Serialize;
-use svl_score::bootstrap::{Interval, Resamples, Sample, middle};
-use svl_score::judge::{AreaChoice, Better, Cases, Metric, MetricOrigin, MetricUnit};
+use svl_score::bootstrap::{Interval, Runs, Sample};
+use svl_score::holm;
+use svl_score::judge::{
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit, TruthLevel,
+};
 
 /// A number in both reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,13 +22,16 @@ pub struct Change {
     /// `other - base`; of times `other / base`; of a metric that is best at 0 the change of its
     /// magnitude.
     pub difference: f64,
-    /// 95 % bootstrap interval of the difference; absent for too few pairs or frames.
+    /// 95 % interval of the difference; absent for too few pairs or frames.
     pub interval: Option<Interval>,
     /// The probability of a difference as large by chance, where there is an interval or a test.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub p: Option<f64>,
     /// The cases that the two numbers rest on.
     pub cases: Option<[Cases; 2]>,
+    /// The number of the exact distances, where it need not be perfect.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exact: Option<f64>,
     pub judgement: Judgement,
 }
 
@@ -69,9 +76,47 @@ pub fn changes(
     metrics: impl IntoIterator<Item = &'static Metric>,
 ) -> Vec<Change> {
     let area = base.first().map(|row| row.metrics.area());
-    let resamples = resamples(base);
+    let runs = runs(base);
     let area = area.unwrap_or_default();
-    Changes::over([base, other], None, area, &resamples, metrics).measured
+    Changes::over([base, other], None, area, &runs, metrics).measured
+}
+
+/// The verdict between two algorithms over the same pairs: the [`changes`] of the metrics that
+/// decide, tested at once.
+pub(crate) fn verdict(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+    let mut changes = changes(base, other, METRICS.iter().filter(|own| is_ranked(own)));
+    let metrics = deciding(&changes);
+    changes.retain(|change| metrics.contains(&change.metric));
+    if base
+        .iter()
+        .zip(other)
+        .any(|(a, b)| a.result_hash != b.result_hash)
+    {
+        changes.iter_mut().for_each(Change::doubt_equality);
+    }
+    decide(changes.iter_mut());
+    changes
+}
+
+/// The metrics that decide: those of the headline with a better direction, but checkpoints and
+/// times.
+pub(crate) fn deciding(changes: &[Change]) -> Vec<&'static Metric> {
+    let has = |name: &str| changes.iter().any(|change| change.metric.name == name);
+    let mut metrics = ColumnChoice::Headline.metrics(TruthLevel::from_measured(has));
+    metrics.retain(|metric| is_ranked(metric));
+    metrics
+}
+
+/// Judges changes that decide, all at once, with Holm's correction; returns the number of tests.
+pub(crate) fn decide<'a>(changes: impl Iterator<Item = &'a mut Change>) -> usize {
+    let has_test = |own: &Change| ![Judgement::Equal, Judgement::TooFew].contains(&own.judgement);
+    let tests = changes.filter(|change| has_test(change));
+    let (p, tests): (Vec<_>, Vec<_>) = tests.filter_map(|own| Some((own.p?, own))).unzip();
+    for (change, is_real) in tests.into_iter().zip(holm::are_real(&p)) {
+        let is_more = change.difference > 0.0;
+        change.judgement = Judgement::new(change.metric.better, Some(is_real), is_more);
+    }
+    p.len()
 }
 
 /// The changes of the metrics in an area, and the metrics that one of the two does not measure.
@@ -87,7 +132,7 @@ impl Changes {
         rows: [&[&Row]; 2],
         errors: Option<&[Vec<PairErrors>; 2]>,
         area: AreaChoice,
-        resamples: &Resamples,
+        runs: &Runs,
         metrics: impl IntoIterator<Item = &'static Metric>,
     ) -> Self {
         let totals = rows.map(MetricTotals::new);
@@ -118,8 +163,7 @@ impl Changes {
                 None => rows.map(|rows| sample_in(metric, rows, area)),
             };
             if let [Some(before), Some(after)] = &samples {
-                let change =
-                    Change::from_samples(metric, [base, other], [before, after], resamples);
+                let change = Change::from_samples(metric, [base, other], [before, after], runs);
                 let cases = Some([a, b]);
                 changes.measured.push(Change { cases, ..change });
             }
@@ -141,20 +185,29 @@ impl Change {
         metric: &'static Metric,
         values: [f64; 2],
         [base, other]: [&Sample; 2],
-        resamples: &Resamples,
+        runs: &Runs,
     ) -> Self {
-        let difference: fn(f64, f64) -> f64 = match (metric.unit, metric.better) {
+        let [a, b] = values;
+        // The change, and its derivatives.
+        let (change, slopes) = match (metric.unit, metric.better) {
             // Times scale with the machine, so their change is a factor.
-            (MetricUnit::Ms, _) => |a, b| b / a,
-            (_, Better::Zero) => |a, b| b.abs() - a.abs(),
-            _ => |a, b| b - a,
+            (MetricUnit::Ms, _) => (b / a, [-b / a.powi(2), a.recip()]),
+            (_, Better::Zero) => (b.abs() - a.abs(), [-a.signum(), b.signum()]),
+            _ => (b - a, [-1.0, 1.0]),
         };
-        let draws = Sample::draws_between(base, other, difference, resamples);
-        let change = difference(values[0], values[1]);
-        let p = draws.as_ref().map(|draws| resamples.p_value(change, draws));
+        let own = Sample::uncertainty_between([base, other], slopes, runs);
+        let p = own.map(|own| own.p_value(change));
         Self {
             p: p.filter(|_| metric.unit != MetricUnit::Ms),
-            ..Self::new(metric, values, change, draws.and_then(middle))
+            ..Self::new(metric, values, change, own.map(|own| own.interval(change)))
+        }
+    }
+
+    /// Equal numbers of unequal results are a coincidence, as wide as the interval.
+    pub(crate) fn doubt_equality(&mut self) {
+        if self.judgement == Judgement::Equal {
+            let unclear = self.interval.map(|_| Judgement::Unclear);
+            self.judgement = unclear.unwrap_or(Judgement::TooFew);
         }
     }
 
@@ -181,6 +234,7 @@ impl Change {
             interval,
             p: None,
             cases: None,
+            exact: None,
             judgement,
         }
     }

@@ -6,7 +6,6 @@ use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::show::table::model::Table;
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{DriveRow, TrackRow};
-use crate::subjects::prior::PRIOR;
 use crate::subjects::reliability::ReliabilityRow;
 use svl_score::judge::METRICS;
 
@@ -42,7 +41,10 @@ pub const TABLES: &[TableDescription] = &[
         "reliability",
         "the cells of one algorithm whose probability lies in one range",
     ),
-    table::<Row>(PRIOR, "one pair through the prior, which looks at nothing"),
+    table::<Row>(
+        "references",
+        "one pair through a reference, which looks at no image: prior or exact",
+    ),
     table::<FailureRow>("failures", "one pair that an algorithm failed on"),
     table::<DriveRow>("drives", "one course with one algorithm at the wheel"),
     table::<TrackRow>("tracks", "the robot at one pair of a drive"),

@@ -2,7 +2,7 @@
 
 use super::summary::Results;
 use crate::show::junit::{TestCase, TestResult};
-use crate::subjects::prior::PRIOR;
+use crate::subjects::references::PRIOR;
 use serde::Serialize;
 use svl_score::judge::{Cases, Measured, Metric, MetricUnit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
@@ -62,7 +62,10 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
     let result = |algorithm: &AlgorithmRecord| {
         let label = &algorithm.label;
         let is_of_prior = limit.relative_to.as_deref() == Some(PRIOR);
-        let own = |label: &str| summary.measurement(label, limit.metric, limit.checkpoint, area);
+        let own = |label: &str| match limit.checkpoint {
+            Some(_) => summary.measurement(label, limit.metric, limit.checkpoint, area),
+            None => summary.own(label)?.totals.measured(limit.metric, area),
+        };
         let measured = own(label);
         let cases = measured.map_or_else(Cases::none, |own| own.cases);
         let is_measured = |own: &Measured| limit.metric.is_measured(&own.cases, limit.minimum());
@@ -107,13 +110,7 @@ fn time_ratio(summary: &Results, tested: &AlgorithmRecord, unit: &AlgorithmRecor
     if !summary.are_times_comparable(labels.into_iter()) {
         return None;
     }
-    let median = |label| {
-        summary
-            .algorithms
-            .iter()
-            .find(|a| a.algorithm == label)?
-            .p50_ms
-    };
+    let median = |label| summary.own(label)?.p50_ms;
     Some(median(labels[0])? / median(labels[1])?)
 }
 

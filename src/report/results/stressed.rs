@@ -4,7 +4,7 @@
 use super::change::{Change, Judgement, changes};
 use super::summary::{CheckpointSummary, ReportTables, Results};
 use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{blocks, resamples, run_key, sample};
+use crate::rows::samples::{paired, runs, sample};
 use crate::show::table::model::Table;
 use crate::subjects::drives::DriveRow;
 use crate::subjects::stress::{
@@ -106,7 +106,7 @@ impl Results {
         let cases = if is_driven {
             courses
         } else {
-            blocks(&own).last().map_or(0, |last| last + 1)
+            runs(&own).blocks()
         };
         let untold = if text.is_none() || !broken.is_empty() {
             None
@@ -167,19 +167,18 @@ impl Results {
 
 /// The changes of metrics from the unperturbed pairs of an algorithm to the perturbed ones.
 fn pair_changes(rows: &[Row], label: &str, text: &str, metrics: &[&'static Metric]) -> Vec<Change> {
-    let own = rows.iter().filter(|row| row.algorithm == label);
-    let keyed = own.map(|row| ((run_key(row), row.sequence, &*row.name), row));
-    let plain = keyed.clone().filter(|(_, row)| row.stress.is_none());
-    let plain: BTreeMap<_, _> = plain.collect();
-    let own = keyed.filter(|(_, row)| row.stress.as_deref() == Some(text));
-    let both = own.filter_map(|(key, row)| Some((*plain.get(&key)?, row)));
-    let (before, now): (Vec<_>, Vec<_>) = both.unzip();
+    let own = |stress| {
+        let own = rows.iter().filter(|row| row.algorithm == label);
+        own.filter(|row| row.stress.as_deref() == stress)
+            .collect::<Vec<_>>()
+    };
+    let [before, now] = paired(&own(None), &own(Some(text)));
     let mut all = changes(&before, &now, metrics.iter().copied());
     let same = metrics.iter().find(|metric| metric.name == "same");
     all.extend(same.and_then(|same| {
         let own = MetricTotals::new(&now).measured(same, AreaChoice::default())?;
         let value = same.value_of(own)?;
-        let interval = sample(same, &now)?.interval(&resamples(&now));
+        let interval = sample(same, &now)?.interval(&runs(&now));
         // All cells are the same before; the difference that counts is that from the limit.
         let interval = interval.map(|(low, high)| (low - MIN_SAME, high - MIN_SAME));
         Some(Change {

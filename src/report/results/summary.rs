@@ -1,6 +1,8 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
-use super::best::{Best, PriorTest, SweepChoice};
+use super::best::{Best, Unfit, by_algorithm};
+use super::common::{CommonPairs, only};
+use super::sweep::SweepChoice;
 use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, Row, record};
 use crate::rows::samples::{grouped, run_key};
 use crate::subjects::accuracy::AccuracyRow;
@@ -35,9 +37,9 @@ pub struct Results {
     pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
-    /// The prior, which looks at nothing; absent where cells are not scored by distances.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub prior: Option<AlgorithmSummary>,
+    /// The prior and the exact distances, where cells are scored by distances.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
     /// The units and tables that it is of.
@@ -45,12 +47,9 @@ pub struct Results {
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub best: Vec<Best>,
-    /// The settings of swept algorithms to use.
+    /// The settings of swept algorithms.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<SweepChoice>,
-    /// Why no setting of an algorithm is chosen.
-    #[serde(skip)]
-    pub(crate) unchosen: Vec<String>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the report, in their order.
@@ -102,8 +101,8 @@ pub struct ReportTables {
     /// Accuracy of cells, where they are asked for.
     pub accuracy: Vec<AccuracyRow>,
     pub reliability: Vec<ReliabilityRow>,
-    /// The rows of the prior, where cells are scored by distances.
-    pub prior: Vec<Row>,
+    /// The rows of the references, where cells are scored by distances.
+    pub references: Vec<Row>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -129,9 +128,13 @@ pub(crate) struct ResultBasis {
     pub(crate) scope: ResultScope,
     /// The area whose numbers tables, sentences and plots have: that of the rows.
     pub(crate) area: AreaChoice,
-    /// The test against the prior, and the algorithms that do not beat it.
-    pub(crate) prior_test: PriorTest,
-    pub(crate) behind_prior: Vec<String>,
+    /// The pairs that the numbers are of.
+    pub(crate) common: CommonPairs,
+    /// The numbers of algorithms and references over their own pairs, for limits; empty where they
+    /// are those that are shown.
+    pub(crate) own: Vec<AlgorithmSummary>,
+    /// The algorithms that may not be best.
+    pub(crate) unfit: BTreeMap<String, Unfit>,
     /// The algorithms that report the truth itself.
     pub(crate) perfect: Vec<String>,
     /// The work that the times measure, if that is known.
@@ -391,51 +394,88 @@ impl Results {
     /// # Errors
     /// The error of a perturbation that svl does not know.
     pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
-        let sums = Self::from_rows(&tables.rows, &tables.checkpoints, None);
-        let prior: Vec<_> = tables.prior.iter().collect();
-        let mut results = Self {
-            ending: parts.ending,
-            latency: parts.latency,
-            made_of: parts.made_of,
-            accuracy: tables.accuracy.clone(),
-            reliability: tables.reliability.clone(),
-            prior: (!prior.is_empty()).then(|| AlgorithmSummary {
-                results_hash: None,
-                ..AlgorithmSummary::new(&prior)
-            }),
-            basis: ResultBasis {
-                is_measured: parts.is_measured,
-                time_groups: parts.time_groups,
-                ..sums.basis
-            },
-            shown,
-            ..sums
+        let own = Self::from_tables(tables, &only(&tables.rows, None), &tables.references);
+        let (common, pairs) = CommonPairs::new(tables);
+        let mut results = match &pairs {
+            None => own,
+            Some(pairs) => {
+                let references = only(&tables.references, Some(pairs));
+                let references: Vec<_> = references.into_iter().cloned().collect();
+                let rows = only(&tables.rows, Some(pairs));
+                own.over_common(Self::from_tables(tables, &rows, &references))
+            }
         };
-        results.add_accuracy(&tables.accuracy);
+        results.ending = parts.ending;
+        results.latency = parts.latency;
+        results.made_of = parts.made_of;
+        results.accuracy.clone_from(&tables.accuracy);
+        results.reliability.clone_from(&tables.reliability);
+        results.shown = shown;
+        results.basis.common = common;
+        results.basis.is_measured = parts.is_measured;
+        results.basis.time_groups = parts.time_groups;
         if let Some(manifest) = parts.manifest {
             results.add_manifest(manifest);
         }
-        results.add_drives(&tables.drives, None);
         results.stress = results.stressed(tables)?;
         // The order matters: the manifest has the algorithms that failed on every pair, which are
-        // sorted, too, and those that may not be called best; the best is the first of equal ones,
-        // and beats the prior.
+        // sorted, too; the best is the first of equal ones.
         if let Some(metric) = results.shown.sort {
             results.sort_by(metric);
         }
-        results.test_prior(&tables.rows, &tables.prior);
-        results.find_best(&tables.rows, &tables.drives);
+        let mut rows = by_algorithm(&tables.rows);
+        rows.extend(by_algorithm(&tables.references));
+        results.find_best(&rows, &tables.drives);
         let records = parts
             .manifest
             .map_or(&[][..], |manifest| &manifest.algorithms);
-        results.choose_settings(records, &tables.rows);
+        results.choose_settings(records, &rows);
         Ok(results)
+    }
+
+    /// The sums of these rows and of what has none.
+    fn from_tables(tables: &ReportTables, rows: &[&Row], references: &[Row]) -> Self {
+        let mut results = Self::over(rows, &tables.checkpoints, None);
+        let references: Vec<_> = references.iter().collect();
+        results.references = grouped(&references, |row| &row.algorithm, AlgorithmSummary::new);
+        for own in &mut results.references {
+            own.results_hash = None;
+        }
+        results.add_accuracy(&tables.accuracy);
+        results.add_drives(&tables.drives, None);
+        results
+    }
+
+    /// The results over the common pairs, with these over own pairs.
+    fn over_common(mut self, common: Self) -> Self {
+        let own = [&self.algorithms[..], &self.references].concat();
+        for a in &mut self.algorithms {
+            if let Some(shown) = common
+                .algorithms
+                .iter()
+                .find(|own| own.algorithm == a.algorithm)
+            {
+                let results_hash = a.results_hash.take();
+                *a = AlgorithmSummary {
+                    results_hash,
+                    ..shown.clone()
+                };
+            }
+        }
+        self.basis.scope.scored = common.basis.scope.scored;
+        self.references = common.references;
+        self.basis.own = own;
+        self
     }
 
     /// The sums of the rows with that perturbation.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
         let rows = rows.iter().filter(|row| row.stress.as_deref() == stress);
-        let rows = &rows.collect::<Vec<_>>();
+        Self::over(&rows.collect::<Vec<_>>(), checkpoints, stress)
+    }
+
+    /// The sums of these rows, and of the checkpoints with that perturbation.
+    fn over(rows: &[&Row], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
         let checkpoints = checkpoints.iter();
         let checkpoints = checkpoints.filter(|row| row.stress.as_deref() == stress);
         let algorithms = grouped(rows, |row| &row.algorithm, AlgorithmSummary::new);
@@ -548,9 +588,19 @@ impl Results {
         if checkpoint.is_some() {
             return share_passed(self.passes(label, checkpoint));
         }
-        let mut all = self.algorithms.iter().chain(&self.prior);
+        let mut all = self.algorithms.iter().chain(&self.references);
         let own = all.find(|a| a.algorithm == label)?;
         own.totals.measured(metric, area)
+    }
+
+    /// An algorithm or a reference over its own pairs, as limits are of.
+    pub(crate) fn own(&self, label: &str) -> Option<&AlgorithmSummary> {
+        let shown = self.algorithms.iter().chain(&self.references);
+        self.basis
+            .own
+            .iter()
+            .chain(shown)
+            .find(|a| a.algorithm == label)
     }
 
     /// Number of frames in which checkpoints pass, and of those that show one. `checkpoint`: the

@@ -319,10 +319,10 @@ record! {
         /// is beyond `beyond_m`), or pixels where disparities are scored.
         area: Option<CellArea>,
         /// A quarter of the cell is truly nearer than the scenario's `obstacle_m` and not floor,
-        /// and the cell is reported farther than its `clear_m`.
+        /// and the cell is known to be farther than its `clear_m`.
         missed: bool,
-        /// The cell is reported nearer than `obstacle_m`, and less than 5 % of it is truly nearer
-        /// than `clear_m`.
+        /// The cell is reported at most at `clear_m`, as near or as too close, and less than 5 % of
+        /// it is nearer than the farthest truth of which a report at `clear_m` is right.
         r#false: bool,
         /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
@@ -492,20 +492,6 @@ fn optional_by<T>(text: &str, read: fn(&str) -> Option<T>) -> Option<Option<T>> 
     }
 }
 
-/// The metrics whose columns come first in rows; the others follow in the order of [`METRICS`].
-const FIRST_IN_ROWS: [&str; 10] = [
-    "coverage",
-    "bad1",
-    "bad2",
-    "invalid",
-    "right",
-    "wrong",
-    "unknown",
-    "missed",
-    "false",
-    "row_offset",
-];
-
 /// A metric's column in a table, of the cells of an area.
 struct MetricColumn {
     metric: &'static Metric,
@@ -514,11 +500,7 @@ struct MetricColumn {
 }
 
 static METRICS_IN_ROWS: LazyLock<Vec<MetricColumn>> = LazyLock::new(|| {
-    let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
-    let rest = METRICS
-        .iter()
-        .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
-    let of_frames = first.chain(rest).filter(|metric| metric.column().is_some());
+    let of_frames = METRICS.iter().filter(|metric| metric.column().is_some());
     metric_columns(&of_frames.collect::<Vec<_>>(), &AreaChoice::PARTS)
 });
 
@@ -606,8 +588,9 @@ impl MetricTotals {
         }
         values.add_up();
         let area = rows.first().map(|row| row.metrics.area());
+        let values = values.in_area(area.unwrap_or_default());
         let mut totals = Self {
-            values: values.in_area(area.unwrap_or_default()),
+            values,
             measured: BTreeMap::new(),
         };
         for metric in METRICS.iter().filter(|metric| metric.column().is_some()) {

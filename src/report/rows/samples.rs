@@ -2,7 +2,7 @@
 
 use super::records::Row;
 use std::collections::BTreeMap;
-use svl_score::bootstrap::{Resamples, Sample, block_length};
+use svl_score::bootstrap::{Runs, Sample};
 use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
 
 /// Seed and recording of a row's run.
@@ -34,18 +34,19 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
     let values = || rows.iter().map(|row| row.metrics.get_in(metric.name, area));
     match metric.origin {
         MetricOrigin::Frame { total, .. } => match total {
-            MetricTotal::Mean => Some(Sample::Ratio(
-                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
-            )),
+            MetricTotal::Mean => {
+                let part = |row: &&Row| {
+                    let mean = || Some([row.metrics.get_in(metric.name, area)?, 1.0]);
+                    let parts = row.metrics.parts_in(metric, area).or_else(mean);
+                    parts.unwrap_or_default()
+                };
+                Some(Sample::Ratio(rows.iter().map(part).collect()))
+            }
             MetricTotal::Sum => values()
                 .any(|v| v.is_some())
                 .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
             MetricTotal::Share => {
-                let part = |row: &&Row| {
-                    let part = row.metrics.get_in(metric.name, area);
-                    let both = part.zip(row.metrics.whole_in(metric, area));
-                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
-                };
+                let part = |row: &&Row| row.metrics.parts_in(metric, area).unwrap_or_default();
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
             }
         },
@@ -65,29 +66,25 @@ pub(crate) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
     sample(metric, rows)?.total()
 }
 
-/// Resamples of rows, those of a run beside each other.
-pub(crate) fn resamples(base: &[&Row]) -> Resamples {
-    let stretches = base.chunk_by(|a, b| run_key(a) == run_key(b));
-    let stretches: Vec<_> = stretches.map(<[_]>::len).collect();
+/// The runs of rows, those of a run beside each other.
+pub(crate) fn runs(rows: &[&Row]) -> Runs {
+    let lengths = rows.chunk_by(|a, b| run_key(a) == run_key(b));
+    let lengths: Vec<_> = lengths.map(<[_]>::len).collect();
     // Scenes of a data set are independent of each other; frames of a recording are not, also where
     // their files have names.
-    let independent = base.iter().all(|row| is_scene(row));
-    Resamples::draw(&stretches, independent)
+    Runs::new(&lengths, rows.iter().all(|row| is_scene(row)))
 }
 
-/// The number of the block of each row, those of a run beside each other.
-pub(crate) fn blocks(rows: &[&Row]) -> Vec<usize> {
-    let mut blocks: Vec<usize> = Vec::new();
-    for run in rows.chunk_by(|a, b| run_key(a) == run_key(b)) {
-        let length = if run.iter().all(|row| is_scene(row)) {
-            1
-        } else {
-            block_length(run.len())
-        };
-        let first = blocks.last().map_or(0, |last| last + 1);
-        blocks.extend((0..run.len()).map(|i| first + i / length.max(1)));
-    }
-    blocks
+/// The rows of the pairs that both have, those of a run beside each other.
+pub(crate) fn paired<'a>(base: &[&'a Row], other: &[&'a Row]) -> [Vec<&'a Row>; 2] {
+    let key = |row: &&'a Row| (run_key(row), row.sequence, row.name.as_str());
+    let other: BTreeMap<_, _> = other.iter().map(|row| (key(row), *row)).collect();
+    let base: BTreeMap<_, _> = base.iter().map(|row| (key(row), *row)).collect();
+    let both = base
+        .iter()
+        .filter_map(|(key, row)| Some((*row, *other.get(key)?)));
+    let (base, other) = both.unzip();
+    [base, other]
 }
 
 /// The sums of rows of equal keys, in the order of their first ones.

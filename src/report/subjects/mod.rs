@@ -4,7 +4,7 @@ pub(crate) mod accuracy;
 pub(crate) mod agreed;
 pub(crate) mod checkpoints;
 pub(crate) mod drives;
-pub(crate) mod prior;
+pub(crate) mod references;
 pub(crate) mod reliability;
 pub(crate) mod sources;
 pub(crate) mod speed;

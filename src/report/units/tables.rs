@@ -12,7 +12,7 @@ use crate::rows::samples::time_ns;
 use crate::subjects::accuracy::AccuracyTally;
 use crate::subjects::agreed::ScoreRule;
 use crate::subjects::checkpoints::CheckpointTallies;
-use crate::subjects::prior::{PRIOR, PriorTally};
+use crate::subjects::references::ReferenceTally;
 use crate::subjects::reliability::ReliabilityTallies;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
@@ -51,7 +51,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
         tables.accuracy = read_rows(&file("accuracy"))?;
         tables.reliability = read_rows(&file("reliability"))?;
-        tables.prior = read_rows(&file(PRIOR))?;
+        tables.references = read_rows(&file("references"))?;
     }
     Ok(tables)
 }
@@ -95,7 +95,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
         write_table(folder, "checkpoints", &tables.checkpoints)?;
         write_table(folder, "accuracy", &tables.accuracy)?;
         write_table(folder, "reliability", &tables.reliability)?;
-        write_table(folder, PRIOR, &tables.prior)?;
+        write_table(folder, "references", &tables.references)?;
     }
     Ok(tables)
 }
@@ -122,7 +122,7 @@ pub fn collect_tables(
     let rule = ScoreRule::new(&plan.manifest)?;
     let mut accuracy = AccuracyTally::new(rule.cells);
     let mut reliability = ReliabilityTallies::default();
-    let mut prior = PriorTally::default();
+    let mut references = ReferenceTally::default();
     let scenario = &plan.manifest.scenario;
     for run in runs {
         let name = run.run.run.as_deref();
@@ -139,7 +139,7 @@ pub fn collect_tables(
                 if let Some(row) = rows.rows.first() {
                     accuracy.add(time_ns(row), &rows.cells);
                     reliability.add(&rows.cells);
-                    prior.add(row, std::mem::take(&mut rows.truths));
+                    references.add(row, std::mem::take(&mut rows.truths));
                 }
             }
             take(TakenRows {
@@ -194,7 +194,7 @@ pub fn collect_tables(
     }
     tables.accuracy = accuracy.into_rows(&plan.labels());
     tables.reliability = reliability.into_rows(&plan.labels());
-    tables.prior = prior.into_rows(rule.cells);
+    tables.references = references.into_rows(rule.cells);
     Ok(tables)
 }
 

@@ -9,7 +9,7 @@ use super::pictures::BlockPictures;
 use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
 use crate::rows::records::{CellRow, FailureRow, FrameRow, Record, Row};
 use crate::subjects::drives::{CoursePlan, DriveRow, TrackRow};
-use crate::subjects::prior::TruthRow;
+use crate::subjects::references::TruthRow;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -303,13 +303,16 @@ impl StoredUnit {
         &self.path
     }
 
-    /// The first row.
+    /// A row by its place, after the last one again from the first.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].
-    pub fn first_row(&self) -> Result<Option<Row>> {
-        let mut reader = UnitReader::open(self, "", |table| table == "rows")?;
-        Ok(reader.rows.next.take())
+    pub fn row(&self, place: usize) -> Result<Option<Row>> {
+        let mut rows = UnitReader::open(self, "", |table| table == "rows")?
+            .take(None)?
+            .rows;
+        let place = place % rows.len().max(1);
+        Ok((place < rows.len()).then(|| rows.swap_remove(place)))
     }
 
     /// True if its algorithm failed on a pair.

@@ -58,12 +58,11 @@ pub struct NearJudgement {
     pub is_known: bool,
     /// A quarter of the cell is nearer than the rule's `obstacle_m`, and not floor.
     pub is_near: bool,
-    /// Near, and reported farther than the rule's `clear_m`.
+    /// Near, and known to be farther than the rule's `clear_m`.
     pub missed: bool,
-    /// Near, and reported as near, as too close or at most at `clear_m`.
+    /// Near, and reported near: as near, as too close or at most at `clear_m`.
     pub found: bool,
-    /// Reported as near or nearer than `obstacle_m`, and nearly all of the cell is farther than
-    /// `clear_m`.
+    /// Reported near, where that is right of nearly nothing in the cell.
     pub falsely: bool,
     /// Reported nearer than `obstacle_m`, and nothing but floor is nearer than `clear_m`.
     pub is_floor: bool,
@@ -85,8 +84,8 @@ pub struct CellTally {
     pub near_unknown: usize,
     pub missed: usize,
     pub found: usize,
-    /// Cells reported as an obstacle that are nearly all clear, and those in which nothing but
-    /// floor is not.
+    /// Cells reported near that are nearly all free, and those reported as an obstacle in which
+    /// nothing but floor is not clear.
     pub falsely: usize,
     pub floor: usize,
 }

@@ -70,6 +70,12 @@ impl FrameFacts<'_> {
         Some(f64::from(self.scored_cells()? > 0.0 || has_pixels))
     }
 
+    /// Number of the false near obstacles; `None` where any report may be right.
+    fn falsely(&self) -> Option<f64> {
+        self.rule.far_m()?;
+        self.value(Near(|cells| cells.falsely))
+    }
+
     /// Number of the floor obstacles; `None` if the truth does not tell what is floor.
     fn floor(&self) -> Option<f64> {
         self.frame.truth.as_ref()?.surface.as_ref()?;
@@ -156,7 +162,7 @@ impl TruthLevel {
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
         // Only distances tell what is near, or nearer than the range.
-        if has("false") || has("blind") || has("close") {
+        if has("missed") || has("blind") || has("close") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities
@@ -488,8 +494,8 @@ pub const METRICS: &[Metric] = &[
         .without_truth()
         .plotted_at("known_cells")
         .note(
-            "cells with a distance or a disparity, right or not, of all cells; the mean over the \
-             pairs",
+            "cells with a distance or a disparity, right or not: of the cells with truth where \
+             there are some, else of all cells, the mean over the pairs",
         )
         .headline(&[NoTruth]),
     cells("right_surface", "right cells, by surface", "right")
@@ -508,15 +514,17 @@ pub const METRICS: &[Metric] = &[
         .over(NEAR_OBSTACLES)
         .note_by_rule("near obstacles", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let far_m = rule.far_m().unwrap_or(f64::INFINITY);
             format!(
-                "cells of which a quarter is nearer than {obstacle_m} m and not floor, reported \
-                 beyond {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of \
-                 which less than 5 % is nearer than {clear_m} m (false); cells of all areas"
+                "cells of which a quarter is nearer than {obstacle_m} m and not floor, known to be \
+                 beyond {clear_m} m (missed); cells reported at most at {clear_m} m, as near or as \
+                 too close, of which less than 5 % is nearer than {far_m:.2} m, the farthest truth \
+                 of which that is right (false); cells of all areas"
             )
         })
         .headline(&[Distances]),
     near("false", "false near obstacles", "false")
-        .sum("false", Less, Near(|own| own.falsely))
+        .sum("false", Less, Fact(|facts| facts.falsely()))
         .headline(&[Distances]),
     near("found", "found near obstacles", "found %")
         .part("found_obstacles", More, Near(|own| own.found))
@@ -531,7 +539,7 @@ pub const METRICS: &[Metric] = &[
         })
         .headline(&[Distances]),
     near("floor", "floor obstacles", "floor")
-        .sum("floor_obstacles", Less, Fact(|facts| facts.floor()))
+        .sum("floor_obstacles", Neither, Fact(|facts| facts.floor()))
         .note_by_rule("floor", |rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             format!(
@@ -539,8 +547,7 @@ pub const METRICS: &[Metric] = &[
                  {clear_m} m: true distances, so not false, and a robot without a filter stops \
                  for them"
             )
-        })
-        .headline(&[Distances]),
+        }),
     near("near", "near obstacles", "all")
         .sum("near", Neither, Near(|own| own.near))
         .note_by_rule("all, unknown", |rule| {
@@ -1110,14 +1117,27 @@ impl MetricValues {
     /// [`Self::value`] in an area.
     pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let value = self.get_in(metric.name, area)?;
-        match metric.column() {
-            Some((_, MetricTotal::Share)) => {
-                let whole = self.whole_in(metric, area);
-                // A frame with only unknown truths has cells, but none that could be right.
-                Some(value / whole.filter(|whole| *whole > 0.0)?)
-            }
-            _ => Some(value),
+        match self.parts_in(metric, area) {
+            // A frame with only unknown truths has cells, but none that could be right.
+            Some([part, whole]) => (whole > 0.0).then(|| part / whole),
+            None if matches!(metric.column(), Some((_, MetricTotal::Share))) => None,
+            None => Some(value),
         }
+    }
+
+    /// The part and the whole of a share in an area; `None` of other metrics. Known cells are of
+    /// the scored ones of the selected area, where cells are scored.
+    pub fn parts_in(&self, metric: &Metric, area: AreaChoice) -> Option<[f64; 2]> {
+        if metric.name == "known" {
+            let counts = ["right", "wrong", "unknown"].map(|name| self.get(name));
+            let [Some(right), Some(wrong), Some(unknown)] = counts else {
+                return None;
+            };
+            return Some([right + wrong, right + wrong + unknown]);
+        }
+        let part = self.get_in(metric.name, area)?;
+        let is_share = matches!(metric.column(), Some((_, MetricTotal::Share)));
+        Some([part, self.whole_in(metric, area).filter(|_| is_share)?])
     }
 }
 

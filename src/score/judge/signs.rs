@@ -8,8 +8,6 @@ use crate::holm::MAX_P;
 pub fn method(tests: usize) -> TestMethod {
     TestMethod {
         name: "two-sided exact sign test over the courses that differ",
-        resamples: None,
-        seed: None,
         level: LEVEL,
         block_length: None,
         fewest_blocks: fewest_changes(tests),

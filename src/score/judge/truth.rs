@@ -22,7 +22,7 @@ const MIN_KNOWN: f64 = 0.5;
 /// the one of rank ⌊0.75 n⌋ + 1, so 3841 of 5120: the ⌈n / 4⌉-th nearest.
 const NEAR_PERCENT: usize = 75;
 
-/// Greatest fraction of a cell that is not clear if a reported obstacle is false.
+/// Greatest fraction of a cell that is not free if a report of something near is false.
 const MAX_OCCUPIED: f64 = 0.05;
 
 /// Least fraction of a cell's true pixels that are floor if the cell is.
@@ -76,8 +76,8 @@ pub struct CellTruth {
 pub struct NearTruth {
     /// A quarter of the cell is an obstacle: near, and not floor.
     pub is_obstacle: bool,
-    /// Nearly all of the cell is clear space.
-    pub is_clear: bool,
+    /// Nearly all of the cell is beyond [`CellRule::far_m`].
+    pub is_free: bool,
     /// Nothing but floor is nearer than clear space; false if floor is unknown.
     pub is_clear_floor: bool,
 }
@@ -242,27 +242,29 @@ struct NearLimits<'a> {
 }
 
 impl NearLimits<'_> {
-    /// The disparities above which something is an obstacle, and above which it is not clear.
-    fn obstacle_and_clear_px(&self) -> [f64; 2] {
+    /// The disparities above which something is an obstacle, is not clear, and is not free.
+    fn limits_px(&self) -> [f64; 3] {
         let (obstacle_m, clear_m) = self.rule.obstacle_and_clear_m();
-        [obstacle_m, clear_m].map(|m| self.rig.map_or(f64::INFINITY, |rig| rig.disparity_px(m)))
+        let limits_m = [Some(obstacle_m), Some(clear_m), self.rule.far_m()];
+        let px = |m: Option<f64>| Some(self.rig?.disparity_px(m?));
+        limits_m.map(|m| px(m).unwrap_or(f64::INFINITY))
     }
 }
 
 impl TrueQuarter {
     /// That of a cell's known disparities, `all` and those `above` the floor.
     fn new(all: &mut [f32], above: &[f32], limits: NearLimits<'_>) -> Self {
-        let [obstacle_px, clear_px] = limits.obstacle_and_clear_px();
+        let [obstacle_px, clear_px, far_px] = limits.limits_px();
         let beyond = |px: f64| move |d: f32| f64::from(d) > px;
         let rank = NEAR_PERCENT * all.len() / 100;
         let near = above.iter().filter(|&&d| beyond(obstacle_px)(d)).count();
-        let not_clear = share(all, beyond(clear_px));
+        let not_free = share(all, beyond(far_px));
         let (_, near_px, _) = all.select_nth_unstable_by(rank, f32::total_cmp);
         Self {
             depth: Some(CellDepth::at(*near_px, limits.rig)),
             near: NearTruth {
                 is_obstacle: near >= above.len() - rank,
-                is_clear: not_clear < MAX_OCCUPIED,
+                is_free: not_free < MAX_OCCUPIED,
                 is_clear_floor: limits.knows_floor && !above.iter().any(|&d| beyond(clear_px)(d)),
             },
         }
@@ -276,7 +278,7 @@ impl TrueQuarter {
     ) -> Option<Self> {
         let NearLimits { rule, rig, .. } = limits;
         let (obstacle_m, _) = rule.obstacle_and_clear_m();
-        let [_, clear_px] = limits.obstacle_and_clear_px();
+        let [_, clear_px, far_px] = limits.limits_px();
         let range = above.range(NEAR_PERCENT).filter(|_| above.is_enough())?;
         let is_obstacle = match range {
             // The parts without points hold nothing nearer, or only floor.
@@ -290,15 +292,15 @@ impl TrueQuarter {
                 near.distance_m.is_some_and(|z| z < obstacle_m)
             }
         };
-        let is_not_clear = |d: f32| f64::from(d) > clear_px;
+        let beyond = |px: f64| move |d: f32| f64::from(d) > px;
         Some(Self {
             depth: points
                 .percentile(NEAR_PERCENT, rule, rig)
                 .filter(|near| has_truth(near, rule)),
             near: NearTruth {
                 is_obstacle,
-                is_clear: points.share(is_not_clear) < MAX_OCCUPIED,
-                is_clear_floor: limits.knows_floor && above.share(is_not_clear) == 0.0,
+                is_free: points.share(beyond(far_px)) < MAX_OCCUPIED,
+                is_clear_floor: limits.knows_floor && above.share(beyond(clear_px)) == 0.0,
             },
         })
     }
@@ -321,26 +323,18 @@ impl NearTruth {
     /// Scores the report of a cell by its nearest quarter.
     fn judge(self, cell: &Cell, rule: CellRule) -> NearJudgement {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        let is_near = self.is_obstacle;
-        let is_free = self.is_clear;
-        let Some(report) = &cell.depth else {
-            let is_flagged = cell.near.is_some();
-            return NearJudgement {
-                is_known: true,
-                is_near,
-                found: is_near && is_flagged,
-                falsely: is_flagged && is_free,
-                ..NearJudgement::default()
-            };
+        let is_at_most = |limit_m: f64| {
+            let distance_m = cell.depth.and_then(|report| report.distance_m);
+            distance_m.is_some_and(|z| z <= limit_m)
         };
-        let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
-        let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
+        let is_reported = is_at_most(clear_m) || cell.too_close || cell.near.is_some();
+        let is_obstacle = is_at_most(obstacle_m.next_down());
         NearJudgement {
             is_known: true,
-            is_near,
-            missed: is_near && is_clear && !cell.too_close,
-            found: is_near && (!is_clear || cell.too_close),
-            falsely: is_obstacle && is_free,
+            is_near: self.is_obstacle,
+            missed: self.is_obstacle && cell.depth.is_some() && !is_reported,
+            found: self.is_obstacle && is_reported,
+            falsely: is_reported && self.is_free,
             is_floor: is_obstacle && self.is_clear_floor,
         }
     }
@@ -411,10 +405,10 @@ mod tests {
 
     #[test]
     fn a_flag_finds_what_is_near_and_is_false_where_nothing_is() {
-        let judged = |is_obstacle: bool, is_clear: bool| {
+        let judged = |is_obstacle: bool, is_free: bool| {
             let quarter = NearTruth {
                 is_obstacle,
-                is_clear,
+                is_free,
                 is_clear_floor: false,
             };
             let flagged = Cell {
@@ -653,6 +647,8 @@ mod tests {
         for density in DENSITIES {
             assert_eq!(scores(cell(10, FLOOR, FAR), density, 0.3), (true, false));
             assert_eq!(scores(cell(10, FLOOR, FAR), density, 0.6), (false, false));
+            assert_eq!(scores(cell(10, FAR, FAR), density, 0.74), (false, true));
+            assert_eq!(scores(cell(10, FAR, FAR), density, 0.76), (false, false));
             assert_eq!(scores(cell(9, FLOOR, WALL), density, 0.3), (false, false));
             assert_eq!(scores(cell(10, FAR, FAR), density, 0.3), (true, true));
         }

@@ -36,12 +36,19 @@ enum WrittenLimit {
 }
 
 impl LossLimit {
-    fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
+    /// True for more lost ones, of so many pairs.
+    pub fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
         match self {
             Self::Pairs(most) => lost > most,
             // One of 1000 is 0.1 %, despite rounding.
             Self::Percent(most) => 100.0 * lost as f64 > most * pairs as f64 * (1.0 + 1e-12),
         }
+    }
+}
+
+impl Default for LossLimit {
+    fn default() -> Self {
+        Self::Pairs(0)
     }
 }
 
@@ -219,16 +226,23 @@ pub struct Ending {
 impl Ending {
     /// For a pass that reached the end of its sources.
     pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
-        let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
+        let is_lossy = missing.exceeds(allowed.unwrap_or_default());
         let more = allowed.map(|limit| format!(", more than {limit}").replace('%', " %"));
+        let more = more.unwrap_or_default();
         let words = missing.words().filter(|_| is_lossy);
+        let failed = missing.algorithms.values().map(|own| own.failed);
+        let most = failed.max().unwrap_or_default().max(missing.losses.lost());
+        let cure = format!(
+            "{more}; --allow-loss {most}, or allow_loss = {most} of a scenario's [source], accepts \
+             that"
+        );
         Self {
             state: if is_lossy {
                 EndState::Lossy
             } else {
                 EndState::Complete
             },
-            incomplete: words.map(|words| words + &more.unwrap_or_default()),
+            incomplete: words.map(|words| words + &cure),
             missing,
         }
     }

@@ -38,6 +38,8 @@ pub struct Limit {
 
 /// The name of what looks at nothing, in limits, tables and comparisons.
 pub const PRIOR: &str = "prior";
+/// The name of the distances by which cells are scored, likewise.
+pub const EXACT: &str = "exact";
 
 /// Parses the name of a metric.
 fn metric<'de, D: Deserializer<'de>>(

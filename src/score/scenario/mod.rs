@@ -18,7 +18,7 @@ mod write;
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
 pub use latency::DriveLatency;
-pub use limit::{Limit, PRIOR};
+pub use limit::{EXACT, Limit, PRIOR};
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{InputFile, InputFiles};
 pub use seeds::SeedList;

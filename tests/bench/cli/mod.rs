@@ -49,4 +49,5 @@ mod survive;
 mod train;
 mod tune;
 mod units;
+mod verdict;
 mod videos;

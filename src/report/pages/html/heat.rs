@@ -27,7 +27,7 @@ pub(crate) fn heat_map(page: &ReportPage) -> Option<(HeatGrid, String)> {
     let merits: Vec<_> = merits.collect();
     let all = || merits.iter().map(|(.., merit)| *merit);
     let (most, worst) = (all().reduce(f64::max)?, all().reduce(f64::min)?);
-    let usable = merits.iter().filter(|(own, ..)| summary.is_usable(own));
+    let usable = merits.iter().filter(|(own, ..)| summary.may_be_best(own));
     let best = usable.map(|(.., merit)| *merit).reduce(f64::max);
     let [rows, columns] = [down, across].map(|parameter| parameter_values(&records, parameter));
     let (unit, better) = (summary.first_metric()?.unit, summary.first_metric()?.better);

@@ -198,7 +198,7 @@ fn scatter(
     // The front says which is faster.
     let has_front = trade_off.axes[0].label != TIME.label || summary.has_comparable_times();
     let candidates = placed.iter();
-    let candidates = candidates.filter(|(a, _)| has_front && summary.is_candidate(a));
+    let candidates = candidates.filter(|(a, _)| has_front && summary.may_be_best(a));
     let points = front(trade_off, candidates.map(|(_, point)| *point).collect());
     let mut series = vec![Series::new("", SeriesStyle::Front, points)];
     let (swept, alone): (Vec<_>, Vec<_>) = placed

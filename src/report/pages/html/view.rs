@@ -8,7 +8,6 @@ use super::scenes::{error_key, scene_view};
 use super::shades::{parameter_shades, swept};
 use crate::show::page::parts::{PageImages, css_color};
 use crate::show::table::model::{Table, TableCell, TableColumn};
-use crate::subjects::prior::PRIOR;
 use minijinja::{Value, context};
 use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,7 +35,6 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let shots = || page.figures.iter().flat_map(|figure| &figure.shots);
     let marks = shots().flat_map(|(_, shot)| &shot.estimate);
     let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
-    let (by, front) = summary.front();
     let headline = headline(page);
     let heat = heat_map(page).map(|(grid, about)| context! { grid, about });
     let gate = page.gate.iter();
@@ -54,10 +52,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         manifest, summary, identity, scope => summary.scope_words(), answer => summary.answer(),
         order => summary.order_words(), cautions => summary.cautions(),
         paragraphs => paragraphs.filter(|p| !p.is_empty()).collect::<Vec<_>>(),
-        overview => overview(page, &headline, &front),
-        front => context! {
-            by => by.iter().map(|metric| metric.words).collect::<Vec<_>>(), algorithms => front,
-        },
+        overview => overview(page, &headline), legend => summary.legend(),
         headline, heat, metrics => summary.all_metrics(),
         checkpoints => summary.checkpoint_table(), speed => summary.speed_table(),
         accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
@@ -146,17 +141,17 @@ fn first_figure(page: &ReportPage) -> Option<String> {
 }
 
 /// Parts of the headline table besides its numbers.
-fn overview(page: &ReportPage, table: &Table, front: &[&str]) -> Value {
+fn overview(page: &ReportPage, table: &Table) -> Value {
     let (summary, swept, colors) = (&page.summary, swept(page), page.colors());
     let view = |(place, label)| {
         let color = css_color(colors.rgb(label).unwrap_or(algorithm_color(place)));
         let own = summary.checkpoints.iter().filter(|c| c.algorithm == label);
         let passes = own.map(|c| (c.checkpoint, (c.passed, c.frames)));
-        let (passes, is_on_front) = (passes.collect::<BTreeMap<_, _>>(), front.contains(&label));
+        let passes = passes.collect::<BTreeMap<_, _>>();
         // The name is without the settings that are columns.
         (
             label,
-            context! { name => name(label, &swept), place, color, is_on_front, passes },
+            context! { name => name(label, &swept), place, color, passes },
         )
     };
     let ranked = summary.ranked_algorithms();
@@ -166,15 +161,15 @@ fn overview(page: &ReportPage, table: &Table, front: &[&str]) -> Value {
         ranked.filter(|ms| *ms > 0.0)
     };
     let all = page.manifest.labels();
-    let all = all.chain(summary.prior.as_ref().map(|_| PRIOR));
-    let cited = ranked.iter().find(|a| summary.is_candidate(a));
+    let all = all.chain(summary.references.iter().map(|own| own.algorithm.as_str()));
+    let cited = ranked.iter().find(|a| summary.may_be_best(a));
     let cited = cited.or(ranked.first());
     context! {
         algorithms => all.enumerate().map(view).collect::<BTreeMap<_, _>>(),
         checkpoints => summary.checkpoint_names(), about => about(page, labels.clone()),
         // The first one that may be called best.
         cited => cited.map(|a| &a.algorithm),
-        near => ranked.iter().find_map(|a| a.totals.get("near")),
+        near => summary.most_near(),
         pictured => labels.filter(|label| is_pictured(page, label)).collect::<Vec<_>>(),
         times => (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max)),
         is_swept => !swept.is_empty(), swept => swept.len(), shades => parameter_shades(page),

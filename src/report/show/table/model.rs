@@ -52,7 +52,7 @@ pub enum TableCell {
     /// A median time, ms, and its mark.
     Time {
         ms: f64,
-        mark: &'static str,
+        mark: String,
     },
     /// Per checkpoint the fraction of its frames that pass; absent if no frame shows it.
     Marks(Vec<Option<f64>>),

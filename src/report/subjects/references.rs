@@ -1,10 +1,10 @@
-//! The prior: who looks at nothing, and answers in each cell what the truth of the other runs says.
-//!
-//! Per cell it reports the median of the true disparities of the other runs, or, of a single run,
-//! of its other blocks. What a matcher has beyond that it has seen.
+//! References of a table, which look at no image. The *prior* reports per cell the median of the
+//! truth in other runs, or, of a single run, in its other blocks: a matcher has seen what it has
+//! beyond that. *Exact* reports the distance by which each cell is scored: it misses what any
+//! matcher misses that is right in every cell.
 
 use crate::rows::records::{Row, record};
-use crate::rows::samples::{blocks, run_key};
+use crate::rows::samples::{self, run_key};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
@@ -13,7 +13,7 @@ use svl_score::judge::{
     NearTruth, Verdict,
 };
 
-pub use svl_score::scenario::PRIOR;
+pub use svl_score::scenario::{EXACT, PRIOR};
 
 record! {
     /// The truth of a cell, scored by distances: what decides the score of any report of it.
@@ -30,8 +30,8 @@ record! {
         true_median_px: Option<f64>,
         /// A quarter is an obstacle; absent if that is unknown.
         is_obstacle: Option<bool>,
-        /// Nearly all is clear.
-        is_clear: Option<bool>,
+        /// Nearly all is free.
+        is_free: Option<bool>,
         /// Nothing but floor is not clear; absent also if floor is unknown.
         is_clear_floor: Option<bool>,
         /// Focal length times baseline.
@@ -56,7 +56,7 @@ impl TruthRow {
             area: truth.area,
             true_median_px: truth.median.map(|depth| depth.median_px.into()),
             is_obstacle: truth.near.map(|near| near.is_obstacle),
-            is_clear: truth.near.map(|near| near.is_clear),
+            is_free: truth.near.map(|near| near.is_free),
             is_clear_floor: truth
                 .near
                 .filter(|_| knows_floor)
@@ -68,14 +68,14 @@ impl TruthRow {
     }
 
     fn truth(&self, rig: Option<&Rig>) -> CellTruth {
-        let near = self.is_obstacle.zip(self.is_clear);
+        let near = self.is_obstacle.zip(self.is_free);
         let px = self.true_median_px;
         CellTruth {
             area: self.area,
             median: px.map(|px| CellDepth::at(px as f32, rig)),
-            near: near.map(|(is_obstacle, is_clear)| NearTruth {
+            near: near.map(|(is_obstacle, is_free)| NearTruth {
                 is_obstacle,
-                is_clear,
+                is_free,
                 is_clear_floor: self.is_clear_floor.unwrap_or(false),
             }),
         }
@@ -95,7 +95,7 @@ impl TruthRow {
 
 /// The truth of the pairs of a report.
 #[derive(Default)]
-pub(crate) struct PriorTally {
+pub(crate) struct ReferenceTally {
     pairs: Vec<TruePair>,
 }
 
@@ -105,7 +105,7 @@ struct TruePair {
     cells: Vec<TruthRow>,
 }
 
-impl PriorTally {
+impl ReferenceTally {
     /// Adds an unperturbed pair, with a row of any algorithm.
     pub(crate) fn add(&mut self, row: &Row, cells: Vec<TruthRow>) {
         if row.stress.is_none() && !cells.is_empty() {
@@ -116,16 +116,20 @@ impl PriorTally {
         }
     }
 
-    /// The rows of the prior, in the order of the pairs.
+    /// The rows of each reference, in the order of the pairs.
     pub(crate) fn into_rows(self, rule: CellRule) -> Vec<Row> {
         let groups = self.groups();
         let medians = groups.iter().copied().collect::<BTreeSet<_>>();
         let medians = medians.into_iter();
         let medians = medians.map(|group| (group, self.medians_beside(group, &groups)));
         let medians: BTreeMap<usize, _> = medians.collect();
-        let pairs = self.pairs.into_iter().zip(&groups);
-        let pairs = pairs.map(|(pair, group)| pair.into_row(&medians[group], rule));
-        pairs.collect()
+        let prior = self.pairs.iter().zip(&groups).map(|(pair, group)| {
+            let median = |cell: &TruthRow| medians[group].get(&(cell.column, cell.row)).copied();
+            pair.scored(PRIOR, median, rule)
+        });
+        let exact = self.pairs.iter();
+        let exact = exact.map(|pair| pair.scored(EXACT, |cell| cell.true_median_px, rule));
+        prior.chain(exact).collect()
     }
 
     /// Per pair its run, or, of a single run, its block.
@@ -133,7 +137,7 @@ impl PriorTally {
         let rows: Vec<_> = self.pairs.iter().map(|pair| &pair.row).collect();
         let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
         if runs.len() == 1 {
-            return blocks(&rows);
+            return samples::runs(&rows).block_numbers();
         }
         let place = |row: &&Row| runs.iter().position(|run| *run == run_key(row));
         rows.iter().filter_map(place).collect()
@@ -155,16 +159,21 @@ impl PriorTally {
 }
 
 impl TruePair {
-    fn into_row(self, medians: &BTreeMap<(u32, u32), f64>, rule: CellRule) -> Row {
-        let judge = |cell: &TruthRow| {
-            let reported_px = medians.get(&(cell.column, cell.row)).copied();
-            cell.judge(reported_px, rule)
-        };
-        let cells: Vec<_> = self.cells.iter().map(judge).collect();
+    /// The row of a reference that reports those disparities.
+    fn scored(
+        &self,
+        name: &str,
+        reported_px: impl Fn(&TruthRow) -> Option<f64>,
+        rule: CellRule,
+    ) -> Row {
+        let cells = self.cells.iter();
+        let cells: Vec<_> = cells
+            .map(|cell| cell.judge(reported_px(cell), rule))
+            .collect();
         let knows_floor = self.cells.iter().any(|cell| cell.is_clear_floor.is_some());
         Row {
-            algorithm: PRIOR.to_owned(),
-            metrics: metrics(&cells, knows_floor),
+            algorithm: name.to_owned(),
+            metrics: metrics(&cells, knows_floor, rule),
             // Nothing is matched.
             parameters_hash: String::new(),
             result_hash: String::new(),
@@ -175,13 +184,13 @@ impl TruePair {
             checks_us: None,
             total_us: None,
             filters_us: None,
-            ..self.row
+            ..self.row.clone()
         }
     }
 }
 
 /// The metrics of scored cells that need no disparity map.
-fn metrics(cells: &[CellJudgement], knows_floor: bool) -> MetricValues {
+fn metrics(cells: &[CellJudgement], knows_floor: bool, rule: CellRule) -> MetricValues {
     let tallies = CellTallies::new(cells);
     let mut metrics = MetricValues::default();
     for area in AreaChoice::PARTS {
@@ -202,10 +211,11 @@ fn metrics(cells: &[CellJudgement], knows_floor: bool) -> MetricValues {
         ("near_unknown", all.near_unknown),
         ("missed", all.missed),
         ("found", all.found),
-        ("false", all.falsely),
     ];
-    let floor = [("floor", all.floor)].into_iter().filter(|_| knows_floor);
-    for (name, count) in near.into_iter().chain(floor).filter(|_| all.quarters > 0) {
+    let falsely = rule.far_m().map(|_| ("false", all.falsely));
+    let floor = knows_floor.then_some(("floor", all.floor));
+    let near = near.into_iter().chain(falsely).chain(floor);
+    for (name, count) in near.filter(|_| all.quarters > 0) {
         metrics.set(name, Some(count as f64));
     }
     let is_scored = cells.iter().any(|cell| cell.verdict != Verdict::NoTruth);
@@ -227,7 +237,7 @@ mod tests {
             area: Some(CellArea::Obstacle),
             true_median_px: Some(10.0 / true_m),
             is_obstacle: Some(true_m < 0.5),
-            is_clear: Some(true_m > 0.75),
+            is_free: Some(true_m > 0.9375),
             is_clear_floor: Some(true_m > 0.75),
             depth_px_m: 10.0,
             doffs_px: 0.0,
@@ -236,7 +246,7 @@ mod tests {
 
     /// The right cells of the prior in each pair; pairs of a run are consecutive, of one cell each.
     fn right(runs: &[(u64, &[f64])]) -> Vec<Option<f64>> {
-        let mut tally = PriorTally::default();
+        let mut tally = ReferenceTally::default();
         for (seed, distances) in runs {
             for (i, true_m) in distances.iter().enumerate() {
                 let row = Row {
@@ -247,12 +257,17 @@ mod tests {
                 tally.add(&row, vec![cell(0, *true_m)]);
             }
         }
-        let rows = tally.into_rows(CellRule::default());
+        let mut rows = tally.into_rows(CellRule::default());
+        let exact = rows.split_off(rows.len() / 2);
+        let is = |row: &Row, name: &str| row.algorithm == name && row.total_us.is_none();
+        assert!(rows.iter().all(|row| is(row, PRIOR)));
+        let right = |row: &Row| row.metrics.get("right");
         assert!(
-            rows.iter()
-                .all(|row| row.algorithm == PRIOR && row.total_us.is_none())
+            exact
+                .iter()
+                .all(|row| is(row, EXACT) && right(row) == Some(1.0))
         );
-        rows.iter().map(|row| row.metrics.get("right")).collect()
+        rows.iter().map(right).collect()
     }
 
     #[test]
@@ -284,6 +299,10 @@ mod tests {
         );
         assert_eq!(scored(0.4, Some(2.0)), (Verdict::Wrong, false, true, false));
         assert_eq!(scored(0.4, None), (Verdict::Unknown, false, false, false));
+        assert_eq!(
+            scored(2.0, Some(0.74)),
+            (Verdict::Wrong, false, false, true)
+        );
         assert_eq!(scored(2.0, Some(0.4)), (Verdict::Wrong, false, false, true));
     }
 }

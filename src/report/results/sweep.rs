@@ -1,0 +1,306 @@
+//! The setting of a swept algorithm to use, with a score from pairs that did not choose it.
+//!
+//! The best of many settings is the luckiest, too: its score on the pairs that chose it is too
+//! good. So each half of the blocks of neighbouring pairs chooses, and the other half scores the
+//! choice.
+
+use super::best::{RowsByAlgorithm, better_first, merit_sample};
+use super::change::{Change, Judgement};
+use super::summary::Results;
+use crate::rows::records::Row;
+use crate::rows::samples::{paired, runs, sample};
+use serde::Serialize;
+use svl_core::counted;
+use svl_core::matcher;
+use svl_score::bootstrap::{METHOD, Sample};
+use svl_score::judge::{Better, Metric, TruthLevel};
+use svl_score::manifest::AlgorithmRecord;
+
+/// The settings of an algorithm, and the one to use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SweepChoice {
+    /// The kind of the algorithm, and the number of its settings.
+    pub algorithm: String,
+    pub settings: usize,
+    /// The metric that chose; absent for right minus wrong cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metric: Option<&'static Metric>,
+    /// The best setting of those that may be best; absent with the reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub setting: Option<BestSetting>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+/// The best setting over all pairs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BestSetting {
+    pub label: String,
+    /// Its score on the pairs that chose it.
+    pub own_score: f64,
+    /// The mean of the scores of the halves' choices, each on the half that did not choose it.
+    pub score: f64,
+    /// Number of settings that are not told apart from it.
+    pub alike: usize,
+}
+
+/// The settings that are compared, with their rows of the pairs that all of them have.
+type Settings<'a> = Vec<(&'a str, Vec<&'a Row>)>;
+
+/// True if one algorithm differs from the other in its settings alone: both are of one program,
+/// file or topic.
+pub(crate) fn are_settings_of_one(a: &AlgorithmRecord, b: &AlgorithmRecord) -> bool {
+    let spec = matcher::find(&a.name).ok();
+    let is_setting = |key: &str| {
+        let parameter = spec.and_then(|spec| spec.parameter(key));
+        parameter.is_some_and(|own| own.range.is_setting())
+    };
+    let mut both = a.values.iter().zip(&b.values);
+    let is_same = |((key, own), (_, other)): (&(String, String), &(String, String))| {
+        is_setting(key) || own == other
+    };
+    a.name == b.name && a.filters == b.filters && both.all(is_same)
+}
+
+impl Results {
+    /// Finds the settings to use, of each algorithm with several.
+    pub(crate) fn choose_settings(
+        &mut self,
+        records: &[AlgorithmRecord],
+        rows: &RowsByAlgorithm<'_>,
+    ) {
+        let is_merit = self.shown.sort.is_none() && self.kind() == TruthLevel::Distances;
+        let metric = self.shown.sort.or_else(|| self.first_metric());
+        let Some(metric) = metric.filter(|_| self.kind() != TruthLevel::Courses) else {
+            return;
+        };
+        let mut kins: Vec<Vec<&AlgorithmRecord>> = Vec::new();
+        for own in records {
+            match kins.iter_mut().find(|kin| are_settings_of_one(kin[0], own)) {
+                Some(kin) => kin.push(own),
+                None => kins.push(vec![own]),
+            }
+        }
+        let choices = kins.iter().filter(|kin| kin.len() > 1).map(|kin| {
+            let mut choice = SweepChoice {
+                algorithm: kin[0].name.clone(),
+                settings: kin.len(),
+                metric: (!is_merit).then_some(metric),
+                setting: None,
+                reason: None,
+            };
+            let labels: Vec<_> = kin.iter().map(|own| own.label.as_str()).collect();
+            match self.best_setting(&labels, metric, is_merit, rows) {
+                Ok(setting) => choice.setting = Some(setting),
+                Err(reason) => choice.reason = Some(reason),
+            }
+            choice
+        });
+        self.choices = choices.collect();
+    }
+
+    fn best_setting(
+        &self,
+        labels: &[&str],
+        metric: &'static Metric,
+        is_merit: bool,
+        rows: &RowsByAlgorithm<'_>,
+    ) -> Result<BestSetting, String> {
+        if metric.better == Better::Neither {
+            return Err(format!("{} has no better direction", metric.name));
+        }
+        let own = self.algorithms.iter();
+        let own = own.filter(|a| labels.contains(&&*a.algorithm));
+        let fit = own.clone().filter(|a| self.may_be_best(a));
+        let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
+        let mut settings: Settings<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
+        let Some((_, mut common)) = settings.first().cloned() else {
+            return Err(self.unfit_words(own));
+        };
+        for (_, own) in &settings {
+            [common, _] = paired(&common, own);
+        }
+        for (_, own) in &mut settings {
+            [_, *own] = paired(&common, own);
+        }
+        let runs = runs(&common);
+        let blocks = runs.block_numbers();
+        if runs.blocks() < METHOD.fewest_blocks {
+            return Err("too few pairs to tell".to_owned());
+        }
+        let measure = |rows: &[&Row]| {
+            let merit = is_merit.then(|| merit_sample(rows));
+            merit.or_else(|| sample(metric, rows))
+        };
+        let score = |rows: &[&Row]| measure(rows).as_ref().and_then(Sample::total);
+        let best = |settings: &Settings<'_>| {
+            let scored = settings.iter().enumerate();
+            let scored = scored.filter_map(|(i, (_, rows))| Some((i, score(rows)?)));
+            let best = scored.min_by(|(_, a), (_, b)| better_first(metric, Some(*a), Some(*b)));
+            best.ok_or_else(|| format!("{} is not measured by pairs", metric.name))
+        };
+        let half = |side: usize| -> Settings<'_> {
+            let mut half = settings.clone();
+            for (_, rows) in &mut half {
+                let mut blocks = blocks.iter();
+                rows.retain(|_| blocks.next().is_some_and(|block| block % 2 == side));
+            }
+            half
+        };
+        let halves = [half(0), half(1)];
+        let [even, odd] = [best(&halves[0])?.0, best(&halves[1])?.0];
+        let unseen = [&*halves[1][even].1, &*halves[0][odd].1].concat();
+        let (place, own_score) = best(&settings)?;
+        let is_alike = |rows: &[&Row]| {
+            let (a, b) = measure(&settings[place].1).zip(measure(rows))?;
+            let values = [a.total()?, b.total()?];
+            let change = Change::from_samples(metric, values, [&a, &b], &runs);
+            (change.judgement != Judgement::Worse).then_some(())
+        };
+        let alike = settings.iter().filter_map(|(_, rows)| is_alike(rows));
+        Ok(BestSetting {
+            label: settings[place].0.to_owned(),
+            own_score,
+            score: score(&unseen).unwrap_or(own_score),
+            // It is one of them.
+            alike: alike.count().saturating_sub(1),
+        })
+    }
+}
+
+impl SweepChoice {
+    /// The choice in a sentence.
+    pub(crate) fn words(&self) -> String {
+        let (settings, name) = (counted(self.settings, "setting"), &self.algorithm);
+        let Some(own) = &self.setting else {
+            let reason = self.reason.as_deref().unwrap_or_default();
+            return format!("Of {settings} of {name} none is named: {reason}.");
+        };
+        let words = self
+            .metric
+            .map_or("right minus wrong", |metric| metric.words);
+        let metric = self.metric.or_else(|| Metric::find("right"));
+        let show = |score: f64| metric.map_or_else(String::new, |metric| metric.show(score));
+        let alike = match own.alike {
+            0 => String::new(),
+            alike => format!("; {alike} others are not told apart from it"),
+        };
+        format!(
+            "Of {settings} of {name}, use {}: {words} {}, {} on pairs that did not choose{alike}.",
+            own.label,
+            show(own.own_score),
+            show(own.score),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::summary::{ReportTables, ResultParts, Shown};
+    use super::*;
+    use crate::subjects::speed::tests::row;
+    use svl_score::judge::MetricValues;
+    use svl_score::manifest::Manifest;
+
+    /// 280 pairs in 20 blocks by 40 settings; `right`: cells of 100 that a setting has in a block.
+    fn chosen(right: impl Fn(usize, usize) -> f64) -> (SweepChoice, String) {
+        let (choices, words) = chosen_by(Shown::default(), right);
+        (choices[0].clone(), words)
+    }
+
+    /// The same, by what is shown; each pair has a false near obstacle.
+    fn chosen_by(shown: Shown, right: impl Fn(usize, usize) -> f64) -> (Vec<SweepChoice>, String) {
+        let labels: Vec<_> = (0..40).map(|i| format!("bm:uniqueness={i}")).collect();
+        let rows = labels.iter().enumerate().flat_map(|(setting, label)| {
+            let right = &right;
+            (0..280).map(move |sequence| {
+                let right = right(setting, sequence as usize / 14);
+                let cells = [("right", right), ("wrong", 0.0), ("unknown", 100.0 - right)];
+                let mut metrics = MetricValues::from(cells);
+                metrics.set("false", Some(1.0));
+                // Nothing is near, so nothing can be missed.
+                metrics.set("near", Some(0.0));
+                metrics.set("missed", Some(0.0));
+                Row {
+                    sequence,
+                    algorithm: label.clone(),
+                    metrics,
+                    ..row(1000, (64, 48), None)
+                }
+            })
+        });
+        let tables = ReportTables {
+            rows: rows.collect(),
+            ..ReportTables::default()
+        };
+        let algorithms: Vec<_> = labels.iter().map(|label| label.parse().unwrap()).collect();
+        let manifest = Manifest::new("s", &algorithms).unwrap();
+        let parts = ResultParts {
+            manifest: Some(&manifest),
+            ..ResultParts::default()
+        };
+        let results = Results::new(&tables, parts, shown).unwrap();
+        let words = results.choices[0].words();
+        (results.choices, words)
+    }
+
+    #[test]
+    fn settings_that_differ_by_luck_alone_score_as_all() {
+        // Each block is as good for a setting as a die says: 50 in the mean.
+        let mut random = fastrand::Rng::with_seed(5);
+        let dice: Vec<f64> = (0..40 * 20)
+            .map(|_| f64::from(random.u32(0..=100)))
+            .collect();
+        let (choice, words) = chosen(|setting, block| dice[20 * setting + block]);
+        let own = choice.setting.unwrap();
+        assert!(
+            own.own_score > 0.6 && (own.score - 0.5).abs() < 0.08,
+            "{own:?}"
+        );
+        assert!(own.alike > 10, "{words}");
+    }
+
+    #[test]
+    fn a_setting_that_is_better_is_chosen_by_all() {
+        let (_, words) = chosen(|setting, block| {
+            let is_best = if setting == 7 { 20.0 } else { 0.0 };
+            50.0 + is_best + (setting * block % 3) as f64
+        });
+        let expected = "Of 40 settings of bm, use bm:uniqueness=7: right minus wrong 71.0 %, 71.0 \
+                        % on pairs that did not choose.";
+        assert_eq!(words, expected);
+    }
+
+    #[test]
+    fn no_setting_is_named_that_may_not_be_best() {
+        let (choice, words) = chosen(|_, _| 5.0);
+        let expected = "Of 40 settings of bm none is named: bm:uniqueness=0 right 5.0 %, ";
+        assert!(
+            choice.setting.is_none() && words.starts_with(expected),
+            "{words}"
+        );
+        let shown = Shown {
+            sort: Metric::find("near"),
+            ..Shown::default()
+        };
+        let (_, words) = chosen_by(shown, |_, _| 50.0);
+        assert!(
+            words.contains("none is named: near has no better direction"),
+            "{words}"
+        );
+    }
+
+    #[test]
+    fn programs_and_topics_are_no_settings_of_each_other() {
+        let texts = [
+            "a=exec:command=a",
+            "b=exec:command=b",
+            "bm:uniqueness=3",
+            "bm",
+        ];
+        let algorithms: Vec<_> = texts.iter().map(|text| text.parse().unwrap()).collect();
+        let records = Manifest::new("s", &algorithms).unwrap().algorithms;
+        assert!(!are_settings_of_one(&records[0], &records[1]));
+        assert!(are_settings_of_one(&records[2], &records[3]));
+    }
+}
