@@ -68,6 +68,8 @@ const PACKAGES: [Package; 15] = [
                 "pfm",
                 "rvl",
             ],
+            &["levels"],
+            &["bit_depth"],
             &["picture"],
             &["image"],
             &["map"],

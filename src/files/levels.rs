@@ -10,7 +10,7 @@ pub const DECIDING_PAIRS: usize = 16;
 
 /// Values of each camera's first images of 16 bits; a camera of 8 bits has none.
 #[derive(Clone, Debug, Default)]
-pub struct Levels {
+pub struct GreyLevels {
     cameras: [CameraLevels; 2],
 }
 
@@ -40,9 +40,9 @@ const EXCHANGED: f64 = 2.0;
 /// Cameras whose 99 % quantiles differ by this factor have two depths.
 const DEPTHS: f64 = 3.0;
 
-impl Levels {
+impl GreyLevels {
     /// The values of the first pairs; of pairs of 8 bits only the first is read.
-    pub fn of_pairs(pairs: impl IntoIterator<Item = [DecodedImage; 2]>) -> Self {
+    pub fn from_pairs(pairs: impl IntoIterator<Item = [DecodedImage; 2]>) -> Self {
         let mut levels = Self::default();
         for images in pairs.into_iter().take(DECIDING_PAIRS) {
             let deep = [0, 1].map(|side| levels.add(side, &images[side]));
@@ -192,7 +192,7 @@ mod tests {
     }
 
     fn doubts(left: DecodedImage, right: DecodedImage) -> Vec<String> {
-        let levels = Levels::of_pairs([[left, right]]);
+        let levels = GreyLevels::from_pairs([[left, right]]);
         levels.doubts().iter().map(Doubt::to_string).collect()
     }
 
@@ -203,12 +203,12 @@ mod tests {
 
     #[test]
     fn quantiles_are_those_of_both_cameras() {
-        let levels = Levels::of_pairs([[image(scene), image(|x, y| 2 * scene(x, y))]]);
+        let levels = GreyLevels::from_pairs([[image(scene), image(|x, y| 2 * scene(x, y))]]);
         let Quantiles { q01, q99, q999 } = levels.quantiles().unwrap();
         assert!(q01 < 300 && (6000..2 * 3782).contains(&q99) && q99 <= q999);
         let narrow = DecodedImage::Gray(Plane::filled(60, 40, 9).unwrap());
         assert_eq!(
-            Levels::of_pairs([[narrow.clone(), narrow]]).quantiles(),
+            GreyLevels::from_pairs([[narrow.clone(), narrow]]).quantiles(),
             None
         );
     }

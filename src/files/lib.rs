@@ -1,5 +1,6 @@
 //! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
 
+mod bit_depth;
 mod build_info;
 mod cloud;
 mod columns;
@@ -20,9 +21,10 @@ mod pfm;
 mod picture;
 mod rvl;
 
+pub use bit_depth::BitDepth;
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
-pub use decoded::{BitDepth, DecodedImage, SideBySide};
+pub use decoded::{DecodedImage, SideBySide};
 pub use depth::{no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
@@ -31,7 +33,7 @@ pub use image::{IMAGE_ENDINGS, decode_bytes, read_image};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, write_png};
 #[cfg(target_os = "linux")]
 pub use jpeg::brightness;
-pub use levels::Levels;
+pub use levels::GreyLevels;
 pub use pfm::{read_pfm, write_pfm};
 pub use picture::{
     encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,

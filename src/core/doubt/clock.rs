@@ -100,7 +100,7 @@ pub enum CopyCure {
     /// They have equal stamps.
     #[error("copies without partners are lost, which `--allow-loss {percent}%` allows")]
     AllowLoss { percent: usize },
-    /// Those of the cameras differ in number.
+    /// Messages of the cameras differ in number.
     #[error(
         "with a copy, a pair is of different moments: `{}--every {copies}` leaves those out",
         from_s.map_or(String::new(), |s| format!("--from {s:.3} "))

@@ -23,13 +23,13 @@ macro_rules! causes {
             /// The doubt about `of`, whose quantity `name` has a value that is not usual.
             pub fn doubt(
                 self,
-                of: Subject,
+                subject: Subject,
                 name: &'static str,
                 value: f64,
                 usual: [f64; 2],
             ) -> Doubt {
                 let (name, cure) = (name.into(), self.into());
-                Doubt { of, name, value, usual, cure }
+                Doubt { subject, name, value, usual, cure }
             }
         }
     };
@@ -59,7 +59,8 @@ use std::fmt::{self, Display, Formatter};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Doubt {
     /// The thing in doubt.
-    pub of: Subject,
+    #[serde(rename = "of")]
+    pub subject: Subject,
     /// Name of the quantity, with its unit at the end: `skew_ms`. Ratios have none.
     pub name: Cow<'static, str>,
     pub value: f64,
@@ -118,7 +119,7 @@ impl Doubt {
 impl Display for Doubt {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let cure = &self.cure;
-        match (&self.of, cure) {
+        match (&self.subject, cure) {
             (Subject::Truth, Cure::Truth(truth)) if truth.is_refusal() => write!(f, "{cure}"),
             (Subject::Calibration | Subject::Pairs, _) => write!(f, "{cure}"),
             (Subject::Topic(topic), _) => write!(f, "{topic}: {cure}"),
@@ -138,7 +139,7 @@ impl std::error::Error for Doubt {}
 impl Serialize for Doubt {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut fields = serializer.serialize_struct("Doubt", 6)?;
-        fields.serialize_field("of", &self.of)?;
+        fields.serialize_field("of", &self.subject)?;
         fields.serialize_field("name", &self.name)?;
         fields.serialize_field("value", &self.value)?;
         fields.serialize_field("usual", &self.usual)?;

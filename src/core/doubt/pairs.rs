@@ -27,8 +27,9 @@ causes! {
         "left and right look exchanged, or the cameras converge: {share:.0} % of {points} points \
          are farther right in the right image; if exchanged (and not both upside down), name them \
          the other way round (--left and --right, the files of match, or \
-         --side-by-side=right-left, or bottom-top, for halves of one image){}; if the cameras converge, \
-         `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and dp have none",
+         --side-by-side=right-left, or bottom-top, for halves of one image){}; if the cameras \
+         converge, `min_disparity=-{reach_px}` of v1 to v4, bm and sgm covers them, and v5 and dp \
+         have none",
         if *is_calibrated {
             ", and as the calibrations are not exchanged, --calib FILE gives theirs"
         } else {

@@ -14,7 +14,7 @@ causes! {
     Negative { origin: TruthOrigin, median_px: f64 } => (
         "the truth ({origin}) is impossible: its disparities are negative, the median \
          {median_px:.1} px: the opposite sign, or left and right are swapped")
-    /// Its distances are too near or too far.
+    /// Distances are too near or too far.
     Impossible {
         origin: TruthOrigin, median: Reading, near: Reading, width_px: usize,
         baseline: Option<Baseline>, unit: Option<UnitCure>
@@ -39,7 +39,7 @@ causes! {
     Unit { algorithms: Vec<String>, cure: UnitCure } => (
         "its distances are {} times those of every algorithm ({}); {cure}",
         rounded(1.0 / cure.factor), joined(algorithms))
-    /// Its values are disparities, and read as depths.
+    /// Values are disparities, and read as depths.
     Disparities { algorithms: Vec<String>, option: Option<UnitOption> } => (
         "its values are proportional to the disparities of every algorithm ({}), not to distances; \
          {}",

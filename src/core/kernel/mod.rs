@@ -55,7 +55,7 @@ pub use sad::{PIXELS, SadBlock, SadTest, SadWinners, Sads};
 pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use sliding_ssd::{Match, REACH, WINDOW, weight};
 pub use small_census::{SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS};
-pub use ssd_search::{Doubt, SsdSearch};
+pub use ssd_search::{FilterDecision, SsdSearch};
 pub use strip_paths::{PathCost, StripPlace};
 pub use texture::DogTaps;
 pub use volume::{OUTSIDE, VolumeShape};
@@ -207,11 +207,11 @@ kernels! {
         search: &mut SsdSearch,
         thousandths: u32,
         out: &mut [Match],
-        doubts: &mut [Doubt],
+        doubts: &mut [FilterDecision],
     ) = ssd_search::matches_and_rivals, pairs;
 
     /// Same as [`matches()`]; also reports if the standard deviation of all disparities, each
-    /// weighted by `(cost + 25)⁻²`, is at least `threshold_px`, or [`Doubt::Open`] if single
+    /// weighted by `(cost + 25)⁻²`, is at least `threshold_px`, or [`FilterDecision::Open`] if single
     /// precision cannot decide.
     pub fn matches_and_spread(
         left: &[Lanes<u16>],
@@ -219,7 +219,7 @@ kernels! {
         search: &mut SsdSearch,
         threshold_px: f32,
         out: &mut [Match],
-        doubts: &mut [Doubt],
+        doubts: &mut [FilterDecision],
     ) = ssd_search::matches_and_spread, pairs;
 
     /// The cheapest window of the table for each window of a row of the right image. Ties: the

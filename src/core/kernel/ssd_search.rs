@@ -14,7 +14,7 @@ pub struct SsdSearch {
     sums: Vec<Group<u32>>,
     /// One per column.
     matches: Vec<Group<Match>>,
-    doubts: Vec<Group<Doubt>>,
+    doubts: Vec<Group<FilterDecision>>,
 }
 
 /// The disparities to be tried.
@@ -26,7 +26,7 @@ struct WeightedRange {
 /// Decision of a filter on the costs of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Doubt {
+pub enum FilterDecision {
     Certain,
     Ambiguous,
     /// The kernel cannot decide.
@@ -50,7 +50,7 @@ impl SsdSearch {
             steps: vec![Step::NONE; width],
             sums: vec![Group::splat(0); weights.len()],
             matches: vec![Group::splat(Match::NONE); width],
-            doubts: vec![Group::splat(Doubt::Certain); width],
+            doubts: vec![Group::splat(FilterDecision::Certain); width],
             range: WeightedRange {
                 first,
                 all: (0..)
@@ -144,19 +144,19 @@ pub(super) fn matches_and_rivals(
     search: &mut SsdSearch,
     thousandths: u32,
     out: &mut [Match],
-    doubts: &mut [Doubt],
+    doubts: &mut [FilterDecision],
 ) {
     matches_and_doubts(pairs, left, right, search, out, doubts, |winners, costs| {
         let rivals = rivals(costs, winners);
-        let mut doubts = Group::splat(Doubt::Certain);
+        let mut doubts = Group::splat(FilterDecision::Certain);
         for l in 0..Group::ROWS {
             let (least, rival) = (winners.cost.0[l], rivals.0[l]);
             // Cross-multiplied in 64 bits: a thousand times a cost exceeds 32.
             let near = 1000 * u64::from(rival - least) < u64::from(thousandths) * u64::from(least);
             doubts.0[l] = if near & (rival != u32::MAX) {
-                Doubt::Ambiguous
+                FilterDecision::Ambiguous
             } else {
-                Doubt::Certain
+                FilterDecision::Certain
             };
         }
         doubts
@@ -172,7 +172,7 @@ pub(super) fn matches_and_spread(
     search: &mut SsdSearch,
     threshold_px: f32,
     out: &mut [Match],
-    doubts: &mut [Doubt],
+    doubts: &mut [FilterDecision],
 ) {
     matches_and_doubts(pairs, left, right, search, out, doubts, |_, costs| {
         spread(costs, threshold_px)
@@ -186,8 +186,8 @@ fn matches_and_doubts(
     right: &[Lanes<u16>],
     search: &mut SsdSearch,
     out: &mut [Match],
-    doubts_out: &mut [Doubt],
-    filter: impl Fn(&Winners, &Costs<'_>) -> Group<Doubt>,
+    doubts_out: &mut [FilterDecision],
+    filter: impl Fn(&Winners, &Costs<'_>) -> Group<FilterDecision>,
 ) {
     let width = left.len();
     let SsdSearch {
@@ -236,7 +236,7 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
 /// positive terms by (n + 10) u, and so the variance by 6 (n + 10) u times the mean square.
 /// Variances within twice that of the threshold stay open.
 #[inline(always)]
-fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
+fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<FilterDecision> {
     let [mut zeroth, mut first, mut second] = [Group::splat(0f32); 3];
     for (i, (sum, disparity)) in costs.sums.iter().zip(costs.disparities).enumerate() {
         let (d, weight) = (i as f32, disparity.weight);
@@ -251,20 +251,20 @@ fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
     }
     let margin = 6.0 * (costs.sums.len() + 10) as f32 * f32::EPSILON;
     let threshold = threshold_px * threshold_px;
-    let mut doubts = Group::splat(Doubt::Certain);
+    let mut doubts = Group::splat(FilterDecision::Certain);
     for l in 0..Group::ROWS {
         let (mean, square) = (first.0[l] / zeroth.0[l], second.0[l] / zeroth.0[l]);
         let excess = square - mean * mean - threshold;
         let margin = margin * (square + threshold);
         let sure = if excess > 0.0 {
-            Doubt::Ambiguous
+            FilterDecision::Ambiguous
         } else {
-            Doubt::Certain
+            FilterDecision::Certain
         };
         doubts.0[l] = if excess.abs() > margin {
             sure
         } else {
-            Doubt::Open
+            FilterDecision::Open
         };
     }
     doubts

@@ -13,7 +13,7 @@ use super::stage::{
 };
 use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
-use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_rivals};
+use crate::kernel::{FilterDecision, Isa, Lanes, Match, SsdSearch, matches_and_rivals};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v1",
@@ -87,7 +87,7 @@ impl CostFilter for ErrorFilter {
         right: &[Lanes<u16>],
         search: &mut SsdSearch,
         matches: &mut [Match],
-        doubts: &mut [Doubt],
+        doubts: &mut [FilterDecision],
     ) {
         matches_and_rivals(isa, left, right, search, self.thousandths, matches, doubts);
     }

@@ -14,7 +14,7 @@ use super::stage::{
     VerticalSmoothing,
 };
 use super::{MatcherKind, MatcherSpec, Parameter, Range};
-use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_spread};
+use crate::kernel::{FilterDecision, Isa, Lanes, Match, SsdSearch, matches_and_spread};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v2",
@@ -80,7 +80,7 @@ impl CostFilter for SpreadFilter {
         right: &[Lanes<u16>],
         search: &mut SsdSearch,
         matches: &mut [Match],
-        doubts: &mut [Doubt],
+        doubts: &mut [FilterDecision],
     ) {
         let threshold_px = self.threshold_px as f32;
         matches_and_spread(isa, left, right, search, threshold_px, matches, doubts);

@@ -464,8 +464,8 @@ impl CellRule {
     }
 
     /// # Errors
-    /// [`Error::Invalid`] if a number is not positive or 10,000 and more, or obstacles are not nearer than clear
-    /// space and than what is beyond.
+    /// [`Error::Invalid`] if a number is not positive or 10,000 and more, or obstacles are not
+    /// nearer than clear space and than what is beyond.
     pub fn validate(&self) -> Result<()> {
         let mut numbers = match *self {
             Self::Distance {

@@ -100,8 +100,8 @@ impl Rig {
         for (fx, fy) in [left, right].map(|p| (p[(0, 0)], p[(1, 1)])) {
             if !close(fx, fy, SQUARE * fx) {
                 return Err(Error::Rig(format!(
-                    "focal lengths of {fx:.3} px along rows and {fy:.3} px along columns: rectified \
-                     pixels are square; rectify both cameras with one focal length"
+                    "focal lengths of {fx:.3} px along rows and {fy:.3} px along columns: \
+                     rectified pixels are square; rectify both cameras with one focal length"
                 )));
             }
         }

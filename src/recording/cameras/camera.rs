@@ -313,7 +313,7 @@ impl Calibration {
     /// The doubt about the calibration of a depth camera whose principal point is `center_px`, for
     /// images of that size.
     pub(crate) fn depth_doubt(&self, center_px: (f64, f64), size: (usize, usize)) -> Option<Doubt> {
-        // Its binning is the cause of the other.
+        // A wrong binning is the cause of the other.
         let binning = self.binning_check(size).and_then(|check| check.doubt());
         binning.or_else(|| CalibrationCheck::depth_center(center_px, size).doubt())
     }

@@ -146,7 +146,7 @@ impl<'a> ClockCheck<'a> {
         let compared = clock.compared.as_ref()?;
         let limit_ns = limit_ns + compared.bin_noise_ns;
         let found = compared.bins.step(limit_ns)?;
-        let step = found.of(Side::Right);
+        let step = found.against(Side::Right);
         let cure = ClockCure::Step { step, log };
         Some(found.doubt(clock.topic.clone(), limit_ns, cure).into())
     }
@@ -328,8 +328,8 @@ impl<'a> ClockCheck<'a> {
                 log: self.log,
             },
         };
-        let of = Subject::Topic(clock.topic.clone());
-        cure.doubt(of, "stamps_hz", stamps_hz, [0.0, UNIT_RATIO * log_hz])
+        let subject = Subject::Topic(clock.topic.clone());
+        cure.doubt(subject, "stamps_hz", stamps_hz, [0.0, UNIT_RATIO * log_hz])
     }
 
     /// Stamps that are later than their log times: one fault for all topics that are not named.
@@ -343,7 +343,7 @@ impl<'a> ClockCheck<'a> {
             clock.matters
                 && named
                     .iter()
-                    .all(|fault| !fault.doubt.of.is_topic(&clock.topic))
+                    .all(|fault| !fault.doubt.subject.is_topic(&clock.topic))
                 && median_ns.is_some_and(|median_ns| median_ns < -limit_ns)
         };
         let early: Vec<_> = self.clocks.iter().filter(is_early).collect();
@@ -390,9 +390,9 @@ pub(crate) fn wrong_option(
         None if rules.values().any(|rule| rule.has_unit()) => return None,
         None => (&scan.images[0], ClockCure::NoSuchUnit),
     };
-    let of = Subject::Topic(topic.clone());
+    let subject = Subject::Topic(topic.clone());
     Some(ClockFault {
-        doubt: cure.doubt(of, "topics_of_the_unit", 0.0, [1.0, f64::MAX]),
+        doubt: cure.doubt(subject, "topics_of_the_unit", 0.0, [1.0, f64::MAX]),
         denies_pairs: true,
     })
 }
@@ -435,16 +435,19 @@ pub(crate) fn copies(scan: &ClockScan) -> Vec<ClockFault> {
             distinct: topic.runs.len(),
             cure,
         };
-        let of = Subject::Topic(name.clone());
-        ClockFault::from(cure.doubt(of, "copies", copies as f64, [1.0, 1.0]))
+        let subject = Subject::Topic(name.clone());
+        ClockFault::from(cure.doubt(subject, "copies", copies as f64, [1.0, 1.0]))
     });
     let mixed = scan.topics.iter().filter(|(_, topic)| is_used(topic));
     let mixed = mixed.filter_map(|(name, topic)| {
         let copies = topic.mixed_copies()?;
         let first = topic.runs.iter().sum::<usize>();
         let cure = ClockCure::SomeCopies { copies, first };
-        let of = Subject::Topic(name.clone());
-        Some(cure.doubt(of, "copies", copies as f64, [0.0, 0.0]).into())
+        let subject = Subject::Topic(name.clone());
+        Some(
+            cure.doubt(subject, "copies", copies as f64, [0.0, 0.0])
+                .into(),
+        )
     });
     faults.chain(mixed).collect()
 }
@@ -459,6 +462,6 @@ fn lag(offset: ClockOffset) -> ClockLag {
 /// The doubt about a topic's clock that lags by more than a limit.
 fn offset(topic: &str, limit_ns: f64, cure: ClockCure, lag: ClockLag) -> Doubt {
     let limit_s = limit_ns / 1e9;
-    let (of, lag_s) = (Subject::Topic(topic.to_owned()), lag.median_ns as f64 / 1e9);
-    cure.doubt(of, "clock_lag_s", lag_s, [-limit_s, limit_s])
+    let (subject, lag_s) = (Subject::Topic(topic.to_owned()), lag.median_ns as f64 / 1e9);
+    cure.doubt(subject, "clock_lag_s", lag_s, [-limit_s, limit_s])
 }

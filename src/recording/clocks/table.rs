@@ -117,7 +117,11 @@ impl ClockTable {
 
     /// Adds a step of a camera's clock, unless a fault of it is known.
     pub(crate) fn add_step(&mut self, step: Doubt) {
-        if self.faults.iter().all(|fault| fault.doubt.of != step.of) {
+        if self
+            .faults
+            .iter()
+            .all(|fault| fault.doubt.subject != step.subject)
+        {
             self.faults.push(step.into());
         }
     }
@@ -147,7 +151,7 @@ impl ClockTable {
     /// The fault of its stamps.
     pub(crate) fn check_measurements(&self, topic: &str) -> std::result::Result<(), &Doubt> {
         let mut doubts = self.faults.iter().map(|fault| &fault.doubt);
-        match doubts.find(|doubt| doubt.of.is_topic(topic) && is_of_unit(doubt)) {
+        match doubts.find(|doubt| doubt.subject.is_topic(topic) && is_of_unit(doubt)) {
             Some(fault) => Err(fault),
             None => Ok(()),
         }

@@ -121,7 +121,7 @@ fn names(table: &ClockTable, topic: &str, denies_pairs: bool, words: &str) {
     let [fault] = &table.faults[..] else {
         panic!("{:#?}", table.faults);
     };
-    assert!(fault.doubt.of.is_topic(topic), "{fault:?}");
+    assert!(fault.doubt.subject.is_topic(topic), "{fault:?}");
     assert_eq!(fault.denies_pairs, denies_pairs, "{fault:?}");
     assert!(fault.doubt.to_string().contains(words), "{fault:?}");
 }
@@ -182,7 +182,7 @@ fn a_right_clock_permits_no_pair_without_its_offset() {
         let found = table(&messages);
         let fault = &found.faults[0];
         assert!(
-            fault.denies_pairs && fault.doubt.of.is_topic(IMAGES[1]),
+            fault.denies_pairs && fault.doubt.subject.is_topic(IMAGES[1]),
             "{fault:?}"
         );
         assert!(fault.doubt.to_string().contains(words), "{fault:?}");
@@ -624,7 +624,7 @@ fn a_pause_or_a_few_odd_times_hide_no_clock() {
         let fault = found
             .faults
             .iter()
-            .find(|fault| fault.doubt.of.is_topic("/points"));
+            .find(|fault| fault.doubt.subject.is_topic("/points"));
         let reason = &fault.unwrap().doubt.to_string();
         assert!(
             reason.contains("3.000 s behind") || reason.contains("2.99"),

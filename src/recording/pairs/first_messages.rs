@@ -13,7 +13,7 @@ use crate::decode::video::topic::VideoTopic;
 use crate::poses::reader::PoseReader;
 use crate::stream::channel::{Channel, FileEvent};
 use svl_core::{Error, Result};
-use svl_files::{BitDepth, Levels};
+use svl_files::{BitDepth, GreyLevels};
 
 /// The first messages, from which a [`PairReader`] is prepared before its first pair.
 #[derive(Default)]
@@ -155,7 +155,7 @@ impl PairReader {
 /// The values of the first images of both cameras.
 #[derive(Default)]
 struct FirstImages {
-    levels: Levels,
+    levels: GreyLevels,
     are_videos: [bool; 2],
 }
 

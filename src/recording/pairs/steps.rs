@@ -59,7 +59,7 @@ impl FoundStep {
     }
 
     /// The step of the clock of that side.
-    pub(crate) fn of(&self, side: Side) -> ClockStep {
+    pub(crate) fn against(&self, side: Side) -> ClockStep {
         ClockStep {
             is_left: side == Side::Left,
             from_ns: self.from_ns,
@@ -70,7 +70,7 @@ impl FoundStep {
 
     /// The doubt about the camera's clock, one of the topics `images`.
     pub(crate) fn camera_doubt(&self, images: &[String; 2], limit_ns: f64, log: LogTimes) -> Doubt {
-        let step = self.of(self.side);
+        let step = self.against(self.side);
         let topic = images[self.side as usize].clone();
         self.doubt(topic, limit_ns, ClockCure::CameraStep { step, log })
     }

@@ -45,8 +45,8 @@ fn are_most(map: &Plane<f32>, is_such: &impl Fn(f32) -> bool) -> bool {
 /// opposite sign, depths in place of disparities, or the map of the right view.
 pub fn map_doubt(name: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<Doubt> {
     let doubt = |quantity, value, usual, cure: MapCure| {
-        let of = Subject::Map(name.to_owned());
-        Some(cure.doubt(of, quantity, value, usual))
+        let subject = Subject::Map(name.to_owned());
+        Some(cure.doubt(subject, quantity, value, usual))
     };
     if are_most(estimate, &|d| d < 0.0) {
         return doubt("scale", -1.0, USUAL, MapCure::OppositeSign);

@@ -147,12 +147,12 @@ impl MeasuredScales {
         let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
         let sure = || Self::denied(&matched).filter(|_| is_sensor);
         if let Some(doubt) = by_others.and_then(|scales| scales.truth_doubt().or_else(sure)) {
-            let of = if matched.is_empty() {
+            let subject = if matched.is_empty() {
                 Subject::TruthOrMaps
             } else {
                 Subject::Truth
             };
-            return vec![Doubt { of, ..doubt }];
+            return vec![Doubt { subject, ..doubt }];
         }
         let maps = recorded
             .iter()
@@ -222,8 +222,8 @@ impl AlgorithmScale {
     /// The doubt about a recorded map, where others agree with the truth.
     fn map_doubt(&self, label: &str, other: Compared) -> Option<Doubt> {
         let doubt = |scale, cure: MapCure| {
-            let of = Subject::Map(label.to_owned());
-            Some(cure.doubt(of, "scale", scale, USUAL))
+            let subject = Subject::Map(label.to_owned());
+            Some(cure.doubt(subject, "scale", scale, USUAL))
         };
         let of_files = self.recorded.as_deref().and_then(unit_of_files);
         let Some(measured) = self.factor else {

@@ -5,7 +5,7 @@ use crate::source::frames::Source;
 use std::path::Path;
 use svl_core::stereo::{Exposure, Frame, Geometry};
 use svl_core::{Error, Result};
-use svl_files::{BitDepth, Levels, read_image};
+use svl_files::{BitDepth, GreyLevels, read_image};
 
 /// The pair of two image files, with the stamps that their names are.
 pub(crate) struct ImagePair {
@@ -15,7 +15,8 @@ pub(crate) struct ImagePair {
 }
 
 impl ImagePair {
-    /// For 16-bit images the upper 8 of the `bits` used are kept [default: decided by their values].
+    /// For 16-bit images the upper 8 of the `bits` used are kept [default: decided by their
+    /// values].
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`]; [`Error::Invalid`] for images of two sizes;
@@ -23,7 +24,7 @@ impl ImagePair {
     pub(crate) fn read(files: [&Path; 2], bits: Option<u8>) -> Result<Self> {
         let name = files.map(|file| file.display().to_string()).join(" and ");
         let images = [read_image(files[0])?, read_image(files[1])?];
-        let mut depth = BitDepth::decide(bits, &Levels::of_pairs([images.clone()]))?;
+        let mut depth = BitDepth::decide(bits, &GreyLevels::from_pairs([images.clone()]))?;
         let pair = depth.pair(images);
         let (pair, color) = pair.map_err(|e| Error::Invalid(format!("{name}: {e}")))?;
         let [left, right] = files.map(|file| epoch_ns(file.file_stem()?.as_encoded_bytes()));

@@ -2,7 +2,7 @@
 
 use super::RowSearch;
 use super::ssd::{DisparityRange, search, ssd};
-use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, weight};
+use crate::kernel::{FilterDecision, Isa, Lanes, Match, SsdSearch, weight};
 use crate::stereo::{Reason, RowMut};
 
 /// A filter on the costs of a window, run along with the search for the winner.
@@ -15,7 +15,7 @@ pub trait CostFilter: Copy + Send + Sync + 'static {
         right: &[Lanes<u16>],
         search: &mut SsdSearch,
         matches: &mut [Match],
-        doubts: &mut [Doubt],
+        doubts: &mut [FilterDecision],
     );
 
     /// True if a window that [`CostFilter::search`] left open is ambiguous, by its least cost and
@@ -34,7 +34,7 @@ pub struct CostSearch<F> {
     search: SsdSearch,
     /// Row after row, as the doubts.
     matches: Vec<Match>,
-    doubts: Vec<Doubt>,
+    doubts: Vec<FilterDecision>,
 }
 
 impl<F: CostFilter> CostSearch<F> {
@@ -45,7 +45,7 @@ impl<F: CostFilter> CostSearch<F> {
             range,
             search: search(width, range),
             matches: vec![Match::NONE; width * Lanes::COUNT],
-            doubts: vec![Doubt::Certain; width * Lanes::COUNT],
+            doubts: vec![FilterDecision::Certain; width * Lanes::COUNT],
         }
     }
 
@@ -87,8 +87,8 @@ impl<F: CostFilter> RowSearch for CostSearch<F> {
             }
             // Kept also for ambiguous pixels: their windows were compared.
             row.set_ssdpi(x, winner.ssd());
-            if doubt == Doubt::Ambiguous
-                || doubt == Doubt::Open && self.settle(left, right, x, winner)
+            if doubt == FilterDecision::Ambiguous
+                || doubt == FilterDecision::Open && self.settle(left, right, x, winner)
             {
                 row.reject(x, Reason::Ambiguous);
             } else {

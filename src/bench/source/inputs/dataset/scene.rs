@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
 use svl_core::{Error, Result, inputs};
-use svl_files::{BitDepth, DecodedImage, IMAGE_ENDINGS, Levels, read_image};
+use svl_files::{BitDepth, DecodedImage, GreyLevels, IMAGE_ENDINGS, read_image};
 use svl_recording::StampOrigin;
 
 /// A left and a right image, and if they exist, truth, mask and calibration: a folder of its own,
@@ -332,7 +332,7 @@ impl SceneSource {
     pub fn with_bits(scenes: Vec<Scene>, bits: Option<u8>) -> Result<Self> {
         // One that cannot be read is reported in its turn.
         let readable = scenes.iter().filter_map(|scene| scene.images().ok());
-        let depth = BitDepth::decide(bits, &Levels::of_pairs(readable))?;
+        let depth = BitDepth::decide(bits, &GreyLevels::from_pairs(readable))?;
         Ok(Self {
             scenes,
             depth,

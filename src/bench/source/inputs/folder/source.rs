@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Exposure, Frame, Geometry, Pose, StereoCalibration};
 use svl_core::{Error, Result};
-use svl_files::{BitDepth, DecodedImage, Levels, SideBySide, read_image};
+use svl_files::{BitDepth, DecodedImage, GreyLevels, SideBySide, read_image};
 use svl_recording::{SensorSelection, StampOrigin};
 use svl_score::losses::Losses;
 
@@ -64,7 +64,7 @@ impl FolderSource {
             .pairs
             .iter()
             .filter_map(|pair| read(pair, places).ok());
-        let depth = BitDepth::decide(request.bits, &Levels::of_pairs(readable))?;
+        let depth = BitDepth::decide(request.bits, &GreyLevels::from_pairs(readable))?;
         Ok(Self {
             folder: folder.to_owned(),
             layout: found.layout,
