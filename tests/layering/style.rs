@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12856),
+    ("bench", 12869),
     ("c", 470),
     ("calibrate", 4914),
-    ("cli", 11226),
-    ("core", 18789),
+    ("cli", 11231),
+    ("core", 18805),
     ("files", 2249),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 14038),
-    ("report", 12640),
-    ("score", 7881),
+    ("report", 12828),
+    ("score", 7950),
     ("sim", 3534),
     ("thesis", 2877),
     ("train", 3401),

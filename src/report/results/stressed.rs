@@ -169,7 +169,8 @@ impl Results {
 fn pair_changes(rows: &[Row], label: &str, text: &str, metrics: &[&'static Metric]) -> Vec<Change> {
     let own = |stress| {
         let own = rows.iter().filter(|row| row.algorithm == label);
-        own.filter(|row| row.stress.as_deref() == stress).collect::<Vec<_>>()
+        own.filter(|row| row.stress.as_deref() == stress)
+            .collect::<Vec<_>>()
     };
     let [before, now] = paired(&own(None), &own(Some(text)));
     let mut all = changes(&before, &now, metrics.iter().copied());
