@@ -338,10 +338,6 @@ mod tests {
             unfit(200, half, |i| i % 20 < 10),
             Some(Unfit::Limit("wrong"))
         );
-        assert_eq!(
-            unfit(200, |i| i % 10 > 2, |i| i % 11 > 0),
-            Some(Unfit::BehindPrior)
-        );
         assert_eq!(unfit(20, few, all_but_few), Some(Unfit::TooFewPairs));
         let still = tested(200, all_but_few, |_| true);
         let words = still.cautions().join(" ");

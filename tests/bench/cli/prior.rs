@@ -116,7 +116,7 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     assert_says(&compared, &["right cells", "prior → v3", reason]);
     // Two runs of twelve pairs are too few to tell an algorithm from the prior.
     assert!(summary["best"].is_null());
-    assert_says(&screen, &["Too few pairs to tell which is best"]);
+    assert_says(&screen, &["too few pairs"]);
     let text = fixture.text("short.toml");
     let gate =
         "\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"right\"\nrelative_to = \"prior\"\nmin = ";
