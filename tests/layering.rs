@@ -83,7 +83,8 @@ const PACKAGES: [Package; 15] = [
     Package {
         root: "score/lib.rs",
         layers: &[
-            &["bootstrap", "holm", "notice"],
+            &["holm", "notice"],
+            &["bootstrap"],
             &["agreement", "judge", "losses", "memory"],
             &["plausibility", "scenario"],
             &["drive", "manifest", "resize"],

@@ -19,14 +19,13 @@ pub mod units;
 pub use crate::build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use crate::pages::{calibration, html};
 pub use crate::results::algorithm_parameters::write_algorithms;
-pub use crate::results::best::{Best, Certainty, Other};
+pub use crate::results::best::{Best, BestSetting, Certainty, Other, SweepChoice};
 pub use crate::results::descriptions::{METRIC_NAMES, TABLES, TableDescription};
 pub use crate::results::gate::{GateResult, GateState, limit_results};
 pub use crate::results::summary::{
     AlgorithmSummary, CheckpointSummary, FailedAlgorithm, ReportTables, ResultParts, Results,
     Shown, TopicDelay,
 };
-pub use crate::results::sweep::SweepChoice;
 pub use crate::results::table_writer::TableWriter;
 pub use crate::rows::columns::ColumnDescription;
 pub use crate::rows::csv_rows::{RowReader, read_rows};

@@ -45,12 +45,12 @@ pub fn block_length(length: usize) -> usize {
 }
 
 /// The runs that items are of, one after the other.
-pub struct Runs {
+pub struct RunLengths {
     lengths: Vec<usize>,
     are_independent: bool,
 }
 
-impl Runs {
+impl RunLengths {
     /// `lengths`: numbers of items; `are_independent` if items are not similar to their neighbours,
     /// as with scenes.
     pub fn new(lengths: &[usize], are_independent: bool) -> Self {
@@ -256,7 +256,7 @@ impl Sample {
     }
 
     /// The interval of the metric; `None` for too few blocks.
-    pub fn interval(&self, runs: &Runs) -> Option<Interval> {
+    pub fn interval(&self, runs: &RunLengths) -> Option<Interval> {
         let own = runs.uncertainty(&self.parts()?, |i| self.has_value(i))?;
         let (low, high) = own.interval(self.total()?);
         // A mean lies among what it is of.
@@ -280,7 +280,7 @@ impl Sample {
     pub fn uncertainty_between(
         [base, other]: [&Self; 2],
         slopes: [f64; 2],
-        runs: &Runs,
+        runs: &RunLengths,
     ) -> Option<Uncertainty> {
         let both = base.parts()?.into_iter().zip(other.parts()?);
         let parts: Vec<_> = both.map(|(a, b)| slopes[0] * a + slopes[1] * b).collect();
@@ -344,11 +344,13 @@ mod tests {
         // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ±
         // 0.049.
         let values = (0..400).map(|i| f64::from(i % 2));
-        let (low, high) = ratio(values).interval(&Runs::new(&[400], true)).unwrap();
+        let (low, high) = ratio(values)
+            .interval(&RunLengths::new(&[400], true))
+            .unwrap();
         assert!((low - 0.451).abs() < 1e-3 && (high - 0.549).abs() < 1e-3);
         // The same values with equal neighbours carry less information.
         let alike = (0..400).map(|i| f64::from(i / 40 % 2));
-        let runs = Runs::new(&[400], false);
+        let runs = RunLengths::new(&[400], false);
         let (low, high) = ratio(alike).interval(&runs).unwrap();
         assert!(high - low > 0.3, "{low} {high}");
     }
@@ -360,7 +362,7 @@ mod tests {
         let mut normal = || (0..12).map(|_| random.f64()).sum::<f64>() - 6.0;
         let values = (0..2000).map(|_| vec![normal()]).collect();
         let (low, high) = Sample::Median(values)
-            .interval(&Runs::new(&[2000], true))
+            .interval(&RunLengths::new(&[2000], true))
             .unwrap();
         let expected = 2.0 * 1.96 * 1.2533 / 2000f64.sqrt();
         assert!(((high - low) / expected - 1.0).abs() < 0.2, "{low} {high}");
@@ -375,12 +377,12 @@ mod tests {
             own.p_value((other - base) / 280.0)
         };
         for runs in [[280, 0], [140, 140]] {
-            assert!(p(0.0, 100.0, Runs::new(&runs, false)) > 0.2);
+            assert!(p(0.0, 100.0, RunLengths::new(&runs, false)) > 0.2);
         }
-        assert!(p(0.0, 100.0, Runs::new(&[280], true)) > 0.2);
+        assert!(p(0.0, 100.0, RunLengths::new(&[280], true)) > 0.2);
         // Nor does a metric that few pairs have.
         let few = Sample::Ratio((0..280).map(|i| [0.2, f64::from(i / 7)]).collect());
-        let runs = Runs::new(&[280], false);
+        let runs = RunLengths::new(&[280], false);
         assert!(few.interval(&runs).is_some());
         let few = Sample::Ratio((0..280).map(|i| [0.2, f64::from(i / 260)]).collect());
         assert_eq!(few.interval(&runs), None);
@@ -423,7 +425,7 @@ mod tests {
         // 40 independent values of mean 0.3: the t test has 0.3 / (1.0127 / √40) = 1.873.
         let signs = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 });
         let samples = [ratio([0.0; 40]), ratio(signs.map(|sign| 0.3 + sign))];
-        let runs = Runs::new(&[40], true);
+        let runs = RunLengths::new(&[40], true);
         let between = [&samples[0], &samples[1]];
         let own = Sample::uncertainty_between(between, [-1.0, 1.0], &runs).unwrap();
         assert!((own.p_value(0.3) - two_sided_t(1.873, 39)).abs() < 1e-3);
@@ -435,7 +437,7 @@ mod tests {
     #[test]
     fn too_few_blocks_have_no_interval() {
         let interval = |items: usize, are_independent| {
-            let runs = Runs::new(&[items], are_independent);
+            let runs = RunLengths::new(&[items], are_independent);
             ratio((0..items).map(|i| i as f64)).interval(&runs)
         };
         assert_eq!([interval(7, true), interval(20, false)], [None; 2]);

@@ -17,11 +17,11 @@ use svl::sink::find_left;
 ///
 /// Every report is compared with the first, algorithm by algorithm, over the pairs of both, without
 /// stress; an algorithm with other parameters is compared with its namesake. The first line is the
-/// verdict, by the headline metrics but checkpoints: right, wrong, missed, false and found. They are
-/// tested at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are
-/// correlated; never for fewer than eight blocks or scenes. Any other change is called better or
-/// worse where its 95 % interval excludes 0. Times are shown as ratios and never called
-/// better or worse, as the machine may have been slower that day. Drives are compared course by
+/// verdict, by the headline metrics but checkpoints: right, wrong, missed, false and found, tested
+/// at once, with Holm's correction, over blocks of pairs, as neighbouring pairs are correlated;
+/// never for fewer than eight blocks or scenes. Any other change is called better or worse where
+/// its 95 % interval excludes 0. Times are shown as ratios and never called better or worse, as the
+/// machine may have been slower that day. Drives are compared course by
 /// course, by an exact sign test.
 #[derive(clap::Args)]
 #[command(after_help = "\

@@ -211,8 +211,8 @@ kernels! {
     ) = ssd_search::matches_and_rivals, pairs;
 
     /// Same as [`matches()`]; also reports if the standard deviation of all disparities, each
-    /// weighted by `(cost + 25)⁻²`, is at least `threshold_px`, or [`FilterDecision::Open`] if single
-    /// precision cannot decide.
+    /// weighted by `(cost + 25)⁻²`, is at least `threshold_px`, or [`FilterDecision::Open`] if
+    /// single precision cannot decide.
     pub fn matches_and_spread(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],

@@ -12,7 +12,7 @@ use minijinja::context;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use svl_core::{Result, counted, joined};
-use svl_score::bootstrap::{Interval, Runs};
+use svl_score::bootstrap::{Interval, RunLengths};
 use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
 use svl_score::manifest::Purpose;
 
@@ -202,7 +202,7 @@ fn point(
         let (value, cases) = (sample.total()?, Cases::items(sample.items() as u64));
         (
             Measured { value, cases },
-            Runs::new(&[sample.items()], true),
+            RunLengths::new(&[sample.items()], true),
         )
     };
     Some(TrendPoint {

@@ -1,6 +1,7 @@
 //! The tables of a summary: headline, all metrics, speed, checkpoints, drives, perturbations.
 
-use crate::results::best::{FAILED, MAX_WRONG, answer_metrics};
+use crate::results::best::FAILED;
+use crate::results::choice::{MAX_WRONG, answer_metrics};
 use crate::results::summary::{AlgorithmSummary, CheckpointSummary, Results};
 use crate::show::table::model::{Table, TableCell, TableColumn, TextColumn};
 use crate::show::words::{NONE, digits, mark, number, percent, time};

@@ -1,8 +1,7 @@
 //! The answer of a report: a sentence at its head, and the meanings of marks below its table.
 
-use super::best::{BEST, Best, Certainty, FAILED, Unfit};
+use super::best::{BEST, Best, Certainty, FAILED, SweepChoice, Unfit};
 use super::summary::{AlgorithmSummary, Results};
-use super::sweep::SweepChoice;
 use crate::rows::samples::grouped;
 use crate::subjects::references::EXACT;
 use svl_core::{counted, joined};

@@ -1,16 +1,9 @@
-//! The best algorithm by each headline metric: which may be best, and which are told apart from it.
+//! The best algorithm by a metric and why others may not be; the best setting of a sweep.
 
-use super::change::{Change, Judgement, changes, verdict};
-use super::summary::{AlgorithmSummary, Results};
 use crate::rows::records::Row;
-use crate::rows::samples::{paired, runs};
-use crate::subjects::drives::{self, DriveRow};
-use crate::subjects::references::PRIOR;
 use serde::Serialize;
-use std::cmp::Ordering;
 use std::collections::BTreeMap;
-use svl_score::bootstrap::{Runs, Sample};
-use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
+use svl_score::judge::{AreaChoice, Metric};
 
 /// The best of the algorithms that may be, by a metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -74,24 +67,6 @@ impl Best {
     }
 }
 
-/// The largest fraction of wrong cells of an algorithm that may be called best.
-pub(crate) const MAX_WRONG: f64 = 0.1;
-
-/// Least and largest fractions of an algorithm that may be called best: of cells where distances
-/// are scored, of pixels where disparities are. An algorithm that answers nothing misses nothing,
-/// so right and found cells, and coverage, have limits, too.
-const LIMITS: [(TruthLevel, &str, [f64; 2]); 5] = [
-    (TruthLevel::Distances, "wrong", [0.0, MAX_WRONG]),
-    (TruthLevel::Distances, "right", [0.1, 1.0]),
-    (TruthLevel::Distances, "found", [0.5, 1.0]),
-    (TruthLevel::Disparities, "bad2", [0.0, 0.2]),
-    (TruthLevel::Disparities, "coverage", [0.1, 1.0]),
-];
-/// Fewest near obstacles of which a part has to be found.
-const MIN_NEAR: f64 = 10.0;
-/// Fraction of right cells from which on the prior is no test: the scene hardly changes.
-const MAX_PRIOR: f64 = 0.8;
-
 /// Why an algorithm may not be best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unfit {
@@ -117,324 +92,30 @@ pub(crate) fn by_algorithm(rows: &[Row]) -> RowsByAlgorithm<'_> {
     algorithms
 }
 
-/// The metrics by which algorithms are called best.
-pub(crate) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
-    let names: &[&str] = match kind {
-        TruthLevel::Distances => &["right", "wrong", "missed"],
-        TruthLevel::Disparities => &["total_bad2"],
-        TruthLevel::Courses => &["finished", "collisions"],
-        TruthLevel::NoTruth => &["unrivalled", "agreed"],
-    };
-    names.iter().filter_map(|name| Metric::find(name)).collect()
+/// The settings of an algorithm, and the one to use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SweepChoice {
+    /// The kind of the algorithm, and the number of its settings.
+    pub algorithm: String,
+    pub settings: usize,
+    /// The metric that chose; absent for right minus wrong cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metric: Option<&'static Metric>,
+    /// The best setting of those that may be best; absent with the reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub setting: Option<BestSetting>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
-/// Right minus wrong cells, of the scored ones.
-pub(crate) fn merit_sample(rows: &[&Row]) -> Sample {
-    let parts = |row: &&Row| {
-        let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|n| row.metrics.get(n));
-        let counts = right.zip(wrong).zip(unknown);
-        counts.map_or([0.0; 2], |((right, wrong), unknown)| {
-            [right - wrong, right + wrong + unknown]
-        })
-    };
-    Sample::Ratio(rows.iter().map(parts).collect())
-}
-
-/// The change of right minus wrong cells from rows to others of the same pairs.
-pub(crate) fn merit_change([base, other]: [&[&Row]; 2]) -> Option<Change> {
-    let samples = [base, other].map(merit_sample);
-    let values = [samples[0].total()?, samples[1].total()?];
-    let samples = [&samples[0], &samples[1]];
-    Some(Change::from_samples(
-        Metric::find("right")?,
-        values,
-        samples,
-        &runs(base),
-    ))
-}
-
-impl Results {
-    /// Finds which algorithms may not be best, then the best of the others. `rows`: all unperturbed
-    /// ones of algorithms and references.
-    pub(crate) fn find_best(&mut self, rows: &RowsByAlgorithm<'_>, drives: &[DriveRow]) {
-        let unfit = self.algorithms.iter();
-        let unfit = unfit.filter_map(|a| Some((a.algorithm.clone(), self.unfit(a, rows)?)));
-        self.basis.unfit = unfit.collect();
-        let kind = self.kind();
-        // Drives run beside each other, and their pairs differ.
-        let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
-        let time = Metric::find("time").filter(|_| is_timed);
-        let metrics = answer_metrics(kind).into_iter().chain(time);
-        let best = metrics.filter_map(|metric| self.best_by(metric, rows, drives));
-        self.best = best.collect();
-    }
-
-    fn unfit(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
-        let kind = self.kind();
-        let value = |name| a.value(Metric::find(name)?);
-        let is_tested = |name: &str| name != "found" || value("near") >= Some(MIN_NEAR);
-        let is_broken = |(level, name, [min, max]): &&(TruthLevel, &'static str, [f64; 2])| {
-            let is_within = |value| *min <= value && value <= *max;
-            *level == kind && is_tested(name) && value(name).is_some_and(|own| !is_within(own))
-        };
-        let is_driven = kind == TruthLevel::Courses;
-        if self.is_reference(a) || is_driven && !(self.has_driven(a) && a.failed_pairs == 0) {
-            Some(Unfit::NotCompared)
-        } else if !is_driven && self.basis.common.is_absent(&a.algorithm) {
-            Some(Unfit::Absent)
-        } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
-            Some(Unfit::Limit(name))
-        } else {
-            self.beside_prior(a, rows)
-        }
-    }
-
-    /// The limits of an algorithm that may be best, in words.
-    pub(crate) fn limit_words(&self) -> String {
-        let own = LIMITS.iter().filter(|(level, ..)| *level == self.kind());
-        let limits = own.map(|(_, name, [min, max])| match (*min, *max) {
-            (0.0, max) => format!("at most {:.0} % {name}", 100.0 * max),
-            (min, _) => format!("at least {:.0} % {name}", 100.0 * min),
-        });
-        let distances = self.kind() == TruthLevel::Distances;
-        let prior = distances.then(|| {
-            format!("of {MIN_NEAR} or more near obstacles, right minus wrong above the prior's")
-        });
-        let half = "half of the pairs answered".to_owned();
-        limits
-            .chain(prior)
-            .chain([half])
-            .collect::<Vec<_>>()
-            .join(", ")
-    }
-
-    /// Tests right minus wrong cells against the prior's.
-    fn beside_prior(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
-        let prior = rows.get(PRIOR).filter(|_| !self.is_still())?;
-        let own = rows.get(a.algorithm.as_str())?;
-        let [prior, own] = paired(prior, own);
-        let change = merit_change([&prior, &own]);
-        match change.map(|change| change.judgement) {
-            Some(Judgement::Better) => None,
-            Some(Judgement::TooFew) | None => Some(Unfit::TooFewPairs),
-            _ => Some(Unfit::BehindPrior),
-        }
-    }
-
-    /// True if the prior is right nearly everywhere, so that it is no test.
-    pub(crate) fn is_still(&self) -> bool {
-        let right = Metric::find("right").and_then(|metric| self.value(PRIOR, metric, None));
-        right.is_some_and(|right| right >= MAX_PRIOR)
-    }
-
-    fn best_by(
-        &self,
-        metric: &'static Metric,
-        rows: &RowsByAlgorithm<'_>,
-        drives: &[DriveRow],
-    ) -> Option<Best> {
-        let value = |a: &AlgorithmSummary| self.ranked(a, metric);
-        let ranked = self.ranked_algorithms().into_iter();
-        let ranked = ranked.filter(|a| value(a).is_some() && !self.is_reference(a));
-        let (mut fit, unfit): (Vec<_>, Vec<_>) = ranked.partition(|a| self.may_be_best(a));
-        // Stable: the first of equal ones is the best.
-        fit.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        let (best, others) = fit.split_first()?;
-        let certainties = others.iter().map(|other| {
-            let labels = [&*best.algorithm, &*other.algorithm];
-            self.certainty(metric, labels, rows, drives)
-        });
-        let certainties: Vec<_> = certainties.collect();
-        let is_lone = others.is_empty() && (metric.name == "time" || self.has_one_algorithm());
-        let is_driven = self.kind() == TruthLevel::Courses;
-        let is_ahead = || certainties.iter().all(|own| *own == Certainty::Clear);
-        let finishes = || {
-            let finished = Metric::find("finished").and_then(|finished| best.value(finished));
-            finished > Some(0.0)
-        };
-        if is_lone || is_driven && !(!others.is_empty() && is_ahead() && finishes()) {
-            return None;
-        }
-        let others = others.iter().zip(certainties);
-        let others = others.chain(unfit.iter().map(|a| (a, Certainty::Unfit)));
-        let other = |(a, certainty): (&&AlgorithmSummary, Certainty)| Other {
-            algorithm: a.algorithm.clone(),
-            certainty,
-        };
-        Some(Best {
-            metric,
-            area: self.area_of(metric),
-            algorithm: best.algorithm.clone(),
-            value: value(best)?,
-            others: others.map(other).collect(),
-        })
-    }
-
-    /// The certainty that the second algorithm is worse than the first.
-    fn certainty(
-        &self,
-        metric: &'static Metric,
-        labels: [&str; 2],
-        rows: &RowsByAlgorithm<'_>,
-        drives: &[DriveRow],
-    ) -> Certainty {
-        let change = if self.kind() == TruthLevel::Courses {
-            course_change(metric, labels, drives)
-        } else {
-            let own = labels.map(|label| rows.get(label).map_or(&[][..], Vec::as_slice));
-            let [base, other] = paired(own[0], own[1]);
-            let all = if metric.name == "time" {
-                changes(&base, &other, [metric])
-            } else {
-                verdict(&base, &other)
-            };
-            all.into_iter().find(|change| change.metric == metric)
-        };
-        let is_faster = |own: &Change| own.interval.is_some_and(|(low, _)| low > 1.0);
-        match change {
-            Some(own) if own.judgement == Judgement::Worse => Certainty::Clear,
-            Some(own) if metric.name == "time" && is_faster(&own) => Certainty::Clear,
-            Some(own) if own.interval.is_some() => Certainty::NotToldApart,
-            _ => Certainty::TooFew,
-        }
-    }
-
-    /// True for an algorithm that may be called best.
-    pub(crate) fn may_be_best(&self, algorithm: &AlgorithmSummary) -> bool {
-        !self.basis.unfit.contains_key(&algorithm.algorithm)
-    }
-
-    /// True for the truth and for `blind`.
-    pub(crate) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
-        let label = &algorithm.algorithm;
-        self.basis.perfect.contains(label) || label == "blind"
-    }
-
-    /// False for too little of the courses.
-    fn has_driven(&self, algorithm: &AlgorithmSummary) -> bool {
-        let mut drives = self.drives.iter();
-        drives.any(|own| own.algorithm == algorithm.algorithm && own.has_driven)
-    }
-
-    pub(crate) fn has_one_algorithm(&self) -> bool {
-        self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2
-    }
-
-    /// The labels of those that may be called best.
-    pub(crate) fn candidate_labels(&self) -> Vec<&str> {
-        let own = self.algorithms.iter().filter(|a| self.may_be_best(a));
-        own.map(|a| a.algorithm.as_str()).collect()
-    }
-
-    /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
-    /// that has no better direction the largest is first.
-    pub(crate) fn sort_by(&mut self, metric: &Metric) {
-        // Before they are taken out: values are looked up among them.
-        let keyed = self.algorithms.iter().cloned();
-        let mut keyed: Vec<_> = keyed.map(|a| (self.ranked(&a, metric), a)).collect();
-        keyed.sort_by(|(a, _), (b, _)| better_first(metric, *a, *b));
-        self.algorithms = keyed.into_iter().map(|(_, algorithm)| algorithm).collect();
-    }
-
-    /// The value by which an algorithm is ranked: none for a time that is not believable, as that
-    /// of a program that answers far later than it reports, nor for times that are not comparable.
-    pub(crate) fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
-        let label = &algorithm.algorithm;
-        let mut programs = self.programs.iter();
-        let mut is_doubtful =
-            || programs.any(|run| run.algorithm == *label && run.program.is_time_doubtful());
-        let is_time = metric.name == "time";
-        let is_ranked = !is_time || self.has_comparable_times() && !is_doubtful();
-        self.value(label, metric, None).filter(|_| is_ranked)
-    }
-}
-
-/// The better value first, none last.
-pub(crate) fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
-    match (a, b) {
-        (Some(a), Some(b)) => match metric.better {
-            Better::Less => a.total_cmp(&b),
-            Better::Zero => a.abs().total_cmp(&b.abs()),
-            Better::More | Better::Neither => b.total_cmp(&a),
-        },
-        (a, b) => b.is_some().cmp(&a.is_some()),
-    }
-}
-
-/// The change of a number of drives over the courses of both algorithms.
-fn course_change(metric: &'static Metric, labels: [&str; 2], rows: &[DriveRow]) -> Option<Change> {
-    let [base, other] = labels.map(|label| drives::sample(metric, label, rows));
-    let (base, other) = base.zip(other)?;
-    let runs = Runs::new(&[base.items()], true);
-    let values = [base.total()?, other.total()?];
-    (base.items() == other.items())
-        .then(|| Change::from_samples(metric, values, [&base, &other], &runs))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::summary::{ReportTables, ResultParts, Shown};
-    use super::*;
-    use crate::subjects::speed::tests::row;
-    use svl_score::judge::MetricValues;
-
-    /// Pairs of one cell each in seven blocks or more; the prior's and the algorithm's right ones.
-    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Results {
-        let rows = |label: &str, is_right: fn(u64) -> bool| -> Vec<_> {
-            let row = |sequence| {
-                let right = f64::from(u8::from(is_right(sequence)));
-                Row {
-                    algorithm: label.into(),
-                    seed: Some(1),
-                    sequence,
-                    metrics: MetricValues::from([
-                        ("right", right),
-                        ("wrong", 1.0 - right),
-                        ("unknown", 0.0),
-                        ("false", 0.0),
-                    ]),
-                    ..row(1000, (64, 48), None)
-                }
-            };
-            (0..pairs).map(row).collect()
-        };
-        let tables = ReportTables {
-            rows: rows("own", own),
-            references: rows(PRIOR, prior),
-            ..ReportTables::default()
-        };
-        Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
-    }
-
-    #[test]
-    fn an_algorithm_that_does_not_beat_the_prior_is_not_best() {
-        let half = |i: u64| i.is_multiple_of(2);
-        let few = |i: u64| i.is_multiple_of(20);
-        let all_but_few = |i: u64| !i.is_multiple_of(20);
-        let unfit = |pairs, prior, own| {
-            let tested = tested(pairs, prior, own);
-            tested.basis.unfit.get("own").copied()
-        };
-        assert_eq!(unfit(200, half, all_but_few), None);
-        assert_eq!(
-            unfit(200, all_but_few, all_but_few),
-            None,
-            "the scene hardly changes"
-        );
-        assert_eq!(
-            unfit(200, half, |i| i % 20 < 10),
-            Some(Unfit::Limit("wrong"))
-        );
-        assert_eq!(
-            unfit(200, |i| i % 10 > 2, |i| i % 11 > 0),
-            Some(Unfit::BehindPrior)
-        );
-        assert_eq!(unfit(20, few, all_but_few), Some(Unfit::TooFewPairs));
-        let still = tested(200, all_but_few, |_| true);
-        let words = still.cautions().join(" ");
-        assert!(
-            words.contains("hardly changes") && words.contains("95.0 %"),
-            "{words}"
-        );
-    }
+/// The best setting over all pairs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BestSetting {
+    pub label: String,
+    /// The score on the pairs that chose it.
+    pub own_score: f64,
+    /// The mean of the scores of the halves' choices, each on the half that did not choose it.
+    pub score: f64,
+    /// Number of settings that are not told apart from it.
+    pub alike: usize,
 }

@@ -1,6 +1,6 @@
 //! A run case by case: a row per scene of a data set, or per course, and a column per algorithm.
 
-use super::best::{answer_metrics, better_first};
+use super::choice::{answer_metrics, better_first};
 use super::summary::Results;
 use crate::rows::records::Row;
 use crate::rows::samples::{grouped, is_scene, total};

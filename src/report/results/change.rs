@@ -5,7 +5,7 @@ use crate::rows::records::{MetricTotals, Row};
 use crate::rows::samples::{runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
 use serde::Serialize;
-use svl_score::bootstrap::{Interval, Runs, Sample};
+use svl_score::bootstrap::{Interval, RunLengths, Sample};
 use svl_score::holm;
 use svl_score::judge::{
     AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit, TruthLevel,
@@ -132,7 +132,7 @@ impl Changes {
         rows: [&[&Row]; 2],
         errors: Option<&[Vec<PairErrors>; 2]>,
         area: AreaChoice,
-        runs: &Runs,
+        runs: &RunLengths,
         metrics: impl IntoIterator<Item = &'static Metric>,
     ) -> Self {
         let totals = rows.map(MetricTotals::new);
@@ -185,7 +185,7 @@ impl Change {
         metric: &'static Metric,
         values: [f64; 2],
         [base, other]: [&Sample; 2],
-        runs: &Runs,
+        runs: &RunLengths,
     ) -> Self {
         let [a, b] = values;
         // The change, and its derivatives.

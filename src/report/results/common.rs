@@ -1,7 +1,6 @@
 //! The pairs that all ranked algorithms answered: a table of them compares nobody's losses.
 
-use super::summary::ReportTables;
-use crate::rows::records::Row;
+use crate::rows::records::{FailureRow, Row};
 use crate::rows::samples::{RunKey, run_key};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +12,7 @@ const MIN_COMMON: f64 = 0.8;
 
 /// The numbers of pairs that the results are of.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct CommonPairs {
+pub struct RankedPairs {
     /// Number of unperturbed pairs that were read.
     pub read: u64,
     /// Number of those that all ranked algorithms answered.
@@ -22,21 +21,24 @@ pub struct CommonPairs {
     pub partial: BTreeMap<String, u64>,
 }
 
-type PairId<'a> = (RunKey<'a>, u64);
+type PairPlace<'a> = (RunKey<'a>, u64);
 
-fn id(row: &Row) -> PairId<'_> {
+fn id(row: &Row) -> PairPlace<'_> {
     (run_key(row), row.sequence)
 }
 
-impl CommonPairs {
+impl RankedPairs {
     /// The numbers, and the common pairs where the results are of these and not of all.
-    pub(super) fn new(tables: &ReportTables) -> (Self, Option<BTreeSet<PairId<'_>>>) {
-        let rows = tables.rows.iter().filter(|row| row.stress.is_none());
-        let mut answered: BTreeMap<&str, BTreeSet<PairId<'_>>> = BTreeMap::new();
+    pub(super) fn new<'a>(
+        rows: &'a [Row],
+        failures: &'a [FailureRow],
+    ) -> (Self, Option<BTreeSet<PairPlace<'a>>>) {
+        let rows = rows.iter().filter(|row| row.stress.is_none());
+        let mut answered: BTreeMap<&str, BTreeSet<PairPlace<'_>>> = BTreeMap::new();
         for row in rows {
             answered.entry(&row.algorithm).or_default().insert(id(row));
         }
-        let failures = tables.failures.iter().filter(|row| row.stress.is_none());
+        let failures = failures.iter().filter(|row| row.stress.is_none());
         let failures = failures.map(|row| ((row.seed, row.run.as_deref()), row.sequence));
         let mut read: BTreeSet<_> = failures.collect();
         read.extend(answered.values().flatten().copied());
@@ -54,7 +56,7 @@ impl CommonPairs {
                 .map(|(label, pairs)| ((*label).to_owned(), pairs.len() as u64))
                 .collect(),
         };
-        let is_shown = own.is_shown() && common.len() < read.len() && tables.drives.is_empty();
+        let is_shown = own.is_shown() && common.len() < read.len();
         (own, is_shown.then_some(common))
     }
 
@@ -71,7 +73,7 @@ impl CommonPairs {
 }
 
 /// The rows of these pairs.
-pub(super) fn only<'a>(rows: &'a [Row], pairs: Option<&BTreeSet<PairId<'_>>>) -> Vec<&'a Row> {
+pub(super) fn only<'a>(rows: &'a [Row], pairs: Option<&BTreeSet<PairPlace<'_>>>) -> Vec<&'a Row> {
     let rows = rows.iter().filter(|row| row.stress.is_none());
     rows.filter(|row| pairs.is_none_or(|pairs| pairs.contains(&id(row))))
         .collect()

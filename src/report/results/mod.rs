@@ -7,6 +7,7 @@ pub(crate) mod best;
 pub(crate) mod cases;
 pub(crate) mod cautions;
 pub(crate) mod change;
+pub(crate) mod choice;
 pub(crate) mod common;
 pub(crate) mod descriptions;
 pub(crate) mod gate;

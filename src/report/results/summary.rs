@@ -1,8 +1,7 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
-use super::best::{Best, Unfit, by_algorithm};
-use super::common::{CommonPairs, only};
-use super::sweep::SweepChoice;
+use super::best::{Best, SweepChoice, Unfit, by_algorithm};
+use super::common::{RankedPairs, only};
 use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, Row, record};
 use crate::rows::samples::{grouped, run_key};
 use crate::subjects::accuracy::AccuracyRow;
@@ -129,7 +128,7 @@ pub(crate) struct ResultBasis {
     /// The area whose numbers tables, sentences and plots have: that of the rows.
     pub(crate) area: AreaChoice,
     /// The pairs that the numbers are of.
-    pub(crate) common: CommonPairs,
+    pub(crate) common: RankedPairs,
     /// The numbers of algorithms and references over their own pairs, for limits; empty where they
     /// are those that are shown.
     pub(crate) own: Vec<AlgorithmSummary>,
@@ -395,8 +394,9 @@ impl Results {
     /// The error of a perturbation that svl does not know.
     pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
         let own = Self::from_tables(tables, &only(&tables.rows, None), &tables.references);
-        let (common, pairs) = CommonPairs::new(tables);
-        let mut results = match &pairs {
+        let (common, pairs) = RankedPairs::new(&tables.rows, &tables.failures);
+        // Each algorithm drives its own way and sees pairs of its own.
+        let mut results = match pairs.as_ref().filter(|_| tables.drives.is_empty()) {
             None => own,
             Some(pairs) => {
                 let references = only(&tables.references, Some(pairs));

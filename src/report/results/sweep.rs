@@ -4,48 +4,20 @@
 //! good. So each half of the blocks of neighbouring pairs chooses, and the other half scores the
 //! choice.
 
-use super::best::{RowsByAlgorithm, better_first, merit_sample};
+use super::best::{BestSetting, RowsByAlgorithm, SweepChoice};
 use super::change::{Change, Judgement};
+use super::choice::{better_first, merit_sample};
 use super::summary::Results;
 use crate::rows::records::Row;
 use crate::rows::samples::{paired, runs, sample};
-use serde::Serialize;
 use svl_core::counted;
 use svl_core::matcher;
 use svl_score::bootstrap::{METHOD, Sample};
 use svl_score::judge::{Better, Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
 
-/// The settings of an algorithm, and the one to use.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SweepChoice {
-    /// The kind of the algorithm, and the number of its settings.
-    pub algorithm: String,
-    pub settings: usize,
-    /// The metric that chose; absent for right minus wrong cells.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub metric: Option<&'static Metric>,
-    /// The best setting of those that may be best; absent with the reason.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub setting: Option<BestSetting>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub reason: Option<String>,
-}
-
-/// The best setting over all pairs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BestSetting {
-    pub label: String,
-    /// Its score on the pairs that chose it.
-    pub own_score: f64,
-    /// The mean of the scores of the halves' choices, each on the half that did not choose it.
-    pub score: f64,
-    /// Number of settings that are not told apart from it.
-    pub alike: usize,
-}
-
 /// The settings that are compared, with their rows of the pairs that all of them have.
-type Settings<'a> = Vec<(&'a str, Vec<&'a Row>)>;
+type SettingRows<'a> = Vec<(&'a str, Vec<&'a Row>)>;
 
 /// True if one algorithm differs from the other in its settings alone: both are of one program,
 /// file or topic.
@@ -113,7 +85,7 @@ impl Results {
         let own = own.filter(|a| labels.contains(&&*a.algorithm));
         let fit = own.clone().filter(|a| self.may_be_best(a));
         let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
-        let mut settings: Settings<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
+        let mut settings: SettingRows<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
         let Some((_, mut common)) = settings.first().cloned() else {
             return Err(self.unfit_words(own));
         };
@@ -133,13 +105,13 @@ impl Results {
             merit.or_else(|| sample(metric, rows))
         };
         let score = |rows: &[&Row]| measure(rows).as_ref().and_then(Sample::total);
-        let best = |settings: &Settings<'_>| {
+        let best = |settings: &SettingRows<'_>| {
             let scored = settings.iter().enumerate();
             let scored = scored.filter_map(|(i, (_, rows))| Some((i, score(rows)?)));
             let best = scored.min_by(|(_, a), (_, b)| better_first(metric, Some(*a), Some(*b)));
             best.ok_or_else(|| format!("{} is not measured by pairs", metric.name))
         };
-        let half = |side: usize| -> Settings<'_> {
+        let half = |side: usize| -> SettingRows<'_> {
             let mut half = settings.clone();
             for (_, rows) in &mut half {
                 let mut blocks = blocks.iter();

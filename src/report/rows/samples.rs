@@ -2,7 +2,7 @@
 
 use super::records::Row;
 use std::collections::BTreeMap;
-use svl_score::bootstrap::{Runs, Sample};
+use svl_score::bootstrap::{RunLengths, Sample};
 use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
 
 /// Seed and recording of a row's run.
@@ -67,12 +67,12 @@ pub(crate) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
 }
 
 /// The runs of rows, those of a run beside each other.
-pub(crate) fn runs(rows: &[&Row]) -> Runs {
+pub(crate) fn runs(rows: &[&Row]) -> RunLengths {
     let lengths = rows.chunk_by(|a, b| run_key(a) == run_key(b));
     let lengths: Vec<_> = lengths.map(<[_]>::len).collect();
     // Scenes of a data set are independent of each other; frames of a recording are not, also where
     // their files have names.
-    Runs::new(&lengths, rows.iter().all(|row| is_scene(row)))
+    RunLengths::new(&lengths, rows.iter().all(|row| is_scene(row)))
 }
 
 /// The rows of the pairs that both have, those of a run beside each other.

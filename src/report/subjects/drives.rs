@@ -5,7 +5,7 @@ use crate::rows::records::record;
 use crate::rows::samples::grouped;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use svl_score::bootstrap::{Interval, Runs, Sample};
+use svl_score::bootstrap::{Interval, RunLengths, Sample};
 use svl_score::judge::{Cases, DriveNumber, Measured, Metric, MetricOrigin, MetricUnit};
 
 /// Outlines and routes of the courses.
@@ -177,7 +177,7 @@ pub(crate) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSum
 }
 
 fn summary(rows: &[&DriveRow]) -> DriveSummary {
-    let runs = Runs::new(&[rows.len()], true);
+    let runs = RunLengths::new(&[rows.len()], true);
     let ratio = |part: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64| {
         let ratio = Sample::Ratio(rows.iter().map(|row| [part(row), by(row)]).collect());
         (ratio.total(), ratio.interval(&runs))

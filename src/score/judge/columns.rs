@@ -119,7 +119,7 @@ mod tests {
             assert_eq!(found, expected, "{kind:?}");
         };
         let distances = [
-            "right", "wrong", "unknown", "missed", "false", "found", "floor", "passed", "time",
+            "right", "wrong", "unknown", "missed", "false", "found", "passed", "time",
         ];
         expect(Distances, &distances);
         expect(

@@ -162,7 +162,7 @@ impl TruthLevel {
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
         // Only distances tell what is near, or nearer than the range.
-        if has("missed") || has("blind") || has("close") {
+        if has("false") || has("missed") || has("blind") || has("close") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities

@@ -112,12 +112,21 @@ fn images_that_were_lost_end_with_their_status() {
     let apart = format!("{late} --pairing stamp --max-skew-ms 1");
     let ran = fixture.svl(&format!("{apart} -o a.mcap"));
     assert_eq!(ran.code, Some(4));
-    assert_says(&ran.stderr, &["had no partner; all else is kept"]);
+    assert_says(
+        &ran.stderr,
+        &["had no partner; --allow-loss", "; all else is kept"],
+    );
     fixture.run(&format!("{apart} --allow-loss 90% -o b.mcap"));
     // A damaged image and its partner are one pair.
     let damaged = format!("record {SIM},right.damage_at=3 --trigger software --frames 6");
     let ran = fixture.svl(&format!("{damaged} -o c.mcap"));
-    assert_says(&ran.stderr, &["1 pair could not be read; all else is kept"]);
+    assert_says(
+        &ran.stderr,
+        &[
+            "1 pair could not be read; --allow-loss 1",
+            "; all else is kept",
+        ],
+    );
 }
 
 #[test]

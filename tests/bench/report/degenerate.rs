@@ -202,7 +202,10 @@ fn programs_that_look_at_nothing_win_nothing() {
     for best in &summary.best {
         assert!(is_matcher(&best.algorithm), "{best:?}");
     }
-    assert!(sentences[0].starts_with("* best: "), "{sentences:?}");
+    assert!(
+        sentences[0].starts_with("Best: sgm by right "),
+        "{sentences:?}"
+    );
     let read = |file: &str| std::fs::read_to_string(repository().join(file)).unwrap();
     let manifest = |label: &str| Manifest {
         algorithms: vec![AlgorithmRecord {
