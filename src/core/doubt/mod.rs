@@ -81,8 +81,10 @@ pub enum Subject {
     Truth,
     /// The truth and every recorded map agree on nothing: either may be wrong.
     TruthOrMaps,
-    /// A map of disparities, by its algorithm or file.
+    /// A map of disparities, by its algorithm.
     Map(String),
+    /// A file, by its path.
+    File(String),
 }
 
 /// A kind of likely cause with its numbers. Its text ends with the cure.
@@ -122,7 +124,7 @@ impl Display for Doubt {
         match (&self.subject, cure) {
             (Subject::Truth, Cure::Truth(truth)) if truth.is_refusal() => write!(f, "{cure}"),
             (Subject::Calibration | Subject::Pairs, _) => write!(f, "{cure}"),
-            (Subject::Topic(topic), _) => write!(f, "{topic}: {cure}"),
+            (Subject::Topic(name) | Subject::File(name), _) => write!(f, "{name}: {cure}"),
             (Subject::Truth, _) => write!(f, "the truth is doubtful: {cure}"),
             (Subject::TruthOrMaps, _) => write!(
                 f,

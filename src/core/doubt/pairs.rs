@@ -16,8 +16,8 @@ causes! {
         points[0], points[1])
     Turned { turn: Turn, if_turned: usize, points: usize } => (
         "one camera's images look {}: {if_turned} points match once they are turned back, \
-         {points} as they are; `ffmpeg -i IN -vf {} OUT` turns an image or a video",
-        turn.name(), turn.filter())
+         {points} as they are; `ffmpeg -i IN -vf {filter} OUT` turns an image or a video",
+        turn.name(), filter = turn.filter())
     OnePicture { share: f64, points: usize, within_px: f64, nearest_m: Option<f64> } => (
         "left and right look like one picture twice, or nothing is {}: {:.0} % of {points} points \
          are within {within_px} px of the same place; name images of two cameras (--left and \

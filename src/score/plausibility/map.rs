@@ -41,11 +41,11 @@ fn are_most(map: &Plane<f32>, is_such: &impl Fn(f32) -> bool) -> bool {
     such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
 }
 
-/// The doubt about an estimate called `name`, of one size with its truth: a constant factor, the
+/// The doubt about the estimate of a file, of one size with its truth: a constant factor, the
 /// opposite sign, depths in place of disparities, or the map of the right view.
-pub fn map_doubt(name: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<Doubt> {
+pub fn map_doubt(file: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<Doubt> {
     let doubt = |quantity, value, usual, cure: MapCure| {
-        let subject = Subject::Map(name.to_owned());
+        let subject = Subject::File(file.to_owned());
         Some(cure.doubt(subject, quantity, value, usual))
     };
     if are_most(estimate, &|d| d < 0.0) {

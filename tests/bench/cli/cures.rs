@@ -73,6 +73,8 @@ const OPTIONS: &[(&str, Cure)] = &[
     ),
     ("--pairing", Left("needs cameras; bench::grab has it")),
     ("--trigger", Left("needs cameras; bench::grab has it")),
+    ("--scale", Left("cli::matching runs it")),
+    ("--estimate-scale", Left("is of eval; cli::eval has it")),
     ("--alpha", Left("is refused where it is named")),
     ("--bits", Left("is refused where it is named")),
 ];
@@ -314,7 +316,7 @@ fn options(line: &str) -> Vec<String> {
 #[test]
 fn every_option_that_a_message_of_a_source_names_is_a_cure_or_says_why_not() {
     let mut offered = BTreeSet::new();
-    for folder in ["src/recording", "src/bench/source"] {
+    for folder in ["src/core/doubt", "src/recording", "src/bench/source"] {
         add_offered(Path::new(folder), options, &mut offered);
     }
     let known: BTreeSet<_> = OPTIONS.iter().map(|(cure, _)| (*cure).to_owned()).collect();
