@@ -1,7 +1,7 @@
 //! Grey levels of images of 16 bits.
 
 use super::decoded::{DecodedImage, luma};
-use super::levels::{DECIDING_PAIRS, GreyLevels, Quantiles};
+use super::levels::{DECIDING_PAIRS, GreyLevels, MIN_LEVELS, Quantiles};
 use svl_core::doubt::Doubt;
 use svl_core::stereo::{Gray, Rgb, StereoPair};
 use svl_core::{Error, Result};
@@ -53,7 +53,8 @@ impl BitDepth {
         let bits = asked.unwrap_or_else(|| used(found.q999));
         let (mut low, mut shift) = (0, u32::from(bits) - 8);
         let range = found.q99 - found.q01;
-        if asked.is_none() && range >> shift < MIN_GREYS {
+        // Fewer levels decide nothing: a covered lens, before the scene.
+        if asked.is_none() && range >= MIN_LEVELS && range >> shift < MIN_GREYS {
             let margin = (range / 2).max(1);
             low = found.q01.saturating_sub(margin);
             let most = u32::from(found.q99) + u32::from(margin) - u32::from(low);
@@ -118,10 +119,12 @@ impl BitDepth {
     pub fn grey(&mut self, image: DecodedImage) -> (Gray, Option<Rgb>) {
         let (low, shift) = (self.low, self.shift);
         let shifted = |v: u16| v.saturating_sub(low) >> shift;
-        if !self.warned && image.share_of_deep(|v| shifted(v) > 255) > MAX_WHITE {
+        let is_lost = |v: u16| v < low || shifted(v) > 255;
+        if !self.warned && image.share_of_deep(is_lost) > MAX_LOST {
             self.warned = true;
             tracing::warn!(
-                "a later image has many values that are white, above {}; --bits 16 keeps all",
+                "a later image has many values outside of {low} to {}: black or white; --bits 16 \
+                 keeps all",
                 u32::from(low) + (256 << shift) - 1
             );
         }
@@ -149,8 +152,8 @@ impl BitDepth {
 
 /// A range with fewer grey levels than these is narrow.
 const MIN_GREYS: u16 = 64;
-/// Fraction of a later image's pixels above white that is told; fewer are hot.
-const MAX_WHITE: f64 = 0.01;
+/// Fraction of a later image's pixels without a grey level that is told; fewer are hot.
+const MAX_LOST: f64 = 0.01;
 
 /// Bit depth of a sensor whose values are hardly above that.
 fn used(largest: u16) -> u8 {

@@ -34,7 +34,7 @@ pub(crate) struct Quantiles {
 }
 
 /// Values with fewer levels than these between their 1 % and 99 % quantiles are few.
-const MIN_LEVELS: u16 = 32;
+pub(super) const MIN_LEVELS: u16 = 32;
 /// Bytes are exchanged if neighbours differ by this factor more than they do with the others.
 const EXCHANGED: f64 = 2.0;
 /// Cameras whose 99 % quantiles differ by this factor have two depths.

@@ -49,6 +49,7 @@ impl EvaluationSession {
         let shard = manifest.shard.take();
         let notices = NoticeLog::current().notices();
         manifest.warnings = notices.iter().map(ToString::to_string).collect();
+        manifest.doubts = notices.into_iter().filter_map(|own| own.doubt).collect();
         let mut list = ReportPlan::new(unit_format(), manifest, runs)?;
         list.limit_lines = plan.scenario.gate.iter().map(|limit| limit.line).collect();
         list.lost.clone_from(&plan.lost);

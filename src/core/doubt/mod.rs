@@ -50,7 +50,7 @@ pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure};
 pub use unit::{TruthUnit, UnitCure, UnitOption, rounded, usual};
 
 use serde::ser::SerializeStruct;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt::{self, Display, Formatter};
 
@@ -136,6 +136,16 @@ impl Display for Doubt {
 }
 
 impl std::error::Error for Doubt {}
+
+/// Reads doubts from JSON, without those of which a number is infinite.
+///
+/// # Errors
+/// The errors of the deserializer.
+pub fn read_doubts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Doubt>, D::Error> {
+    let values = Vec::<serde_json::Value>::deserialize(deserializer)?;
+    let doubts = values.into_iter().map(serde_json::from_value);
+    Ok(doubts.filter_map(Result::ok).collect())
+}
 
 /// The fields, and the text as `words`.
 impl Serialize for Doubt {

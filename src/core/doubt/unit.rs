@@ -131,6 +131,9 @@ pub fn usual(factor: f64) -> f64 {
 
 /// A number without the noise of its last digits.
 pub fn rounded(number: f64) -> String {
+    if number != 0.0 && !(1e-9..1e15).contains(&number.abs()) {
+        return format!("{number:.2e}");
+    }
     let digits = (5.0 - number.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     let text = format!("{number:.digits$}");
     if text.contains('.') {

@@ -333,7 +333,9 @@ impl Results {
     /// failed on pairs. All marks of a column are as wide.
     fn mark(&self, metric: &Metric, label: &str) -> String {
         let lacks = |label: &str| self.basis.common.partial.contains_key(label);
-        let has_losses = answer_metrics(self.kind()).first() == Some(&metric);
+        let is_first = answer_metrics(self.kind()).first() == Some(&metric);
+        // Drives run beside each other, and their pairs differ.
+        let has_losses = is_first && self.kind() != TruthLevel::Courses;
         let mark = |label: &str| {
             let best = self.best.iter().find(|best| best.metric == metric);
             let own = best.map_or("", |best| best.mark(label)).to_owned();

@@ -44,12 +44,21 @@ impl Results {
     /// Which algorithm is best, by how much, on how many pairs and cells; or why none is.
     fn head(&self) -> Option<String> {
         let extent = self.extent_words();
-        let few = self
-            .basis
-            .unfit
-            .values()
-            .all(|own| *own == Unfit::TooFewPairs);
-        let few = few && !self.basis.unfit.is_empty();
+        let unfit = self.basis.unfit.values();
+        let mut answered = unfit.filter(|own| !matches!(own, Unfit::Absent | Unfit::NotCompared));
+        // One that failed on all pairs changes no sentence.
+        let few = answered.next() == Some(&Unfit::TooFewPairs)
+            && answered.all(|own| *own == Unfit::TooFewPairs);
+        if self.has_areas()
+            && self
+                .most_cells(self.basis.area)
+                .is_none_or(|cells| cells == 0)
+        {
+            let pairs = counted(self.basis.scope.pairs, "pair");
+            return Some(format!(
+                "No cell of this area is scored, so none is best; {pairs}."
+            ));
+        }
         let is_driven = self.kind() == TruthLevel::Courses;
         let is_few = |best: &Best| {
             let mut others = best.others.iter();
@@ -144,6 +153,9 @@ impl Results {
             Some(format!("{} {}", a.algorithm, metric.show(value)))
         });
         let numbers: Vec<_> = numbers.take(MAX_NAMED).collect();
+        if numbers.is_empty() {
+            return String::new();
+        }
         format!("; {words}: {}", numbers.join(", "))
     }
 

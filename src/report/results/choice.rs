@@ -91,9 +91,13 @@ impl Results {
             *level == kind && is_tested(name) && value(name).is_some_and(|own| !is_within(own))
         };
         let is_driven = kind == TruthLevel::Courses;
+        let is_absent = || {
+            let label = a.algorithm.as_str();
+            self.basis.common.is_absent(label) || !rows.contains_key(label)
+        };
         if self.is_reference(a) || is_driven && !(self.has_driven(a) && a.failed_pairs == 0) {
             Some(Unfit::NotCompared)
-        } else if !is_driven && self.basis.common.is_absent(&a.algorithm) {
+        } else if !is_driven && is_absent() {
             Some(Unfit::Absent)
         } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
             Some(Unfit::Limit(name))

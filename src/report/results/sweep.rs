@@ -53,7 +53,9 @@ impl Results {
                 None => kins.push(vec![own]),
             }
         }
-        let choices = kins.iter().filter(|kin| kin.len() > 1).map(|kin| {
+        let is_sweep =
+            |kin: &&Vec<&AlgorithmRecord>| kin.iter().any(|own| own.values != kin[0].values);
+        let choices = kins.iter().filter(is_sweep).map(|kin| {
             let mut choice = SweepChoice {
                 algorithm: kin[0].name.clone(),
                 settings: kin.len(),
@@ -87,7 +89,12 @@ impl Results {
         let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
         let mut settings: SettingRows<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
         let Some((_, mut common)) = settings.first().cloned() else {
-            return Err(self.unfit_words(own));
+            let why = self.unfit_words(own);
+            return Err(if why.is_empty() {
+                "no pair was answered".to_owned()
+            } else {
+                why
+            });
         };
         for (_, own) in &settings {
             [common, _] = paired(&common, own);
@@ -155,6 +162,7 @@ impl SweepChoice {
         let show = |score: f64| metric.map_or_else(String::new, |metric| metric.show(score));
         let alike = match own.alike {
             0 => String::new(),
+            1 => "; another is not told apart from it".to_owned(),
             alike => format!("; {alike} others are not told apart from it"),
         };
         format!(

@@ -12,7 +12,7 @@ use serde_json::error::Category;
 use std::fs::read_to_string;
 use std::io::Read;
 use std::path::Path;
-use svl_core::doubt::Doubt;
+use svl_core::doubt::{Doubt, read_doubts};
 use svl_core::kernel;
 use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::{CellRule, hash_words};
@@ -84,7 +84,11 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// Quantities that cannot be right.
-    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        deserialize_with = "read_doubts"
+    )]
     pub doubts: Vec<Doubt>,
 }
 

@@ -282,7 +282,7 @@ fn images_of_different_moments_are_not_usable() {
         let usability = fixture.json("info mav0 --json")["usability"].take();
         assert_eq!(usability["is_usable"], is_usable, "{usability}");
         let words = format!("a median skew of {late_ms}.0 ms is above 25.0 ms");
-        let missing = usability["missing"].to_string();
-        assert_eq!(missing.contains(&words), !is_usable, "{missing}");
+        let doubts = usability["doubts"].to_string();
+        assert_eq!(doubts.contains(&words), !is_usable, "{doubts}");
     }
 }

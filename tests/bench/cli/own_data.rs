@@ -108,7 +108,7 @@ fn images_of_12_bits_are_not_dark() {
     assert!(ran.stderr.contains(note), "{}", ran.stderr);
     assert_says(
         &ran.stderr,
-        &["a later image has many values that are white, above 4095"],
+        &["a later image has many values outside of 0 to 4095: black or white"],
     );
     ran.done();
     let deep = frames(&fixture, "deep.mcap");

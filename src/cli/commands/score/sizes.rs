@@ -71,7 +71,7 @@ fn tolerance(text: &str) -> Result<CellTolerance, String> {
             _ => return Err(EXPECTED.to_owned()),
         };
         let number = number.parse().ok();
-        let number = number.filter(|n: &f64| *n > 0.0 && n.is_finite() && place.is_none());
+        let number = number.filter(|n: &f64| *n > 0.0 && *n < 10_000.0 && place.is_none());
         *place = Some(number.ok_or(EXPECTED)?);
     }
     Ok(found)
