@@ -163,7 +163,7 @@ fn a_parameter_that_a_pull_request_changes_is_compared() {
     let comment = job.fixture.text("svl-reports/compare.md");
     let first = comment.lines().next().unwrap();
     assert!(
-        first.starts_with("**mixed**: worse: v3 → v3:max\\_disparity=8 right cells "),
+        first.starts_with("**worse**: v3 → v3:max\\_disparity=8 right cells "),
         "{comment}"
     );
 }

@@ -18,7 +18,8 @@ WIDTH, HEIGHT = 40, 20
 
 def image(number, side):
     pixels = np.zeros((HEIGHT, WIDTH), "<u2")
-    pixels[:, :] = 1024 + 100 * number + np.arange(WIDTH) * (1 + side)
+    rows = 256 * (np.arange(HEIGHT)[:, None] % 12)
+    pixels[:, :] = rows + 100 * number + np.arange(WIDTH) * (1 + side)
     pixels[0, 1] = 1024 + 16 * number
     header = Header(Time(1_700_000_000, 50_000_000 * number), "camera")
     return Image(header, HEIGHT, WIDTH, "mono16", 0, 2 * WIDTH, pixels.view("u1").reshape(-1))

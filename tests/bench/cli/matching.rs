@@ -39,7 +39,7 @@ fn doubts_about_the_pair_are_in_its_json() {
     let doubts = fixture.json("match r.pgm l.pgm --algo v3 -o e.pfm --json")["doubts"].take();
     assert_eq!(doubts[0]["of"], "pairs");
     assert_eq!(doubts[0]["cure"]["kind"], "exchanged", "{doubts}");
-    assert_eq!(doubts[0]["value"], -8.0);
+    assert!(doubts[0]["value"].as_f64() < Some(0.0), "{doubts}");
 }
 
 #[test]

@@ -58,7 +58,8 @@ fn a_truncated_bag_is_recovered_by_messages() {
     fixture.write("cut.mcap", &bag[..bag.len() * 6 / 10]);
     let said = fixture.run("recover cut.mcap -o saved.mcap");
     assert_says(&said, &["messages        /stereo", "damaged parts  "]);
-    assert!(said.contains("pairs           0\n"), "{said}");
+    // Pairs are counted in recordings of svl alone.
+    assert!(!said.contains("\npairs "), "{said}");
 }
 
 #[test]

@@ -273,7 +273,7 @@ fn a_split_bag_is_told_as_one_file() {
         assert_eq!(one[key], split[key], "{key}");
     }
     assert_eq!(split["pairs"], 40);
-    assert_eq!(split["clocks"]["faults"][0]["topic"], "/depth");
+    assert_eq!(split["clocks"]["faults"][0]["of"]["topic"], "/depth");
     // Without a pair as well.
     fixture.run("info split --left /cam0/image_rect --right /depth");
 }
