@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12863),
+    ("bench", 12864),
     ("c", 470),
     ("calibrate", 4913),
     ("cli", 11140),
-    ("core", 19478),
-    ("files", 2442),
+    ("core", 19487),
+    ("files", 2444),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 13953),
-    ("report", 12841),
-    ("score", 7892),
+    ("report", 12869),
+    ("score", 7896),
     ("sim", 3534),
     ("thesis", 2877),
     ("train", 3401),
