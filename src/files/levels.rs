@@ -54,7 +54,7 @@ impl GreyLevels {
     }
 
     /// Adds an image of a camera, 0 for the left one; false if it has 8 bits. Those after the first
-    /// [`DECIDING_PAIRS`] are only counted.
+    /// `DECIDING_PAIRS` are only counted.
     pub fn add(&mut self, side: usize, image: &DecodedImage) -> bool {
         let camera = &mut self.cameras[side];
         camera.images += 1;
