@@ -118,19 +118,19 @@ impl GreyLevels {
 
     /// The doubt about cameras of two depths.
     fn two_depths(&self) -> Option<Doubt> {
-        let bright = self.cameras.each_ref().map(|own| match own.deep {
-            0 => None,
-            _ => Some(own.quantile(0.99)),
-        });
+        let bright = |own: &CameraLevels| (own.deep > 0).then(|| own.quantile(0.99));
+        let bright = self.cameras.each_ref().map(bright);
         let has_all = self.cameras.iter().all(|own| own.images > 0);
-        let value = |own: Option<u16>| f64::from(own.unwrap_or(255).max(1));
-        let [left, right] = bright.map(value);
-        let ratio = (left / right).max(right / left);
-        let is_mixed = bright[0].is_some() != bright[1].is_some();
         let [left, right] = bright;
         let cure = PairCure::TwoDepths { left, right };
+        let (Some(left), Some(right)) = (left, right) else {
+            let is_mixed = has_all && left != right;
+            return is_mixed.then(|| cure.doubt(Subject::Pairs, "bits_apart", 8.0, [0.0, 0.0]));
+        };
+        let [left, right] = [left, right].map(|own| f64::from(own.max(1)));
+        let ratio = (left / right).max(right / left);
         let doubt = cure.doubt(Subject::Pairs, "brightness_ratio", ratio, [1.0, DEPTHS]);
-        (has_all && (is_mixed || ratio >= DEPTHS)).then_some(doubt)
+        (ratio >= DEPTHS).then_some(doubt)
     }
 }
 

@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 13953),
-    ("report", 12869),
+    ("report", 12864),
     ("score", 7896),
     ("sim", 3534),
     ("thesis", 2877),

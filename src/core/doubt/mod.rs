@@ -1,7 +1,7 @@
 //! Contradictions: a quantity of a recording, a calibration, a truth or a map that is not what it
 //! usually is, with its likely cause.
 //!
-//! Whoever finds one gives numbers. The words of each kind are beside its numbers, in the module of
+//! A finder gives numbers. The words of each kind are beside its numbers, in the module of
 //! its subject; [`Doubt`] prints them and writes them as JSON.
 
 /// A table of causes: the numbers of each, and its words, which end with the cure.
@@ -218,6 +218,13 @@ mod tests {
             assert!(json["cure"]["kind"].is_string(), "{json}");
             assert_eq!(serde_json::from_value::<Doubt>(json).unwrap(), doubt);
         }
+        // JSON has no infinite numbers: such a doubt is left out, and the others are read.
+        let infinite = CalibrationCheck::focal(f64::INFINITY, 500.0)
+            .doubt()
+            .unwrap();
+        let own = doubts().remove(0);
+        let json = serde_json::to_value([infinite, own.clone()]).unwrap();
+        assert_eq!(read_doubts(json).unwrap(), [own]);
     }
 
     #[test]

@@ -79,23 +79,18 @@ impl Results {
             };
             return Some(format!("None is called best: {why}{}.", self.numbers()));
         }
-        if self.best.is_empty() || few || self.best.iter().any(is_few) {
-            let why = if few || !self.best.is_empty() {
-                "Too few pairs to tell which is best".to_owned()
-            } else if self.algorithms.iter().any(|a| self.may_be_best(a)) {
-                return None;
-            } else {
-                format!(
-                    "None may be best: {}",
-                    self.unfit_words(self.ranked_algorithms())
-                )
-            };
-            let numbers = if why.starts_with("Too") {
-                self.numbers()
-            } else {
-                String::new()
-            };
-            return Some(format!("{why}{numbers}; {extent}."));
+        if few || self.best.iter().any(is_few) {
+            let numbers = self.numbers();
+            return Some(format!(
+                "Too few pairs to tell which is best{numbers}; {extent}."
+            ));
+        }
+        if self.best.is_empty() {
+            let is_any_fit = self.algorithms.iter().any(|a| self.may_be_best(a));
+            return (!is_any_fit).then(|| {
+                let why = self.unfit_words(self.ranked_algorithms());
+                format!("None may be best: {why}; {extent}.")
+            });
         }
         let best: Vec<_> = self.best.iter().collect();
         let names = |own: &[&Best]| {
@@ -139,7 +134,7 @@ impl Results {
         Some(format!("exact distances {}", metric.show(value)))
     }
 
-    /// The numbers that nobody is called best by.
+    /// The numbers by which none is called best.
     fn numbers(&self) -> String {
         let Some(words) = self.merit_words() else {
             return String::new();

@@ -1,4 +1,4 @@
-//! The pairs that all ranked algorithms answered: a table of them compares nobody's losses.
+//! The pairs that all ranked algorithms answered: a table of them compares no losses.
 
 use crate::rows::records::{FailureRow, Row};
 use crate::rows::samples::{RunKey, run_key};

@@ -36,7 +36,7 @@ enum WrittenLimit {
 }
 
 impl LossLimit {
-    /// True for more lost ones, of so many pairs.
+    /// True if more are lost than the limit permits; `pairs`: all of them.
     pub fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
         match self {
             Self::Pairs(most) => lost > most,
