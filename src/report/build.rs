@@ -207,7 +207,6 @@ impl Report<'_> {
                 &folder.join("summary.md"),
                 summary.markdown(&plan.manifest.scenario),
             )?;
-            write(&folder.join("summary.tex"), summary.headline().latex())?;
             if let Some(figures) = options.figures {
                 page.write_figures(figures)?;
             }
@@ -535,16 +534,14 @@ const REPORT_FILES: &[&str] = &[
     MANIFEST,
     COURSES,
     "summary.md",
-    "summary.tex",
     SUMMARY,
     "index.html",
 ];
 
 /// The files of a complete report alone.
-const SUMMARIES: [&str; 7] = [
+const SUMMARIES: [&str; 6] = [
     SUMMARY,
     "summary.md",
-    "summary.tex",
     "summary.csv",
     "summary.parquet",
     "verdicts.csv",

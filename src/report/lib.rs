@@ -3,7 +3,7 @@
 //! ```text
 //! units ──build──▶ rows, cells, checkpoints, … as .csv and .parquet
 //!                      │
-//!                      └──▶ Results ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON,
+//!                      └──▶ Results ──▶ Table ──▶ terminal, Markdown; JSON,
 //!                                       html::ReportPage, summary and verdicts
 //! ```
 
@@ -19,7 +19,7 @@ pub mod units;
 pub use crate::build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use crate::pages::{calibration, html};
 pub use crate::results::algorithm_parameters::write_algorithms;
-pub use crate::results::best::{Best, BestSetting, Certainty, Other, SweepChoice};
+pub use crate::results::best::{Best, BestSetting, Certainty, Other, SweepChoice, Unfit};
 pub use crate::results::descriptions::{METRIC_NAMES, TABLES, TableDescription};
 pub use crate::results::gate::{GateResult, GateState, limit_results};
 pub use crate::results::summary::{

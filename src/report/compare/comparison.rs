@@ -272,7 +272,7 @@ impl AlgorithmChange {
             base_pairs: own.base_pairs,
             unmatched: own.unmatched,
             newly_failed: own.newly_failed,
-            exceeds_losses: allowed.is_exceeded(own.newly_failed as u64, own.base_pairs as u64),
+            exceeds_losses: allowed.is_exceeded(own.newly_failed as u64, own.read_pairs as u64),
             other_past: own.other_past,
             ..Self::default()
         };

@@ -33,6 +33,8 @@ pub(super) struct JoinedAlgorithm<'a> {
     pub base_pairs: usize,
     /// Pairs or courses of either report without a partner.
     pub unmatched: usize,
+    /// Number of pairs that the second read.
+    pub read_pairs: usize,
     /// Pairs that the second failed on and of which the first has a result.
     pub newly_failed: usize,
     /// Pairs before which the two have different pairs.
@@ -292,12 +294,12 @@ impl<'a> JoinedAlgorithm<'a> {
         let pairs: Vec<_> = both.collect();
         let has_results: BTreeSet<_> = ours.keys().map(|key| (key.0, key.1)).collect();
         let failures = other.failures.iter();
-        let failures = failures
-            .filter(|row| row.algorithm == labels[1])
-            .filter(|row| {
-                let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
-                has_results.contains(&place)
-            });
+        let failures = failures.filter(|row| row.algorithm == labels[1]);
+        let read_pairs = theirs.len() + failures.clone().count();
+        let failures = failures.filter(|row| {
+            let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
+            has_results.contains(&place)
+        });
         let whole_runs = whole_runs(&pairs, [&ours, &theirs]);
         let records = [base, other].into_iter().zip(labels);
         let mut records = records.filter_map(|(run, label)| run.record(label));
@@ -310,6 +312,7 @@ impl<'a> JoinedAlgorithm<'a> {
             labels,
             base_pairs: ours.len(),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+            read_pairs,
             newly_failed: failures.count(),
             other_past,
             whole_runs,

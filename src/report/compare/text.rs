@@ -48,8 +48,8 @@ impl Comparison {
                 "they have no headline metric in common".to_owned()
             }
             Conclusion::TooFewPairs => format!(
-                "{pairs} are in fewer than {fewest} independent blocks, so there is no interval; \
-                 score more pairs"
+                "fewer than {fewest} independent blocks in {pairs}, so there is no interval; score \
+                 more pairs"
             ),
             Conclusion::TooFewCourses => {
                 format!("of {pairs} {fewest} have to differ; drive more, as with --seeds 1..100")

@@ -192,12 +192,18 @@ impl Results {
         if self.shown.sort.is_some() {
             return self.algorithms.iter().collect();
         }
-        let keyed = self.algorithms.iter();
-        let keyed = keyed.map(|a| (self.merit(a).unwrap_or(f64::NEG_INFINITY), a));
-        let mut keyed: Vec<_> = keyed.collect();
-        // Stable, and those without a value are last.
-        keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-        keyed.into_iter().map(|(_, a)| a).collect()
+        let key = |a: &AlgorithmSummary| {
+            let merit = self.merit(a);
+            let is_absent = self.basis.common.is_absent(&a.algorithm);
+            ((merit.is_none(), is_absent), merit.unwrap_or_default())
+        };
+        let mut ranked: Vec<_> = self.algorithms.iter().collect();
+        // Stable: those without a value are last, behind those that answered less than half.
+        ranked.sort_by(|a, b| {
+            let ((a_group, a), (b_group, b)) = (key(a), key(b));
+            a_group.cmp(&b_group).then(b.total_cmp(&a))
+        });
+        ranked
     }
 
     /// The number that the algorithms are ranked by: more is better.
@@ -333,17 +339,21 @@ impl Results {
     /// failed on pairs. All marks of a column are as wide.
     fn mark(&self, metric: &Metric, label: &str) -> String {
         let lacks = |label: &str| self.basis.common.partial.contains_key(label);
-        let is_first = answer_metrics(self.kind()).first() == Some(&metric);
+        let answers = answer_metrics(self.kind());
         // Drives run beside each other, and their pairs differ.
-        let has_losses = is_first && self.kind() != TruthLevel::Courses;
+        let is_driven = self.kind() == TruthLevel::Courses;
+        let has_losses = answers.first() == Some(&metric) && !is_driven;
+        let best = self.best.iter().find(|best| best.metric == metric);
+        let is_marked = best.is_some() || answers.contains(&metric) && !self.has_one_algorithm();
         let mark = |label: &str| {
-            let best = self.best.iter().find(|best| best.metric == metric);
+            let unfit = self.unfit.get(label).filter(|_| is_marked);
             let own = best.map_or("", |best| best.mark(label)).to_owned();
-            own + if has_losses && lacks(label) {
-                FAILED
-            } else {
-                ""
-            }
+            own + unfit.map_or("", |own| own.mark())
+                + if has_losses && lacks(label) {
+                    FAILED
+                } else {
+                    ""
+                }
         };
         let all = self.algorithms.iter().map(|a| mark(&a.algorithm).len());
         format!("{:<width$}", mark(label), width = all.max().unwrap_or(0))

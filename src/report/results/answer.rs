@@ -1,6 +1,6 @@
 //! The answer of a report: a sentence at its head, and the meanings of marks below its table.
 
-use super::best::{BEST, Best, Certainty, FAILED, SweepChoice, Unfit};
+use super::best::{BEST, Best, Certainty, FAILED, FEW, SweepChoice, UNFIT, Unfit};
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::samples::grouped;
 use crate::subjects::references::EXACT;
@@ -22,7 +22,7 @@ impl Unfit {
                 format!("{label} {name} {}", value.unwrap_or_default())
             }
             Self::BehindPrior => format!("{label} not above the prior"),
-            Self::TooFewPairs => format!("{label} too few pairs to tell from the prior"),
+            Self::TooFewPairs => format!("{label} too few pairs to tell"),
             Self::Absent => format!("{label} answered less than half"),
             Self::NotCompared => format!("{label} not compared"),
         }
@@ -44,11 +44,6 @@ impl Results {
     /// Which algorithm is best, by how much, on how many pairs and cells; or why none is.
     fn head(&self) -> Option<String> {
         let extent = self.extent_words();
-        let unfit = self.basis.unfit.values();
-        let mut answered = unfit.filter(|own| !matches!(own, Unfit::Absent | Unfit::NotCompared));
-        // One that failed on all pairs changes no sentence.
-        let few = answered.next() == Some(&Unfit::TooFewPairs)
-            && answered.all(|own| *own == Unfit::TooFewPairs);
         if self.has_areas()
             && self
                 .most_cells(self.basis.area)
@@ -59,40 +54,35 @@ impl Results {
                 "No cell of this area is scored, so none is best; {pairs}."
             ));
         }
-        let is_driven = self.kind() == TruthLevel::Courses;
-        let is_few = |best: &Best| {
-            let mut others = best.others.iter();
-            others.any(|other| other.certainty == Certainty::TooFew)
-        };
-        let courses = self
-            .drives
-            .iter()
-            .map(|own| own.courses)
-            .max()
-            .unwrap_or_default();
-        let fewest = METHOD.fewest_blocks;
-        if is_driven && self.best.is_empty() {
-            let why = if (courses as usize) < fewest {
-                format!("{courses} of at least {fewest} courses")
-            } else {
-                "no algorithm that finishes is told apart from all others".to_owned()
-            };
-            return Some(format!("None is called best: {why}{}.", self.numbers()));
+        if self.kind() == TruthLevel::Courses && self.best.is_empty() {
+            return Some(format!(
+                "None is called best: {}{}.",
+                self.undecided_courses(),
+                self.numbers()
+            ));
         }
-        if few || self.best.iter().any(is_few) {
+        let unfit = self.unfit.values();
+        let mut answered = unfit.filter(|own| !matches!(own, Unfit::Absent | Unfit::NotCompared));
+        // One that failed on all pairs changes no sentence.
+        let is_few = answered.next() == Some(&Unfit::TooFewPairs)
+            && answered.all(|own| *own == Unfit::TooFewPairs);
+        if is_few {
             let numbers = self.numbers();
             return Some(format!(
                 "Too few pairs to tell which is best{numbers}; {extent}."
             ));
         }
-        if self.best.is_empty() {
+        // Times are marked, and judge nothing.
+        let best: Vec<_> = (self.best.iter())
+            .filter(|best| best.metric.name != "time")
+            .collect();
+        if best.is_empty() {
             let is_any_fit = self.algorithms.iter().any(|a| self.may_be_best(a));
             return (!is_any_fit).then(|| {
                 let why = self.unfit_words(self.ranked_algorithms());
                 format!("None may be best: {why}; {extent}.")
             });
         }
-        let best: Vec<_> = self.best.iter().collect();
         let names = |own: &[&Best]| {
             let by = own.iter().map(|best| self.best_words(best));
             format!("{} by {}", own[0].algorithm, joined(by))
@@ -101,14 +91,21 @@ impl Results {
         Some(format!("Best: {names}; {extent}."))
     }
 
+    /// Why no algorithm is best by its drives.
+    fn undecided_courses(&self) -> String {
+        let courses = self.drives.iter().map(|own| own.courses).max();
+        let (courses, fewest) = (courses.unwrap_or_default(), METHOD.fewest_blocks);
+        if (courses as usize) < fewest {
+            format!("{courses} of at least {fewest} courses")
+        } else {
+            "no algorithm that finishes is told apart from all others".to_owned()
+        }
+    }
+
     /// The value of the best, and that of the next.
     fn best_words(&self, best: &Best) -> String {
         let metric = best.metric;
-        let next = best
-            .others
-            .iter()
-            .find(|other| other.certainty != Certainty::Unfit);
-        let next = next.and_then(|next| {
+        let next = best.others.first().and_then(|next| {
             let value = self.value(&next.algorithm, metric, None)?;
             let mark = next.certainty.mark();
             let mark = if mark.is_empty() {
@@ -160,7 +157,7 @@ impl Results {
         algorithms: impl IntoIterator<Item = &'a AlgorithmSummary>,
     ) -> String {
         let own = algorithms.into_iter().filter_map(|a| {
-            let why = self.basis.unfit.get(&a.algorithm)?;
+            let why = self.unfit.get(&a.algorithm)?;
             Some(why.words(self, &a.algorithm))
         });
         let mut own: Vec<_> = own.collect();
@@ -176,13 +173,16 @@ impl Results {
         let pairs = if self.basis.own.is_empty() {
             counted(self.basis.scope.pairs, "pair")
         } else {
-            format!("{} of {} pairs that all have", common.common, common.read)
+            format!("{} of {} pairs, which all have", common.common, common.read)
         };
         let cells = self
             .most_cells(self.basis.area)
             .filter(|_| self.has_areas());
-        let is_obstacle = self.basis.area == AreaChoice::Obstacle && !self.includes_floor();
-        let area = if is_obstacle { "obstacle cell" } else { "cell" };
+        let area = match self.basis.area {
+            AreaChoice::Obstacle if !self.includes_floor() => "obstacle cell",
+            AreaChoice::Floor => "floor cell",
+            _ => "cell",
+        };
         let cells = cells.map(|cells| format!(", {}", counted(cells, area)));
         format!("{pairs}{}", cells.unwrap_or_default())
     }
@@ -194,20 +194,18 @@ impl Results {
         }
         let shown = self.shown.columns.metrics(self.kind());
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
-        let has = |certainty| {
-            let mut others = marked.clone().flat_map(|best| &best.others);
-            others.any(|other| other.certainty == certainty)
-        };
-        let marks = [
-            (Certainty::NotToldApart, "not told apart from it".to_owned()),
-            (Certainty::TooFew, "too few pairs to tell".to_owned()),
-            (
-                Certainty::Unfit,
-                format!("may not be best: {}", self.limit_words()),
-            ),
+        let marks = marked.clone().flat_map(|best| &best.others);
+        let marks = marks.map(|other| other.certainty.mark());
+        let unfit = self.unfit.values().map(|own| own.mark());
+        let seen: Vec<_> = marks.chain(unfit).collect();
+        let untold = Certainty::NotToldApart.mark();
+        let meanings = [
+            (untold, "not told apart from it".to_owned()),
+            (FEW, "too few pairs to tell".to_owned()),
+            (UNFIT, format!("may not be best: {}", self.limit_words())),
         ];
-        let marks = marks.into_iter().filter(|(own, _)| has(*own));
-        let marks = marks.map(|(own, words)| format!("{} {words}", own.mark()));
+        let meanings = meanings.into_iter().filter(|(own, _)| seen.contains(own));
+        let marks = meanings.map(|(own, words)| format!("{own} {words}"));
         let best = (marked.clone().count() > 0).then(|| format!("{BEST} best"));
         let failed = self.basis.common.partial.iter().map(|(label, pairs)| {
             let read = self.basis.common.read;

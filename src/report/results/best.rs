@@ -14,7 +14,7 @@ pub struct Best {
     pub area: Option<AreaChoice>,
     pub algorithm: String,
     pub value: f64,
-    /// The other algorithms with a value: the better first, then those that may not be best.
+    /// The others that may be best, the better first.
     pub others: Vec<Other>,
 }
 
@@ -34,12 +34,13 @@ pub enum Certainty {
     NotToldApart,
     /// Too few blocks of pairs, or too few courses.
     TooFew,
-    /// It may not be best.
-    Unfit,
 }
 
 /// The mark of the best in tables.
 pub(crate) const BEST: &str = "*";
+/// The mark of an algorithm that may not be best, and that of one of which too few pairs tell.
+pub(crate) const UNFIT: &str = "x";
+pub(crate) const FEW: &str = "?";
 /// The mark of an algorithm that failed on pairs.
 pub(crate) const FAILED: &str = "!";
 
@@ -49,8 +50,7 @@ impl Certainty {
         match self {
             Self::Clear => "",
             Self::NotToldApart => "=",
-            Self::TooFew => "?",
-            Self::Unfit => "x",
+            Self::TooFew => FEW,
         }
     }
 }
@@ -68,17 +68,30 @@ impl Best {
 }
 
 /// Why an algorithm may not be best.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unfit {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unfit {
     /// The truth and `blind`, at the ends of the scale; a robot that stands, or failed.
     NotCompared,
     /// It answered less than half of the pairs.
     Absent,
     /// That metric is beyond its limit.
     Limit(&'static str),
-    /// It is not better than the prior, or too few pairs tell.
+    /// It is not better than the prior.
     BehindPrior,
+    /// Too few independent pairs tell it from the prior and from others.
     TooFewPairs,
+}
+
+impl Unfit {
+    /// The mark in the columns of the metrics that name a best.
+    pub(crate) fn mark(self) -> &'static str {
+        match self {
+            Self::NotCompared => "",
+            Self::TooFewPairs => FEW,
+            _ => UNFIT,
+        }
+    }
 }
 
 /// The unperturbed rows of each algorithm, in their order.

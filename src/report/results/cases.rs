@@ -33,7 +33,8 @@ impl Results {
             (metric, scenes(metric, rows))
         };
         let ranked = self.ranked_algorithms();
-        let best = &ranked.iter().find(|a| self.may_be_best(a))?.algorithm;
+        let fit = ranked.iter().find(|a| self.may_be_best(a));
+        let best = &fit.or(ranked.first())?.algorithm;
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));

@@ -9,8 +9,8 @@ use crate::rows::samples::{paired, runs};
 use crate::subjects::drives::{self, DriveRow};
 use crate::subjects::references::PRIOR;
 use std::cmp::Ordering;
-use svl_score::bootstrap::{RunLengths, Sample};
-use svl_score::judge::{Better, Metric, TruthLevel};
+use svl_score::bootstrap::{METHOD, RunLengths, Sample};
+use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
 
 /// The largest fraction of wrong cells of an algorithm that may be called best.
 pub(crate) const MAX_WRONG: f64 = 0.1;
@@ -41,10 +41,11 @@ pub(crate) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
     names.iter().filter_map(|name| Metric::find(name)).collect()
 }
 
-/// Right minus wrong cells, of the scored ones.
-pub(crate) fn merit_sample(rows: &[&Row]) -> Sample {
+/// Right minus wrong cells of an area, of the scored ones.
+pub(crate) fn merit_sample(rows: &[&Row], area: AreaChoice) -> Sample {
     let parts = |row: &&Row| {
-        let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|n| row.metrics.get(n));
+        let value = |name| row.metrics.get_in(name, area);
+        let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(value);
         let counts = right.zip(wrong).zip(unknown);
         counts.map_or([0.0; 2], |((right, wrong), unknown)| {
             [right - wrong, right + wrong + unknown]
@@ -53,9 +54,9 @@ pub(crate) fn merit_sample(rows: &[&Row]) -> Sample {
     Sample::Ratio(rows.iter().map(parts).collect())
 }
 
-/// The change of right minus wrong cells from rows to others of the same pairs.
-pub(crate) fn merit_change([base, other]: [&[&Row]; 2]) -> Option<Change> {
-    let samples = [base, other].map(merit_sample);
+/// The change of right minus wrong cells of an area from rows to others of the same pairs.
+fn merit_change([base, other]: [&[&Row]; 2], area: AreaChoice) -> Option<Change> {
+    let samples = [base, other].map(|rows| merit_sample(rows, area));
     let values = [samples[0].total()?, samples[1].total()?];
     let samples = [&samples[0], &samples[1]];
     Some(Change::from_samples(
@@ -72,7 +73,7 @@ impl Results {
     pub(crate) fn find_best(&mut self, rows: &RowsByAlgorithm<'_>, drives: &[DriveRow]) {
         let unfit = self.algorithms.iter();
         let unfit = unfit.filter_map(|a| Some((a.algorithm.clone(), self.unfit(a, rows)?)));
-        self.basis.unfit = unfit.collect();
+        self.unfit = unfit.collect();
         let kind = self.kind();
         // Drives run beside each other, and their pairs differ.
         let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
@@ -84,7 +85,11 @@ impl Results {
 
     fn unfit(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
         let kind = self.kind();
-        let value = |name| a.value(Metric::find(name)?);
+        let area = self.deciding_area();
+        let value = |name| {
+            let metric = Metric::find(name)?;
+            metric.value_of(a.totals.measured(metric, area)?)
+        };
         let is_tested = |name: &str| name != "found" || value("near") >= Some(MIN_NEAR);
         let is_broken = |(level, name, [min, max]): &&(TruthLevel, &'static str, [f64; 2])| {
             let is_within = |value| *min <= value && value <= *max;
@@ -101,8 +106,23 @@ impl Results {
             Some(Unfit::Absent)
         } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
             Some(Unfit::Limit(name))
+        } else if let Some(own) = rows.get(&*a.algorithm).filter(|_| !is_driven) {
+            let is_few = runs(own).blocks() < METHOD.fewest_blocks;
+            is_few
+                .then_some(Unfit::TooFewPairs)
+                .or_else(|| self.beside_prior(own, rows))
         } else {
-            self.beside_prior(a, rows)
+            None
+        }
+    }
+
+    /// The cells that decide who may be best, whatever area is shown: those of the headline, unless
+    /// there is none.
+    fn deciding_area(&self) -> AreaChoice {
+        let headline = AreaChoice::default();
+        match self.most_cells(headline) {
+            Some(1..) => headline,
+            _ => self.basis.area,
         }
     }
 
@@ -126,11 +146,10 @@ impl Results {
     }
 
     /// Tests right minus wrong cells against the prior's.
-    fn beside_prior(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
+    fn beside_prior(&self, own: &[&Row], rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
         let prior = rows.get(PRIOR).filter(|_| !self.is_still())?;
-        let own = rows.get(a.algorithm.as_str())?;
         let [prior, own] = paired(prior, own);
-        let change = merit_change([&prior, &own]);
+        let change = merit_change([&prior, &own], self.deciding_area());
         match change.map(|change| change.judgement) {
             Some(Judgement::Better) => None,
             Some(Judgement::TooFew) | None => Some(Unfit::TooFewPairs),
@@ -140,7 +159,10 @@ impl Results {
 
     /// True if the prior is right nearly everywhere, so that it is no test.
     pub(crate) fn is_still(&self) -> bool {
-        let right = Metric::find("right").and_then(|metric| self.value(PRIOR, metric, None));
+        let area = self.deciding_area();
+        let right = Metric::find("right");
+        let right =
+            right.and_then(|right| right.value_of(self.measurement(PRIOR, right, None, area)?));
         right.is_some_and(|right| right >= MAX_PRIOR)
     }
 
@@ -152,8 +174,8 @@ impl Results {
     ) -> Option<Best> {
         let value = |a: &AlgorithmSummary| self.ranked(a, metric);
         let ranked = self.ranked_algorithms().into_iter();
-        let ranked = ranked.filter(|a| value(a).is_some() && !self.is_reference(a));
-        let (mut fit, unfit): (Vec<_>, Vec<_>) = ranked.partition(|a| self.may_be_best(a));
+        let ranked = ranked.filter(|a| value(a).is_some());
+        let mut fit: Vec<_> = ranked.filter(|a| self.may_be_best(a)).collect();
         // Stable: the first of equal ones is the best.
         fit.sort_by(|a, b| better_first(metric, value(a), value(b)));
         let (best, others) = fit.split_first()?;
@@ -172,8 +194,6 @@ impl Results {
         if is_lone || is_driven && !(!others.is_empty() && is_ahead() && finishes()) {
             return None;
         }
-        let others = others.iter().zip(certainties);
-        let others = others.chain(unfit.iter().map(|a| (a, Certainty::Unfit)));
         let other = |(a, certainty): (&&AlgorithmSummary, Certainty)| Other {
             algorithm: a.algorithm.clone(),
             certainty,
@@ -183,7 +203,7 @@ impl Results {
             area: self.area_of(metric),
             algorithm: best.algorithm.clone(),
             value: value(best)?,
-            others: others.map(other).collect(),
+            others: others.iter().zip(certainties).map(other).collect(),
         })
     }
 
@@ -218,7 +238,7 @@ impl Results {
 
     /// True for an algorithm that may be called best.
     pub(crate) fn may_be_best(&self, algorithm: &AlgorithmSummary) -> bool {
-        !self.basis.unfit.contains_key(&algorithm.algorithm)
+        !self.unfit.contains_key(&algorithm.algorithm)
     }
 
     /// True for the truth and for `blind`.
@@ -330,7 +350,7 @@ mod tests {
         let all_but_few = |i: u64| !i.is_multiple_of(20);
         let unfit = |pairs, prior, own| {
             let tested = tested(pairs, prior, own);
-            tested.basis.unfit.get("own").copied()
+            tested.unfit.get("own").copied()
         };
         assert_eq!(unfit(200, half, all_but_few), None);
         assert_eq!(

@@ -47,7 +47,7 @@ pub struct GateResult {
     pub state: GateState,
     /// The cases that the value rests on.
     pub cases: Option<Cases>,
-    /// Caveat of the value, where its truth is not exact.
+    /// Caveats of the value: its truth is not exact, its pairs are not those of the table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }
@@ -76,6 +76,10 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
                 None => Some(measured.value),
                 Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
             });
+        let is_of_own = !summary.basis.own.is_empty() && limit.checkpoint.is_none();
+        let own_pairs = is_of_own.then(|| "of its own pairs".to_owned());
+        let caution = summary.caution().filter(|_| limit.metric.against_truth);
+        let cautions: Vec<_> = caution.into_iter().chain(own_pairs).collect();
         let [min, max] = limit.bounds();
         let keeps = |v: f64| min.is_none_or(|min| v >= min) && max.is_none_or(|max| v <= max);
         let state = match value {
@@ -90,7 +94,7 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
             value,
             state,
             cases: Some(cases),
-            caution: summary.caution().filter(|_| limit.metric.against_truth),
+            caution: (!cautions.is_empty()).then(|| cautions.join(", ")),
             ..GateResult::skipped(limit)
         }
     };

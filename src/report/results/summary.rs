@@ -46,6 +46,9 @@ pub struct Results {
     /// The best algorithms by the headline metrics; those of [`Results::new`] alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub best: Vec<Best>,
+    /// The algorithms that may not be best by any metric, each with the reason.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub unfit: BTreeMap<String, Unfit>,
     /// The settings of swept algorithms.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<SweepChoice>,
@@ -132,8 +135,6 @@ pub(crate) struct ResultBasis {
     /// The numbers of algorithms and references over their own pairs, for limits; empty where they
     /// are those that are shown.
     pub(crate) own: Vec<AlgorithmSummary>,
-    /// The algorithms that may not be best.
-    pub(crate) unfit: BTreeMap<String, Unfit>,
     /// The algorithms that report the truth itself.
     pub(crate) perfect: Vec<String>,
     /// The work that the times measure, if that is known.

@@ -4,10 +4,10 @@
 //! good. So each half of the blocks of neighbouring pairs chooses, and the other half scores the
 //! choice.
 
-use super::best::{BestSetting, RowsByAlgorithm, SweepChoice};
+use super::best::{BestSetting, RowsByAlgorithm, SweepChoice, Unfit};
 use super::change::{Change, Judgement};
 use super::choice::{better_first, merit_sample};
-use super::summary::Results;
+use super::summary::{AlgorithmSummary, Results};
 use crate::rows::records::Row;
 use crate::rows::samples::{paired, runs, sample};
 use svl_core::counted;
@@ -15,6 +15,9 @@ use svl_core::matcher;
 use svl_score::bootstrap::{METHOD, Sample};
 use svl_score::judge::{Better, Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
+
+/// Reason of a sweep without a choice.
+const TOO_FEW: &str = "too few pairs to tell";
 
 /// The settings that are compared, with their rows of the pairs that all of them have.
 type SettingRows<'a> = Vec<(&'a str, Vec<&'a Row>)>;
@@ -89,11 +92,13 @@ impl Results {
         let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
         let mut settings: SettingRows<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
         let Some((_, mut common)) = settings.first().cloned() else {
-            let why = self.unfit_words(own);
-            return Err(if why.is_empty() {
-                "no pair was answered".to_owned()
-            } else {
-                why
+            let is_few =
+                |a: &AlgorithmSummary| self.unfit.get(&a.algorithm) == Some(&Unfit::TooFewPairs);
+            let is_any = own.clone().next().is_some();
+            return Err(match self.unfit_words(own.clone()) {
+                _ if is_any && own.clone().all(is_few) => TOO_FEW.to_owned(),
+                why if why.is_empty() => "no pair was answered".to_owned(),
+                why => why,
             });
         };
         for (_, own) in &settings {
@@ -105,10 +110,10 @@ impl Results {
         let runs = runs(&common);
         let blocks = runs.block_numbers();
         if runs.blocks() < METHOD.fewest_blocks {
-            return Err("too few pairs to tell".to_owned());
+            return Err(TOO_FEW.to_owned());
         }
         let measure = |rows: &[&Row]| {
-            let merit = is_merit.then(|| merit_sample(rows));
+            let merit = is_merit.then(|| merit_sample(rows, self.basis.area));
             merit.or_else(|| sample(metric, rows))
         };
         let score = |rows: &[&Row]| measure(rows).as_ref().and_then(Sample::total);
@@ -153,7 +158,7 @@ impl SweepChoice {
         let (settings, name) = (counted(self.settings, "setting"), &self.algorithm);
         let Some(own) = &self.setting else {
             let reason = self.reason.as_deref().unwrap_or_default();
-            return format!("Of {settings} of {name} none is named: {reason}.");
+            return format!("Of {settings} of {name} none is chosen: {reason}.");
         };
         let words = self
             .metric

@@ -12,6 +12,7 @@ use svl_score::judge::{
     AreaChoice, CellArea, CellJudgement, CellTallies, CellTally, CellTruth, MetricValues,
     NearTruth, Verdict,
 };
+use svl_score::manifest::hash;
 
 pub use svl_score::scenario::{EXACT, PRIOR};
 
@@ -166,17 +167,16 @@ impl TruePair {
         reported_px: impl Fn(&TruthRow) -> Option<f64>,
         rule: CellRule,
     ) -> Row {
-        let cells = self.cells.iter();
-        let cells: Vec<_> = cells
-            .map(|cell| cell.judge(reported_px(cell), rule))
-            .collect();
+        let reported: Vec<_> = self.cells.iter().map(reported_px).collect();
+        let cells = self.cells.iter().zip(&reported);
+        let cells: Vec<_> = cells.map(|(cell, px)| cell.judge(*px, rule)).collect();
         let knows_floor = self.cells.iter().any(|cell| cell.is_clear_floor.is_some());
         Row {
             algorithm: name.to_owned(),
             metrics: metrics(&cells, knows_floor, rule),
             // Nothing is matched.
             parameters_hash: String::new(),
-            result_hash: String::new(),
+            result_hash: hash(&format!("{reported:?}")),
             disparities: None,
             smoothing_us: None,
             texture_us: None,

@@ -47,32 +47,30 @@ struct TradeOff {
 struct PlotAxis {
     label: &'static str,
     is_log: bool,
-    /// Less is better.
-    is_cost: bool,
     number: PlotNumber,
 }
 
 const TIME: PlotAxis = PlotAxis {
     is_log: true,
-    ..PlotAxis::cost("median ms per pair", |_, a| a.p50_ms)
+    ..PlotAxis::new("median ms per pair", |_, a| a.p50_ms)
 };
-const WRONG: PlotAxis = PlotAxis::cost("wrong, of the known cells, %", |_, a| wrong_of_known(a));
-const BAD: PlotAxis = PlotAxis::cost("off by > 2 px, of the estimates, %", |_, a| {
+const WRONG: PlotAxis = PlotAxis::new("wrong, of the known cells, %", |_, a| wrong_of_known(a));
+const BAD: PlotAxis = PlotAxis::new("off by > 2 px, of the estimates, %", |_, a| {
     a.totals.get("bad2").map(percent)
 });
-const KNOWN: PlotAxis = PlotAxis::gain("known, of the cells, %", |_, a| known(a));
-const COVERED: PlotAxis = PlotAxis::gain("estimated, of the visible pixels, %", |_, a| {
+const KNOWN: PlotAxis = PlotAxis::new("known, of the cells, %", |_, a| known(a));
+const COVERED: PlotAxis = PlotAxis::new("estimated, of the visible pixels, %", |_, a| {
     let invalid = a.totals.get("invalid");
     invalid.map(|invalid| percent(1.0 - invalid))
 });
-const FINISHED: PlotAxis = PlotAxis::gain("courses finished, %", |summary, a| {
+const FINISHED: PlotAxis = PlotAxis::new("courses finished, %", |summary, a| {
     let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
     finished.map(percent)
 });
-const COLLISIONS: PlotAxis = PlotAxis::cost("collisions per 100 m", |summary, a| {
+const COLLISIONS: PlotAxis = PlotAxis::new("collisions per 100 m", |summary, a| {
     summary.value(&a.algorithm, Metric::find("collisions")?, None)
 });
-const UNRIVALLED: PlotAxis = PlotAxis::gain("unrivalled, of the cells, %", |_, a| {
+const UNRIVALLED: PlotAxis = PlotAxis::new("unrivalled, of the cells, %", |_, a| {
     a.totals.get("unrivalled").map(percent)
 });
 
@@ -173,8 +171,8 @@ pub(crate) fn maps(
     shown.collect()
 }
 
-/// The algorithms but the references as discs, those of a sweep joined, and the front of those that
-/// no other beats in both numbers; absent where no algorithm has both.
+/// The algorithms but the references as discs, those of a sweep joined; absent where no algorithm
+/// has both numbers.
 fn scatter(
     page: &ReportPage,
     trade_off: &TradeOff,
@@ -195,23 +193,18 @@ fn scatter(
         let own = placed.iter().find(|(a, _)| a.algorithm == label);
         own.map(|(_, point)| *point)
     };
-    // The front says which is faster.
-    let has_front = trade_off.axes[0].label != TIME.label || summary.has_comparable_times();
-    let candidates = placed.iter();
-    let candidates = candidates.filter(|(a, _)| has_front && summary.may_be_best(a));
-    let points = front(trade_off, candidates.map(|(_, point)| *point).collect());
-    let mut series = vec![Series::new("", SeriesStyle::Front, points)];
     let (swept, alone): (Vec<_>, Vec<_>) = placed
         .iter()
         .partition(|(a, _)| page.is_swept(&a.algorithm));
-    series.extend(alone.iter().map(|(a, point)| {
+    let discs = alone.iter().map(|(a, point)| {
         let area = trade_off.area.and_then(|area| area(summary, a));
         Series::new(
             &a.algorithm,
             SeriesStyle::Disc(disc_radius(area)),
             vec![*point],
         )
-    }));
+    });
+    let mut series: Vec<_> = discs.collect();
     if page.sweeps.len() > MAX_LINES {
         series.extend(swept.iter().map(|(a, point)| shaded(&a.algorithm, *point)));
     } else {
@@ -237,21 +230,11 @@ fn disc_radius(area: Option<f64>) -> u32 {
 }
 
 impl PlotAxis {
-    /// A number of which less is better.
-    const fn cost(label: &'static str, number: PlotNumber) -> Self {
+    const fn new(label: &'static str, number: PlotNumber) -> Self {
         Self {
             label,
             is_log: false,
-            is_cost: true,
             number,
-        }
-    }
-
-    /// A number of which more is better.
-    const fn gain(label: &'static str, number: PlotNumber) -> Self {
-        Self {
-            is_cost: false,
-            ..Self::cost(label, number)
         }
     }
 
@@ -267,18 +250,6 @@ impl PlotAxis {
             Axis::new(self.label)
         }
     }
-}
-
-/// The points that no other beats in both numbers, from left to right.
-fn front(trade_off: &TradeOff, mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let [x, y] = &trade_off.axes;
-    let cost = |axis: &PlotAxis, value: f64| if axis.is_cost { value } else { -value };
-    let costs = |p: &(f64, f64)| [cost(x, p.0), cost(y, p.1)];
-    let beats = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
-    let all: Vec<_> = points.iter().map(costs).collect();
-    points.retain(|p| !all.iter().any(|other| beats(*other, costs(p))));
-    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    points
 }
 
 /// A sweep as a line with its values. Its first point names it.

@@ -1,6 +1,5 @@
-//! A table of texts and bars: one form for terminal, Markdown, LaTeX and HTML.
+//! A table of texts and bars: one form for terminal, Markdown and HTML.
 
-pub(crate) mod latex;
 pub(crate) mod markdown;
 pub(crate) mod model;
 pub(crate) mod terminal;

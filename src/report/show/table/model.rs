@@ -1,7 +1,6 @@
-//! A table of texts and bars: one form for terminal, Markdown, LaTeX and HTML.
+//! A table of texts and bars: one form for terminal, Markdown and HTML.
 //!
-//! [`Table::terminal`], [`Table::markdown`] and [`Table::latex`] render it; a page gets it
-//! serialized and renders it
+//! [`Table::terminal`] and [`Table::markdown`] render it; a page gets it serialized and renders it
 //! with the macro `table` of `tables.html`.
 
 use crate::show::words::{NONE, ms};

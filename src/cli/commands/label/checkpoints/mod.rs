@@ -22,9 +22,10 @@ use reported::Reported;
 use scenario_file::{NewScenario, ScenarioFile};
 use std::path::{Path, PathBuf};
 use svl::counted;
+use svl::losses::LossLimit;
 use svl::matcher::Algorithm;
-use svl::scenario::ScenarioSource;
-use svl::source::Request;
+use svl::scenario::{ScenarioSource, SourceOptions};
+use svl::source::{Opened, Request};
 use svl::stereo::GridShape;
 use tool::{Labelling, TypedLine};
 
@@ -108,7 +109,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let opened = source::open(request.clone(), quiet)?;
     let file = match existing {
         Some(file) => file,
-        None => ScenarioFile::begin(&output, &args.new_scenario(&opened))?,
+        None => {
+            let options = with_own_losses(&opened, &request, &args.input.options);
+            ScenarioFile::begin(&output, &args.new_scenario(&opened, &options))?
+        }
     };
     file.check(&opened)?;
 
@@ -177,14 +181,30 @@ fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Resul
 }
 
 impl Args {
-    fn new_scenario<'a>(&'a self, opened: &'a svl::source::Opened) -> NewScenario<'a> {
+    fn new_scenario<'a>(
+        &'a self,
+        opened: &'a Opened,
+        options: &'a SourceOptions,
+    ) -> NewScenario<'a> {
         NewScenario {
             source: &self.input.source,
             opened,
             grid: self.grid.unwrap_or_default(),
             algorithm: self.algo.as_ref(),
-            options: &self.input.options,
+            options,
         }
+    }
+}
+
+/// The options of a new scenario, which accepts the images that its recording lost.
+fn with_own_losses(opened: &Opened, request: &Request, options: &SourceOptions) -> SourceOptions {
+    let summary = opened.recording.as_ref();
+    let summary = summary.and_then(|own| own.summary(&request.selection()).ok());
+    let lost = summary.and_then(|own| Some(own.unpaired?.inside));
+    let lost = lost.filter(|images| *images > 0).map(LossLimit::Pairs);
+    SourceOptions {
+        allow_loss: options.allow_loss.or(lost),
+        ..options.clone()
     }
 }
 
