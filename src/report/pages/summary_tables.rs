@@ -271,7 +271,7 @@ impl Results {
             }
         };
         let text = |number: String| TableCell::Text(number);
-        if is_all {
+        if is_all || self.has_own_pairs() {
             let pairs = TableColumn::new("", "pairs");
             add(pairs, &|a| text(a.pairs.to_string()));
         }

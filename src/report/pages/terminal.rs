@@ -126,6 +126,8 @@ impl Results {
         let courses = courses.map(|courses| counted(courses, "course"));
         let exact = TruthOrigin::Exact.to_string();
         let truth = match &self.truth[..] {
+            // All failed.
+            [] if scope.pairs == 0 => String::new(),
             [] => "no ground truth".to_owned(),
             [one] if *one == exact && self.kind() == TruthLevel::Disparities => {
                 "truth of the data set".to_owned()

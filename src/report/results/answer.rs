@@ -223,12 +223,16 @@ impl Results {
         parts.chain(order).collect()
     }
 
-    /// Says that the numbers are of each algorithm's own pairs.
-    fn own_pairs_words(&self) -> Option<String> {
+    /// True if the numbers are of each algorithm's own pairs, as too few are common.
+    pub(crate) fn has_own_pairs(&self) -> bool {
         let common = &self.basis.common;
-        let is_own = self.drives.is_empty() && !common.is_shown() && !common.partial.is_empty();
-        is_own.then(|| {
-            let (common, read) = (common.common, common.read);
+        self.drives.is_empty() && !common.is_shown() && !common.partial.is_empty()
+    }
+
+    /// Says so.
+    fn own_pairs_words(&self) -> Option<String> {
+        let (common, read) = (self.basis.common.common, self.basis.common.read);
+        self.has_own_pairs().then(|| {
             format!("All have only {common} of {read} pairs, so numbers are of each one's own.")
         })
     }

@@ -1,8 +1,8 @@
 //! `svl label checkpoints`, driven by scripts of keys.
 
 use super::fixture::{Fixture, Ran, assert_says};
-use crate::recording::bag::{self, camera_info, ros_image};
-use crate::recording::frames::image;
+use super::losses::messages;
+use crate::recording::bag::{self, camera_info};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::{CellExpectation, CheckpointPlace};
 
@@ -54,17 +54,10 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
 #[test]
 fn a_scenario_that_is_begun_accepts_the_images_that_its_recording_lost() {
     let fixture = Fixture::new();
-    let second = 1_000_000_000;
-    let images = (1..9_u64).flat_map(|i| {
-        let pixels: Vec<u8> = image((24, 16), i).pixels().collect();
-        let image = |topic| ros_image(topic, i * second, (24, 16), "mono8", &pixels);
-        let right = (i != 4 && i != 6).then(|| image("/right/image_rect"));
-        right.into_iter().chain([image("/left/image_rect")])
-    });
-    let infos = [("/left/camera_info", 0.0), ("/right/camera_info", -10.0)];
-    let infos = infos.map(|(topic, tx)| camera_info(topic, second, &[], tx));
-    let messages: Vec<_> = infos.into_iter().chain(images).collect();
-    let written = bag::write(&fixture.path(""), &messages);
+    let images = messages(1..9, (1..9).filter(|i| ![4, 6].contains(i)), 0);
+    let infos = [("/cam0/camera_info", 0.0), ("/cam1/camera_info", -10.0)];
+    let infos = infos.map(|(topic, tx)| camera_info(topic, 1_000_000_000, &[], tx));
+    let written = bag::write(&fixture.path(""), &[&infos[..], &images].concat());
     std::fs::rename(written, fixture.path("lossy.mcap")).unwrap();
     label(&fixture, "lossy.mcap", "f n \"one\" enter w q").done();
     assert_says(&fixture.text("lossy.toml"), &["allow_loss = 2\n"]);

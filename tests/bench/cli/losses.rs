@@ -75,6 +75,18 @@ fn cameras_that_start_and_stop_apart_lose_nothing() {
     assert_eq!(own["missing"]["outside"], 0);
 }
 
+#[test]
+fn perturbations_lose_no_image_again() {
+    let fixture = Fixture::new();
+    let rights = (0..12).filter(|i| ![4, 6].contains(i));
+    write_bag(&fixture, "bag.mcap", 0..12, rights, 0);
+    let line = format!("score bag.mcap {SCORE} --stress noise --allow-loss 2 --json");
+    let score = fixture.json(&line);
+    let missing = &score["missing"];
+    assert_eq!([&missing["unpaired"], &missing["pairs"]], [2, 10]);
+    assert_eq!(score["state"], "complete");
+}
+
 /// A pair that cannot be read has both images: it is no reason for an unpaired one.
 #[test]
 fn unreadable_pairs_hide_no_unpaired_images() {

@@ -4,6 +4,7 @@
 use super::fixture::{Fixture, assert_says};
 use super::results::{assert_same_report, edit_checked, unit_files};
 use serde_json::Value;
+use std::collections::BTreeSet;
 
 /// Answers every pair of 32x24 pixels with the file `answer`, and notes each in a file. In a folder
 /// with the file `dark` it fails on every third pair.
@@ -11,9 +12,9 @@ const COUNTS: &str = r#"
 i=0
 while read -r line; do
   head -c 1536 > /dev/null
-  echo >> matched
   i=$((i+1))
   seq=$(echo "$line" | sed 's/.*"seq":\([0-9]*\).*/\1/')
+  echo "$line" >> matched
   if [ -e dark ] && [ $((i % 3)) = 0 ]; then
     echo '{"seq":'$seq',"error":"too dark"}'
     continue
@@ -57,7 +58,19 @@ fn the_same_command_matches_nothing_and_one_algorithm_more_itself() {
     assert_eq!(score(&fixture, &[]).0, 71);
     // One pair of each block shows that the program is the same.
     assert_eq!(score(&fixture, &[]).0, 2);
+    let page = fixture.text("r/index.html");
+    assert_says(
+        &page,
+        &["net: 2 of 70 kept results were computed again, as before"],
+    );
     assert_eq!(score(&fixture, &["--algo", "bm:max_disparity=8"]).0, 2);
+    // In each session another pair of a block, by the milliseconds of its beginning.
+    let matched = |_| {
+        assert_eq!(score(&fixture, &[]).0, 2);
+        fixture.text("matched")
+    };
+    let sessions: BTreeSet<_> = (0..5).map(matched).collect();
+    assert!(sessions.len() > 1, "{sessions:?}");
     let rows = fixture.text("r/rows.csv");
     assert_eq!(rows.lines().count(), 1 + 2 * 70);
     let (matched, code, stderr) = score(&fixture, &[]);
