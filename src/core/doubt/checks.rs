@@ -16,6 +16,8 @@ const BASELINE: [f64; 2] = [0.95, 1.05];
 const FOCAL_OF_WIDTH: [f64; 2] = [0.1, 100.0];
 /// Twice a principal point as a fraction of the image's side, if it is that of half the image.
 const HALF: std::ops::RangeInclusive<f64> = 0.44..=0.56;
+/// Usual distances where they are those of half the image.
+const HALF_CENTER: [f64; 2] = [0.0, 0.219];
 /// Least difference of the offsets in both projections from equal ones of opposite signs, as a
 /// fraction.
 const OFFSETS: [f64; 2] = [0.05, f64::MAX];
@@ -62,17 +64,13 @@ impl CalibrationCheck {
         } else {
             right
         };
-        let half = are_half.then(|| CalibrationCure::HalfSize { at: at.clone() });
-        let check = Self::new(
-            name,
-            at.off_center(),
-            CENTER,
-            CalibrationCure::OtherSize { at },
-        );
-        Self {
-            cure: check.cure.or(half),
-            ..check
-        }
+        let off = at.off_center();
+        let (usual, cure) = if are_half && off <= CENTER[1] {
+            (HALF_CENTER, CalibrationCure::HalfSize { at })
+        } else {
+            (CENTER, CalibrationCure::OtherSize { at })
+        };
+        Self::new(name, off, usual, cure)
     }
 
     /// The principal point of a depth camera.

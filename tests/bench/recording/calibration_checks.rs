@@ -180,7 +180,7 @@ fn contradictions_in_a_bag_are_named_first() {
             none,
         ),
     ];
-    for (words, infos, links) in cases {
+    for (i, (words, infos, links)) in cases.into_iter().enumerate() {
         let mut all = vec![tf("/tf_static", links)];
         all.extend(messages(&frames, infos));
         bag::write(&fixture.path(""), &all);
@@ -196,6 +196,11 @@ fn contradictions_in_a_bag_are_named_first() {
         let told = json["usability"]["doubts"].as_array().unwrap();
         let is_told = |own: &Value| own["words"].as_str().unwrap().contains(words);
         assert_eq!(told.iter().any(is_told), is_doubted, "{words}: {told:?}");
+        // So it is in the manifest of a report.
+        fixture.svl(&format!("score bag.mcap --algo v3 --rerun none -q -o r{i}"));
+        let manifest = fixture.json_file(&format!("r{i}/manifest.json"));
+        let kept = manifest["doubts"].as_array().map_or(&[][..], Vec::as_slice);
+        assert_eq!(kept.iter().any(is_told), is_doubted, "{words}: {kept:?}");
         // Every other command says it too.
         let replayed = fixture.svl("replay bag.mcap --algo v3");
         assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
