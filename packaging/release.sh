@@ -10,7 +10,7 @@ version="$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)"
 tag="${1:?usage: packaging/release.sh vVERSION}"
 [ "$tag" = "v$version" ] || { echo "$tag: Cargo.toml has the version $version" >&2; exit 1; }
 notes="$(awk -v version="$version" '/^## /{ on = $2 == version; next } on' CHANGELOG.md)"
-[ -n "$notes" ] || { echo "CHANGELOG.md has no section $version" >&2; exit 1; }
+[ -n "$notes" ] || { echo "CHANGELOG.md has no section $version: rename Unreleased (RELEASING.md)" >&2; exit 1; }
 
 out="$target/release-$tag"
 rm -rf "$out" && mkdir -p "$out"

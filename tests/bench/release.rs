@@ -14,10 +14,15 @@ fn text(path: &str) -> String {
 }
 
 /// The rest of the first line with this beginning, without quotes.
-fn value(text: &str, beginning: &str) -> String {
+fn find<'a>(text: &'a str, beginning: &str) -> Option<&'a str> {
     let line = text.lines().find_map(|line| line.strip_prefix(beginning));
-    line.unwrap_or_else(|| panic!("no line begins with {beginning:?}"))
-        .trim_matches('"')
+    line.map(|line| line.trim_matches('"'))
+}
+
+fn value(text: &str, beginning: &str) -> String {
+    let found = find(text, beginning);
+    found
+        .unwrap_or_else(|| panic!("no line begins with {beginning:?}"))
         .to_owned()
 }
 
@@ -26,9 +31,6 @@ fn one_version_everywhere() {
     assert_eq!(value(&text("CITATION.cff"), "version: "), VERSION);
     let module = text("src/python/svl_bench/matcher.py");
     assert_eq!(value(&module, "__version__ = "), VERSION);
-    let release = value(&text("CHANGELOG.md"), &format!("## {VERSION} "));
-    let date = value(&text("CITATION.cff"), "date-released: ");
-    assert_eq!(release, format!("({date})"));
     for line in text("Cargo.toml")
         .lines()
         .filter(|l| l.starts_with("svl-") && l.contains("path"))
@@ -36,6 +38,19 @@ fn one_version_everywhere() {
         assert!(line.contains(&format!("version = \"{VERSION}\"")), "{line}");
     }
     assert!(text("src/python/pyproject.toml").contains("dynamic = [\"version\"]"));
+}
+
+/// Changes stand below "Unreleased" until a release renames it (RELEASING.md). A version that is not released has no
+/// date.
+#[test]
+fn a_released_version_has_one_date() {
+    let (changes, citation) = (text("CHANGELOG.md"), text("CITATION.cff"));
+    let release = find(&changes, &format!("## {VERSION} "));
+    let date = find(&citation, "date-released: ").map(|date| format!("({date})"));
+    assert_eq!(release, date.as_deref());
+    let newest = value(&changes, "## ");
+    let is_released = release.is_some() && newest.starts_with(&format!("{VERSION} "));
+    assert!(is_released || newest == "Unreleased", "{newest}");
 }
 
 #[test]
