@@ -28,8 +28,8 @@ macro_rules! causes {
                 value: f64,
                 usual: [f64; 2],
             ) -> Doubt {
-                let (name, cure) = (name.into(), self.into());
-                Doubt { subject, name, value, usual, cure }
+                let (name, cure, run) = (name.into(), self.into(), None);
+                Doubt { subject, name, value, usual, cure, run }
             }
         }
     };
@@ -68,6 +68,9 @@ pub struct Doubt {
     pub usual: [f64; 2],
     /// The likely cause, and what cures it.
     pub cure: Cure,
+    /// The recording that has it, in a report.
+    #[serde(default)]
+    pub run: Option<String>,
 }
 
 /// The thing in doubt.
@@ -147,16 +150,19 @@ pub fn read_doubts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Dou
     Ok(doubts.filter_map(Result::ok).collect())
 }
 
-/// The fields, and the text as `words`.
+/// The fields, and the text as `words`; `run` where it is known.
 impl Serialize for Doubt {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut fields = serializer.serialize_struct("Doubt", 6)?;
+        let mut fields = serializer.serialize_struct("Doubt", 7)?;
         fields.serialize_field("of", &self.subject)?;
         fields.serialize_field("name", &self.name)?;
         fields.serialize_field("value", &self.value)?;
         fields.serialize_field("usual", &self.usual)?;
         fields.serialize_field("cure", &self.cure)?;
         fields.serialize_field("words", &self.to_string())?;
+        if let Some(run) = &self.run {
+            fields.serialize_field("run", run)?;
+        }
         fields.end()
     }
 }

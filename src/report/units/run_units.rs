@@ -173,7 +173,12 @@ impl RunUnits {
         let measured = self.run.stress.is_none().then(|| scales.doubts());
         let told = self.facts.warnings.iter();
         let told = told.filter_map(|warning| warning.doubt.clone());
-        told.chain(measured.into_iter().flatten()).collect()
+        let all = told.chain(measured.into_iter().flatten());
+        all.map(|doubt| Doubt {
+            run: self.run.run.clone(),
+            ..doubt
+        })
+        .collect()
     }
 
     /// The warnings of the run and of the algorithms of the plan, added to others.

@@ -41,7 +41,9 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let gate = gate.map(|(state, text)| (state, state.words(), text));
     let doubts = manifest.doubts.iter().map(|doubt| {
         let words = [rounded(doubt.value), doubt.usual_words(), doubt.to_string()];
-        (&doubt.name, words)
+        let run = doubt.run.iter().filter(|_| summary.basis.scope.runs > 1);
+        let name = run.map(|run| format!("{run}: {}", doubt.name)).next();
+        (name.unwrap_or_else(|| doubt.name.to_string()), words)
     });
     let said: Vec<_> = manifest.doubts.iter().map(Doubt::to_string).collect();
     let warnings = manifest.warnings.iter();
