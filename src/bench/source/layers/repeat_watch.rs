@@ -14,13 +14,13 @@ const MIN_CHANGE: f32 = 8.0;
 /// Fraction of a truth's pixels that has its farthest distance, if that is a sensor's limit.
 const MIN_FARTHEST: f64 = 0.05;
 
-/// Watches for the first part of the pairs that repeats.
+/// Watches for the parts of the pairs that repeat.
 #[derive(Default)]
 pub(crate) struct RepeatWatch {
     begin_ns: Option<u64>,
     /// Left images, right images, truths, and their farthest distances.
     runs: [Run; 4],
-    has_spoken: bool,
+    told: [bool; 4],
 }
 
 /// Pairs in a row with equal pixels.
@@ -34,11 +34,8 @@ struct Run {
 }
 
 impl RepeatWatch {
-    /// Adds a pair; the part that repeats since some pairs, once.
+    /// Adds a pair; a part that repeats since some pairs, each once.
     pub(crate) fn take_in(&mut self, frame: &Frame) -> Option<Doubt> {
-        if self.has_spoken {
-            return None;
-        }
         let begin_ns = *self.begin_ns.get_or_insert(frame.stamp_ns);
         let images = [frame.pair.left(), frame.pair.right()];
         let [left, right] = images.map(|image| sampled(image, f32::from));
@@ -68,10 +65,13 @@ impl RepeatWatch {
             }
             run.pairs += 1;
             let is_stuck = run.pairs >= MIN_PAIRS && is_changed(&run.other, other);
+            let is_stuck = is_stuck && !self.told[part as usize];
             stuck = stuck.or(is_stuck.then_some((part, run.since_ns, run.pairs)));
         }
         let (part, since_ns, pairs) = stuck?;
-        self.has_spoken = true;
+        self.told[part as usize] = true;
+        // The farthest distance of a truth that repeats does, too.
+        self.told[Repeated::Farthest as usize] |= part == Repeated::Truth;
         let cure = PairCure::Repeated {
             part,
             pairs: MIN_PAIRS,
@@ -142,6 +142,7 @@ mod tests {
         for (which, words) in [(0, "left images"), (1, "right images"), (2, "truth")] {
             let words = format!("the {words} ");
             let named = stuck(which, 5);
+            assert_eq!(named.matches("the same").count(), 1, "{named}");
             assert!(
                 named.starts_with(&words) && named.contains("`--to 0.500`"),
                 "{named}"
@@ -153,5 +154,11 @@ mod tests {
         assert_eq!(said(|_, i| i.min(3), 0.0), "");
         let limit = said(|_, i| i, 35.0);
         assert!(limit.contains("the limit of a sensor"), "{limit}");
+        // It hides no camera that is stuck.
+        let both = said(|part, i| if part == 1 { i.min(5) } else { i }, 35.0);
+        assert!(
+            both.contains("the limit of a sensor") && both.contains("right images"),
+            "{both}"
+        );
     }
 }
