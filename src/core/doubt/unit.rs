@@ -134,6 +134,8 @@ pub fn rounded(number: f64) -> String {
     if number != 0.0 && !(1e-9..1e15).contains(&number.abs()) {
         return format!("{number:.2e}");
     }
+    // Zero has no sign.
+    let number = number + 0.0;
     let digits = (5.0 - number.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     let text = format!("{number:.digits$}");
     if text.contains('.') {
@@ -162,5 +164,6 @@ mod tests {
             [256.0, 0.0002, 1.5e-6].map(rounded),
             ["256", "0.0002", "0.0000015"]
         );
+        assert_eq!(rounded(-0.0), "0");
     }
 }
