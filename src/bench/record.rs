@@ -2,7 +2,7 @@
 
 use crate::pass::{Matchers, Monitor, Outcome, Pace, run, run_through};
 use crate::sink::{PairStreamSink, PassStart, RecordingSink, Sink, finish};
-use crate::source::{Opened, RecordingSource, Source, open_arena};
+use crate::source::{AlignmentMonitor, Opened, RecordingSource, Source, open_arena};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -41,7 +41,7 @@ pub fn record(
     let stored = own.and_then(|recording| recording.stored_results().ok());
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(RecordingSink::new(writer, stored))];
     let (outcome, ran) = run(
-        &mut *opened.source,
+        &mut AlignmentMonitor::new(Box::new(&mut *opened.source), 0),
         &mut Matchers::default(),
         &start,
         Pace::Asap,

@@ -80,26 +80,27 @@ impl BitDepth {
         &self.doubts
     }
 
+    /// How values of 16 bits become grey levels, and why.
+    pub fn grey_words(&self) -> Option<String> {
+        let (bits, low, shift) = (self.bits?, self.low, self.shift);
+        let grey = format!("grey is (value - {low}) / {}", 1 << shift);
+        let Some(by) = self.by else {
+            return Some(format!("{grey}, by --bits {bits}"));
+        };
+        let pixels = format!("of the pixels of the first {DECIDING_PAIRS} pairs are");
+        let (Quantiles { q01, q99, q999 }, cure) = (by, "--bits N overrides");
+        Some(if (low, shift) != (0, u32::from(bits) - 8) {
+            format!("{grey}, as 98 % {pixels} from {q01} to {q99}, a narrow range; {cure}")
+        } else {
+            format!("{grey}, as {bits} bits are used: 99.9 % {pixels} at most {q999}; {cure}")
+        })
+    }
+
     /// A line for the user, if fewer than 16 bits or a narrow range are used.
     pub fn note(&self) -> Option<String> {
-        let (bits, by, shift) = (self.bits?, self.by?, self.shift);
-        if (self.low, shift) != (0, u32::from(bits) - 8) {
-            return Some(format!(
-                "16-bit images of a narrow range: grey is (value - {}) / {}, as 98 % of the \
-                 pixels of the first {DECIDING_PAIRS} pairs are from {} to {}; --bits N overrides",
-                self.low,
-                1 << shift,
-                by.q01,
-                by.q99
-            ));
-        }
-        (bits < 16).then(|| {
-            format!(
-                "16-bit images that use {bits} bits: 99.9 % of the pixels of the first \
-                 {DECIDING_PAIRS} pairs are at most {}; --bits N overrides",
-                by.q999
-            )
-        })
+        let words = self.grey_words().filter(|_| self.by.is_some());
+        let words = words.filter(|_| (self.low, self.shift) != (0, 8));
+        words.map(|words| format!("16-bit images: {words}"))
     }
 
     /// The pair of two images, with their colours if both have them.

@@ -1,9 +1,12 @@
 //! Decoded images of any depth, and the 8-bit pairs made from them.
 
 use image::DynamicImage;
-use serde::Deserialize;
 use serde::de::IntoDeserializer;
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
+use std::ops::RangeInclusive;
 use std::str::FromStr;
+use svl_core::doubt::{Doubt, PairCure, Subject};
 use svl_core::stereo::{Gray, Plane, Rgb};
 use svl_core::{Error, Result};
 
@@ -97,7 +100,7 @@ impl DecodedImage {
 }
 
 /// Places of the left and the right image in one that holds both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SideBySide {
     LeftRight,
@@ -117,7 +120,27 @@ impl FromStr for SideBySide {
     }
 }
 
+/// Width of an image as a fraction of its height: from upright ones to panoramas.
+const SHAPES: RangeInclusive<f64> = 0.5..=4.0;
+
+impl Display for SideBySide {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
 impl SideBySide {
+    /// The doubt about halves of that size.
+    pub fn doubt(self, (width, height): (usize, usize)) -> Option<Doubt> {
+        let shape = width as f64 / height as f64;
+        let (cure, usual) = (
+            PairCure::Halves { width, height },
+            [*SHAPES.start(), *SHAPES.end()],
+        );
+        let doubt = cure.doubt(Subject::Pairs, "width_of_height", shape, usual);
+        (!SHAPES.contains(&shape)).then_some(doubt)
+    }
+
     /// The left and the right image.
     ///
     /// # Errors
@@ -128,14 +151,12 @@ impl SideBySide {
             let what = format!("is {px} pixels {way}: two images {place} have an even number");
             Err(Error::Invalid(what))
         };
-        let (w, h) = match self {
-            Self::TopBottom | Self::BottomTop if height % 2 != 0 => {
-                return odd(height, "high", "one above the other");
-            }
-            Self::TopBottom | Self::BottomTop => (width, height / 2),
-            _ if width % 2 != 0 => return odd(width, "wide", "side by side"),
-            _ => (width / 2, height),
-        };
+        let (w, h) = self.part((width, height));
+        if h < height && height % 2 != 0 {
+            return odd(height, "high", "one above the other");
+        } else if w < width && width % 2 != 0 {
+            return odd(width, "wide", "side by side");
+        }
         let half = |x: usize, y: usize| {
             let rows = image.rows().skip(y).take(h);
             let pixels = rows.flat_map(|row| &row[x..x + w]);
@@ -146,6 +167,14 @@ impl SideBySide {
             Self::RightLeft | Self::BottomTop => [second, first],
             Self::LeftRight | Self::TopBottom => [first, second],
         })
+    }
+
+    /// The size of each image in one of that size.
+    pub fn part(self, (width, height): (usize, usize)) -> (usize, usize) {
+        match self {
+            Self::TopBottom | Self::BottomTop => (width, height / 2),
+            Self::LeftRight | Self::RightLeft => (width / 2, height),
+        }
     }
 
     /// The size of an image that holds both of that size.
@@ -181,6 +210,18 @@ mod tests {
         assert_eq!(halves("top-bottom"), rows);
         let [top, bottom] = rows;
         assert_eq!(halves("bottom-top"), [bottom, top]);
+        for (size, is_named) in [
+            ((640, 480), false),
+            ((480, 640), false),
+            ((960, 1080), false),
+            ((1242, 375), false),
+            ((140, 380), true),
+            ((1280, 180), true),
+        ] {
+            let doubt = SideBySide::RightLeft.doubt(size);
+            assert_eq!(doubt.is_some(), is_named, "{size:?}: {doubt:?}");
+        }
+        assert_eq!(SideBySide::BottomTop.to_string(), "bottom-top");
         let odd = DecodedImage::Gray(Plane::filled(3, 1, 0).unwrap());
         for (places, words) in [
             (SideBySide::LeftRight, "3 pixels wide"),

@@ -21,8 +21,9 @@ struct CameraLevels {
     deep: usize,
     /// Number of pixels of each value.
     counts: Vec<u64>,
-    /// Sum of the differences of neighbours in a row, as read and with exchanged bytes.
-    steps: [u64; 2],
+    /// Sums of the differences of neighbours, as read and with exchanged bytes, for each of
+    /// [`NEIGHBOURS`].
+    steps: [[u64; 2]; 3],
 }
 
 /// Quantiles of the values of both cameras: the least 1 %, the greatest 99 % and 99.9 %.
@@ -33,6 +34,9 @@ pub(crate) struct Quantiles {
     pub(crate) q999: u16,
 }
 
+/// Columns and rows between neighbours: along stripes of one pixel, and across every second one,
+/// values are smooth; with exchanged bytes they are smooth nowhere.
+const NEIGHBOURS: [[usize; 2]; 3] = [[1, 0], [2, 0], [0, 1]];
 /// Values with fewer levels than these between their 1 % and 99 % quantiles are few.
 pub(super) const MIN_LEVELS: u16 = 32;
 /// Bytes are exchanged if neighbours differ by this factor more than they do with the others.
@@ -104,13 +108,14 @@ impl GreyLevels {
         doubts.into_iter().flatten().collect()
     }
 
-    /// The doubt about the order of the bytes, if both cameras look smoother with the other.
+    /// The doubt about the order of the bytes, if both cameras look smoother with the other in all
+    /// directions.
     fn exchanged(&self) -> Option<Doubt> {
         let steps = self.cameras.iter().map(CameraLevels::relative_steps);
         let steps = steps.collect::<Option<Vec<_>>>()?;
-        let ratio = steps.iter().map(|[read, other]| read / other);
-        let ratio = ratio.reduce(f64::min)?;
-        let [as_read, exchanged] = steps[0];
+        let ratios = steps.iter().flatten().map(|[read, other]| read / other);
+        let ratio = ratios.reduce(f64::min)?;
+        let [as_read, exchanged] = steps[0][0];
         let cure = PairCure::ByteOrder { as_read, exchanged };
         let doubt = cure.doubt(Subject::Pairs, "roughness", ratio, [0.0, EXCHANGED]);
         (ratio > EXCHANGED).then_some(doubt)
@@ -141,10 +146,13 @@ impl CameraLevels {
         for row in image.rows() {
             row.iter()
                 .for_each(|value| self.counts[usize::from(*value)] += 1);
-            for two in row.windows(2) {
-                let exchanged = [two[0].swap_bytes(), two[1].swap_bytes()];
-                self.steps[0] += u64::from(two[0].abs_diff(two[1]));
-                self.steps[1] += u64::from(exchanged[0].abs_diff(exchanged[1]));
+        }
+        for (steps, [columns, rows]) in self.steps.iter_mut().zip(NEIGHBOURS) {
+            for (row, next) in image.rows().zip(image.rows().skip(rows)) {
+                for (a, b) in row.iter().zip(next.iter().skip(columns)) {
+                    steps[0] += u64::from(a.abs_diff(*b));
+                    steps[1] += u64::from(a.swap_bytes().abs_diff(b.swap_bytes()));
+                }
             }
         }
     }
@@ -155,7 +163,7 @@ impl CameraLevels {
 
     /// Differences of neighbours, as a fraction of the range from the 1 % to the 99 % quantile; as
     /// read, and with exchanged bytes. A constant factor of both is left out.
-    fn relative_steps(&self) -> Option<[f64; 2]> {
+    fn relative_steps(&self) -> Option<[[f64; 2]; 3]> {
         let exchanged = |value: usize| self.counts[usize::from((value as u16).swap_bytes())];
         let range = |least: u16, most: u16| f64::from((most - least).max(1));
         let ranges = (self.deep > 0).then(|| {
@@ -166,8 +174,9 @@ impl CameraLevels {
             ]
         })?;
         let pixels: u64 = self.counts.iter().sum();
-        let mean = |side: usize| self.steps[side] as f64 / pixels.max(1) as f64 / ranges[side];
-        Some([mean(0), mean(1)])
+        let mean = |sum: u64, range: f64| sum as f64 / pixels.max(1) as f64 / range;
+        let both = |[read, other]: [u64; 2]| [mean(read, ranges[0]), mean(other, ranges[1])];
+        Some(self.steps.map(both))
     }
 }
 
@@ -226,6 +235,13 @@ mod tests {
             swapped.iter().any(|words| words.contains("look exchanged")),
             "{swapped:?}"
         );
+        // Stripes and chequers of one pixel are no order of bytes.
+        let noisy = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 251) as u16;
+        for is_odd in [|x, _| x % 2, |x, y| (x + y) % 2, |_, y| y % 2] {
+            let is_odd: fn(usize, usize) -> usize = is_odd;
+            let stripes = |x, y| 256 + 3584 * is_odd(x, y) as u16 + noisy(x, y);
+            assert_eq!(doubts(image(stripes), image(stripes)), [""; 0]);
+        }
         let brighter = doubts(sound(), image(|x, y| 4 * scene(x, y)));
         assert!(brighter[0].contains("left and right"), "{brighter:?}");
         let eight = DecodedImage::Gray(Plane::from_fn(60, 40, |x, _| x as u8).unwrap());

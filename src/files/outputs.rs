@@ -1,5 +1,5 @@
-//! Output files and folders of a command: claimed before any work, set aside while new ones are
-//! written, committed at the end.
+//! Output files and folders of a command: claimed before any work. Where earlier ones exist, the
+//! new ones are written beside them, and take their names once they are whole.
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
@@ -11,8 +11,8 @@ pub fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))
 }
 
-/// The outputs of a command. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], they put
-/// the earlier files back in place of new ones that are of no use.
+/// The outputs of a command. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], they
+/// remove the new files, which are of no use, and the earlier ones stay.
 #[must_use]
 pub struct Outputs(Vec<Output>);
 
@@ -25,12 +25,12 @@ struct Output {
     created: bool,
     /// True if a file that exists may be replaced.
     may_replace: bool,
-    /// Locks the folder against another svl.
-    _lock: Option<File>,
-    /// True if the file or folder at `path` is new.
+    /// Locks the folder, or that of the new files, against another svl.
+    lock: Option<File>,
+    /// True once new files are written.
     begun: bool,
-    /// New place of the earlier file, or of the earlier files of the folder.
-    aside: Option<PathBuf>,
+    /// The folder of the new files, where earlier ones exist.
+    beside: Option<PathBuf>,
 }
 
 /// Properties by which svl recognizes a folder of its own, which it may replace.
@@ -109,15 +109,16 @@ impl Outputs {
             )));
         }
         let output = Output {
-            _lock: lock,
+            lock,
             ..Output::new(path, Some(rule), created)
         };
         let files = files(path)?;
         let has_inner = rule.has_inner(path);
-        let is_own = has_inner
+        let is_marked = has_inner
             || std::fs::read(path.join(rule.mark))
                 .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
-        let foreign = files.iter().find(|file| !rule.holds(file));
+        let is_own = |file: &&PathBuf| rule.holds(file) || file.ends_with(UNFINISHED);
+        let foreign = files.iter().find(|file| !is_own(file));
         // Beside a folder of svl's that is written file by file, those of others stay.
         if let Some(foreign) = foreign.filter(|_| !has_inner) {
             return Err(Error::Invalid(format!(
@@ -127,7 +128,7 @@ impl Outputs {
                 rule.cure
             )));
         }
-        if !files.is_empty() && !is_own {
+        if !files.is_empty() && !is_marked {
             let what = match path.join(rule.mark).exists() {
                 true => "contains a damaged",
                 false => "contains files but no",
@@ -178,32 +179,35 @@ impl Outputs {
         Ok(self.and(claimed))
     }
 
-    /// Moves the earlier files out of the way.
-    pub fn set_aside(&mut self) -> Result<()> {
-        self.0.iter_mut().try_for_each(Output::set_aside)
+    /// Claims a folder of which some files are made again, and the others stay.
+    pub fn remake(folder: &Path, rule: &'static FolderRule) -> Self {
+        Self(vec![Output::new(folder, Some(rule), false)])
     }
 
-    /// The new files are complete: the earlier ones are removed.
-    pub fn commit(mut self) {
-        for Output { folder, aside, .. } in self.0.drain(..) {
-            let Some(aside) = aside else { continue };
-            let removed = match folder {
-                Some(_) => std::fs::remove_dir_all(&aside),
-                None => std::fs::remove_file(&aside),
-            };
-            if let Err(error) = removed {
-                tracing::warn!("{}: cannot be removed: {error}", aside.display());
-            }
-        }
+    /// Makes the places of the new files.
+    pub fn begin(&mut self) -> Result<()> {
+        self.0.iter_mut().try_for_each(Output::begin)
+    }
+
+    /// The place where a file or a folder is written that was claimed as `path`.
+    pub fn place(&self, path: &Path) -> PathBuf {
+        let claimed = self.0.iter().find(|output| output.path == path);
+        claimed.map_or_else(|| path.to_owned(), Output::place)
+    }
+
+    /// The new files are whole: they replace the earlier ones.
+    pub fn commit(mut self) -> Result<()> {
+        self.0.drain(..).try_for_each(|output| output.commit())
     }
 
     /// The new files are a part of what was asked for: they stay, and so do the earlier ones.
     pub fn keep_both(mut self) {
-        // A file that was not begun again comes back, as [`Drop`] sees to.
-        for Output { path, aside, .. } in self.0.extract_if(.., |output| output.path.exists()) {
-            if let Some(aside) = aside {
-                let (path, aside) = (path.display(), aside.display());
-                tracing::warn!("{path}: incomplete; the earlier one is {aside}");
+        // A place where nothing was written is removed, as [`Drop`] sees to.
+        for output in self.0.extract_if(.., |output| output.place().exists()) {
+            if output.beside.is_some() {
+                let (path, new) = (output.path.display(), output.place());
+                let new = new.display();
+                tracing::warn!("{path}: the earlier one; the new one is incomplete: {new}");
             }
         }
     }
@@ -212,10 +216,8 @@ impl Outputs {
 impl Drop for Outputs {
     fn drop(&mut self) {
         for output in &self.0 {
-            if let (Err(error), Some(aside)) = (output.restore(), &output.aside) {
-                // The earlier file stays under its other name, so nothing is lost.
-                let (path, aside) = (output.path.display(), aside.display());
-                tracing::warn!("{path}: {error}; the earlier one is {aside}");
+            if let (Err(error), Some(beside)) = (output.discard(), &output.beside) {
+                tracing::warn!("{}: {error}", beside.display());
             }
         }
     }
@@ -270,101 +272,123 @@ impl Output {
         }
     }
 
-    fn set_aside(&mut self) -> Result<()> {
-        let refused = |error: std::io::Error| {
-            Error::Invalid(format!(
-                "{}: cannot be replaced: {error}",
-                self.path.display()
-            ))
+    /// True if a file is one of this output.
+    fn holds(&self, file: &Path) -> bool {
+        match self.folder {
+            Some(rule) => rule.holds(file),
+            None => file.file_name() == self.path.file_name() && !file.is_dir(),
+        }
+    }
+
+    fn begin(&mut self) -> Result<()> {
+        let (has_earlier, beside) = match self.folder {
+            // Within the folder, which may be a mount point.
+            Some(_) => (!files(&self.path)?.is_empty(), self.path.join(UNFINISHED)),
+            None => (self.path.exists(), beside(&self.path)),
         };
-        if self.folder.is_none() {
-            if self.path.exists() {
+        if has_earlier {
+            if self.folder.is_none() {
                 // The file may have appeared since it was claimed.
                 may_write(&self.path, self.may_replace)?;
-                let aside = free_file(&self.path);
-                std::fs::rename(&self.path, &aside).map_err(refused)?;
-                self.aside = Some(aside);
             }
-        } else {
-            // The files move, not the folder, which may be a mount point.
-            let earlier = files(&self.path)?;
-            if !earlier.is_empty() {
-                let aside = free_name(&self.path);
-                std::fs::create_dir(&aside).map_err(refused)?;
-                self.aside = Some(aside.clone());
-                earlier
-                    .iter()
-                    .try_for_each(|file| into(&aside, file))
-                    .map_err(refused)?;
+            // What a killed svl left there.
+            let made = self
+                .clear(&beside)
+                .and_then(|()| std::fs::create_dir(&beside));
+            made.map_err(|e| self.refused(&e))?;
+            if let Ok(folder) = File::open(&beside)
+                && self.folder.is_none()
+            {
+                let _ = folder.try_lock();
+                self.lock = Some(folder);
             }
+            self.beside = Some(beside);
         }
-        // Set only now: a file that could not be moved is not new.
         self.begun = true;
         Ok(())
     }
 
-    /// Removes what is new and puts back what was earlier.
-    fn restore(&self) -> std::io::Result<()> {
-        let Some(rule) = self.folder else {
-            return match &self.aside {
-                Some(aside) => std::fs::rename(aside, &self.path),
-                // A file that holds something is not removed: it may be another program's by now.
-                None if self.begun && self.path.metadata()?.len() == 0 => {
-                    std::fs::remove_file(&self.path)
-                }
-                None => Ok(()),
-            };
+    fn place(&self) -> PathBuf {
+        match (&self.beside, self.folder) {
+            (None, _) => self.path.clone(),
+            (Some(beside), Some(_)) => beside.clone(),
+            (Some(beside), None) => beside.join(self.path.file_name().unwrap_or_default()),
+        }
+    }
+
+    fn refused(&self, error: &std::io::Error) -> Error {
+        let path = self.path.display();
+        Error::Invalid(format!("{path}: cannot be replaced: {error}"))
+    }
+
+    fn commit(&self) -> Result<()> {
+        let Some(beside) = &self.beside else {
+            return Ok(());
         };
-        if self.begun {
-            // A file that cannot be removed is replaced by the earlier file of its name, or stays.
-            let files = files(&self.path).unwrap_or_default();
-            files
-                .iter()
-                .filter(|file| rule.holds(file))
-                .for_each(|file| drop(std::fs::remove_file(file)));
+        let new = files(beside)?;
+        let folder = self
+            .folder
+            .map_or_else(|| parent(&self.path), |_| &self.path);
+        let moved = new.iter().try_for_each(|file| into(folder, file));
+        moved.map_err(|e| self.refused(&e))?;
+        if self.folder.is_some_and(|rule| rule.inner.is_none()) {
+            let is_new = |file: &PathBuf| new.iter().any(|new| new.file_name() == file.file_name());
+            let earlier = files(folder)?.into_iter().filter(|file| self.holds(file));
+            let mut stale = earlier.filter(|file| !is_new(file));
+            stale.try_for_each(|file| remove_file(&file))?;
         }
-        if let Some(aside) = &self.aside {
-            let files = files(aside).unwrap_or_default();
-            files.iter().try_for_each(|file| into(&self.path, file))?;
-            std::fs::remove_dir(aside)?;
+        std::fs::remove_dir(beside).map_err(|e| Error::io(beside, e))
+    }
+
+    /// Removes what is new.
+    fn discard(&self) -> std::io::Result<()> {
+        match (&self.beside, self.folder) {
+            (Some(beside), _) => return self.clear(beside),
+            // A file that holds something is not removed: it may be another program's by now.
+            (None, None) if self.begun && self.path.metadata()?.len() == 0 => {
+                return std::fs::remove_file(&self.path);
+            }
+            (None, Some(_)) if self.begun => self.remove_own(&self.path)?,
+            _ => {}
         }
-        if self.created {
+        match self.created {
             // Fails if the folder is not empty, as it should.
-            std::fs::remove_dir(&self.path)?;
+            true => std::fs::remove_dir(&self.path),
+            false => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Removes the folder of new files, if it is there and has no others.
+    fn clear(&self, beside: &Path) -> std::io::Result<()> {
+        if !beside.exists() {
+            return Ok(());
+        }
+        self.remove_own(beside)?;
+        std::fs::remove_dir(beside)
+    }
+
+    fn remove_own(&self, folder: &Path) -> std::io::Result<()> {
+        let files = files(folder).unwrap_or_default();
+        let mut own = files.iter().filter(|file| self.holds(file));
+        own.try_for_each(std::fs::remove_file)
     }
 }
 
-/// `FILE.PID.earlier`, or with a number where that exists: in containers the process id is often 1.
-fn free_file(file: &Path) -> PathBuf {
-    let pid = std::process::id();
-    let beside = |n: u32| {
-        let mut name = file.as_os_str().to_owned();
-        name.push(match n {
-            1 => format!(".{pid}.earlier"),
-            n => format!(".{pid}-{n}.earlier"),
-        });
-        PathBuf::from(name)
-    };
-    (1..)
-        .map(beside)
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| beside(0))
+/// The end of the name of a folder of new files.
+const UNFINISHED: &str = ".unfinished";
+
+/// The folder of a new file, which has its name there: a pattern of names does not find it beside
+/// the earlier one.
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(UNFINISHED);
+    path.with_file_name(name)
 }
 
-/// `FOLDER.earlier-N` with the first number that is free.
-fn free_name(folder: &Path) -> PathBuf {
-    let name = folder.file_name().unwrap_or(folder.as_os_str());
-    let beside = |n: u32| {
-        let mut name = name.to_owned();
-        name.push(format!(".earlier-{n}"));
-        folder.with_file_name(name)
-    };
-    (1..)
-        .map(beside)
-        .find(|path| !path.exists())
-        .unwrap_or_else(|| beside(0))
+/// The new file that a killed svl left beside the one at `path`.
+pub fn unfinished(path: &Path) -> Option<PathBuf> {
+    let file = beside(path).join(path.file_name()?);
+    file.is_file().then_some(file)
 }
 
 fn files(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -391,7 +415,7 @@ fn may_write(path: &Path, force: bool) -> Result<()> {
                 "{shown}: exists already; name another file, or add --force to replace it"
             )));
         }
-        Ok(_) if is_being_written(path) => {
+        Ok(_) if is_being_written(path) || is_being_written(&beside(path)) => {
             return Err(Error::Invalid(format!(
                 "{shown}: another svl is writing it; name another file"
             )));
@@ -407,7 +431,7 @@ fn may_write(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// True if a recorder has locked the file.
+/// True if another svl has locked the file, or the folder of new files.
 fn is_being_written(path: &Path) -> bool {
     let lock = File::open(path).ok().map(|file| file.try_lock());
     matches!(lock, Some(Err(TryLockError::WouldBlock)))
@@ -451,9 +475,15 @@ pub fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes a file of a report.
+/// Writes a file of a report. An earlier one is replaced at once.
 pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
-    std::fs::write(path, content).map_err(|e| Error::io(path, e))
+    if !path.is_file() {
+        return std::fs::write(path, content).map_err(|e| Error::io(path, e));
+    }
+    let mut outputs = Outputs::claim(true, [], [path])?;
+    outputs.begin()?;
+    write(&outputs.place(path), content)?;
+    outputs.commit()
 }
 
 /// Writes a scenario and, beside it, the page that describes it; replaces nothing. Returns their
@@ -471,10 +501,10 @@ pub fn write_with_page(path: &Path, toml: &str, markdown: &str) -> Result<String
         return Err(Error::Invalid(words));
     }
     let mut outputs = Outputs::claim(false, [], [path, &page])?;
-    outputs.set_aside()?;
+    outputs.begin()?;
     write(path, toml)?;
     write(&page, markdown)?;
-    outputs.commit();
+    outputs.commit()?;
     Ok(format!(
         "written  {} and {}",
         path.display(),
@@ -511,9 +541,8 @@ mod tests {
         let second = Outputs::claim_folder(folder.path(), &RULE).err().unwrap();
         assert!(second.to_string().contains("another svl writes there"));
         drop(first);
-        Outputs::claim_folder(folder.path(), &RULE)
-            .unwrap()
-            .commit();
+        let third = Outputs::claim_folder(folder.path(), &RULE).unwrap();
+        third.commit().unwrap();
     }
 
     #[test]
@@ -522,9 +551,69 @@ mod tests {
         let path = folder.path().join("out");
         let mut outputs = claim(&path);
         std::fs::write(&path, "another's").unwrap();
-        outputs.set_aside().unwrap_err();
+        outputs.begin().unwrap_err();
         drop(outputs);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "another's");
+    }
+
+    #[test]
+    fn a_new_file_stands_beside_the_earlier_one_until_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.txt");
+        let text = || std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, "earlier").unwrap();
+        let begun = |text: &str| {
+            let mut outputs = Outputs::claim(true, [], [path.as_path()]).unwrap();
+            outputs.begin().unwrap();
+            std::fs::write(outputs.place(&path), text).unwrap();
+            outputs
+        };
+        // Another svl does not write it meanwhile, and an error leaves the earlier one alone.
+        let outputs = begun("dropped");
+        let other = Outputs::claim(true, [], [path.as_path()]).err().unwrap();
+        assert!(other.to_string().contains("another svl is writing it"));
+        drop(outputs);
+        assert_eq!((text(), unfinished(&path)), ("earlier".to_owned(), None));
+        begun("incomplete").keep_both();
+        let left = unfinished(&path).unwrap();
+        assert_eq!(std::fs::read_to_string(&left).unwrap(), "incomplete");
+        // What a killed svl left is replaced, but nothing beside it.
+        begun("whole").commit().unwrap();
+        assert_eq!((text(), left.exists()), ("whole".to_owned(), false));
+        begun("again").keep_both();
+        std::fs::write(left.with_file_name("mine"), "").unwrap();
+        let mut outputs = Outputs::claim(true, [], [path.as_path()]).unwrap();
+        assert!(outputs.begin().is_err());
+        drop(outputs);
+        assert!(left.with_file_name("mine").exists() && text() == "whole");
+        write(&folder.path().join("new"), "1").unwrap();
+        write(&folder.path().join("new"), "2").unwrap();
+        assert_eq!(std::fs::read(folder.path().join("new")).unwrap(), b"2");
+    }
+
+    #[test]
+    fn the_files_of_a_folder_are_replaced_together() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let begun = |names: &[&str]| {
+            let mut outputs = Outputs::claim_folder(folder.path(), &RULE).unwrap();
+            outputs.begin().unwrap();
+            for name in names {
+                std::fs::write(outputs.place(folder.path()).join(name), "[2]").unwrap();
+            }
+            outputs
+        };
+        std::fs::write(path("a.json"), "[1]").unwrap();
+        begun(&["a.json"]).keep_both();
+        assert!(path(UNFINISHED).is_dir());
+        drop(begun(&["a.json"]));
+        assert_eq!(std::fs::read_to_string(path("a.json")).unwrap(), "[1]");
+        begun(&["b"]).commit().unwrap();
+        assert!(
+            path("b").exists() && !path("a.json").exists(),
+            "the rest is stale"
+        );
+        assert!(!path(UNFINISHED).exists());
     }
 
     #[test]
@@ -533,7 +622,7 @@ mod tests {
         for (text, stays) in [("", false), ("data", true)] {
             let path = folder.path().join("out");
             let mut outputs = claim(&path);
-            outputs.set_aside().unwrap();
+            outputs.begin().unwrap();
             std::fs::write(&path, text).unwrap();
             drop(outputs);
             assert_eq!(path.exists(), stays, "{text:?}");

@@ -21,7 +21,9 @@ use std::path::Path;
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, counted, joined};
-use svl_files::outputs::{FolderRule, remove_file, remove_special_files, write, write_json};
+use svl_files::outputs::{
+    FolderRule, Outputs, remove_file, remove_special_files, write, write_json,
+};
 use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{EndState, Ending, FailedPairs, LossLimit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
@@ -84,28 +86,33 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     });
     let runs = runs.collect::<Result<Vec<_>>>()?;
     let known = Sources::read(folder).unwrap_or_default();
-    // Without them, the report is incomplete.
-    for file in SUMMARIES {
-        remove_file(&folder.join(file))?;
-    }
+    let mut outputs = Outputs::remake(folder, &REPORT);
+    outputs.begin()?;
+    let new = outputs.place(folder);
     let made_of = made_of(&plan, &runs);
     let is_known = known.units == made_of && known.changed(folder, true).is_none();
-    let tables = if is_known {
-        read_tables(folder, &plan)?
+    let (place, tables) = if is_known {
+        (folder, read_tables(folder, &plan)?)
     } else {
-        write_tables(folder, &plan, &runs)?
+        (&*new, write_tables(&new, &plan, &runs)?)
     };
     let names: Vec<_> = TABLES.iter().map(|table| table.name).collect();
-    let sources = Sources::for_folder(folder, made_of, &names)?;
-    Report {
-        folder,
+    let sources = Sources::for_folder(place, made_of, &names)?;
+    let built = Report {
+        folder: &new,
         options,
         plan: &plan,
         sessions: &sessions,
         runs: &runs,
         tables,
     }
-    .write(sources)
+    .write(sources)?;
+    // Without them, the report is incomplete.
+    for file in SUMMARIES.iter().filter(|file| !new.join(file).exists()) {
+        remove_file(&folder.join(file))?;
+    }
+    outputs.commit()?;
+    Ok(built)
 }
 
 /// The results of the checkpoints so far, as Markdown.

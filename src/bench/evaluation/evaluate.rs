@@ -62,7 +62,7 @@ impl EvaluationPlan<'_> {
             (Err(_), Err(_)) => None,
             (Err(error), Ok(())) => return Err(error),
         };
-        outputs.commit();
+        outputs.commit()?;
         Ok(Evaluation {
             report,
             ran,

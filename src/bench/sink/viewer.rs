@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_core::stereo::{Frame, GridShape, StereoPair};
 use svl_core::{Error, Result};
+use svl_files::outputs::Outputs;
 use svl_score::manifest::Manifest;
 use svl_sim::arena::WireObject;
 
@@ -135,6 +136,13 @@ impl RerunTarget {
             Self::File(path) => Some(path),
             Self::Spawn | Self::Url(_) => None,
         }
+    }
+
+    /// The same with the place where its file is written.
+    #[must_use]
+    pub fn placed(&self, outputs: &Outputs) -> Self {
+        let place = self.file().map(|path| Self::File(outputs.place(path)));
+        place.unwrap_or_else(|| self.clone())
     }
 }
 

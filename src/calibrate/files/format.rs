@@ -29,13 +29,17 @@ pub struct CalibrationFormat {
 
 /// The user's knowledge about a file that the file may lack.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Hints {
+pub struct Hints<'a> {
     pub format: Option<&'static CalibrationFormat>,
     pub unit: Option<FileUnit>,
     /// Width and height of the images, pixels.
     pub size: Option<(usize, usize)>,
     /// Distortion model, for files that do not state it.
     pub model: Option<DistortionModel>,
+    /// Topics of the left and the right images, by which a chain of cameras is searched.
+    pub topics: [&'a str; 2],
+    /// Numbers of the left and the right camera in a chain.
+    pub cameras: Option<[usize; 2]>,
 }
 
 /// A calibration read from a file.
@@ -45,6 +49,8 @@ pub struct LoadedCalibration {
     pub calibration: StereoCalibration,
     /// Entries that were ignored or interpreted differently than the file states, a line each.
     pub remarks: Vec<String>,
+    /// Numbers of both cameras, if they were chosen in a chain.
+    pub cameras: Option<[usize; 2]>,
 }
 
 impl LoadedCalibration {

@@ -1,4 +1,4 @@
-//! Kalibr's `camchain.yaml`: a chain of cameras, of which the first two are the pair.
+//! Kalibr's `camchain.yaml`: a chain of cameras, of which two are the pair.
 
 use super::document::{Document, Syntax};
 use super::format::{
@@ -16,7 +16,8 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     title: "Kalibr's camchain",
     conventions: "pinhole fu fv pu pv with radtan k1 k2 p1 p2, equidistant k1 k2 k3 k4 or none; \
                   T_cn_cnm1: x_cam1 = T x_cam0, metres, or T_cam_imu or T_imu_cam of both; no \
-                  rectification; cam0 is the left camera",
+                  rectification; cam0 is the left camera of two; of more, FILE:cam2,cam3 names the \
+                  left and the right one",
     endings: &["yaml"],
     pairs: &[],
     single: true,
@@ -29,26 +30,55 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let document = &one(documents)?;
     let unit = FileUnit::METRE.fixed(document, hints.unit)?;
+    let chosen = chosen(document, hints)?;
+    let [left, right] = chosen.unwrap_or([0, 1]);
     let cameras = StereoParameters {
-        left: camera(document, "cam0", hints)?,
-        right: camera(document, "cam1", hints)?,
-        right_from_left: Some(right_from_left(document)?),
+        left: camera(document, left, hints)?,
+        right: camera(document, right, hints)?,
+        right_from_left: Some(right_from_left(document, [left, right])?),
         rectification: None,
     };
-    let remarks = if document.has("cam2") {
-        vec!["cameras 0 and 1 were used; the others were dropped".to_owned()]
-    } else {
-        Vec::new()
-    };
-    cameras.loaded(&FORMAT, document, unit, remarks)
+    let loaded = cameras.loaded(&FORMAT, document, unit, Vec::new())?;
+    Ok(LoadedCalibration {
+        cameras: chosen,
+        ..loaded
+    })
 }
 
-fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> {
-    let key = |part: &str| format!("{name}.{part}");
+/// The left and the right camera, by their numbers or their topics. `None` for a chain of two, of
+/// which the first is the left one.
+fn chosen(document: &Document, hints: &Hints) -> Result<Option<[usize; 2]>> {
+    let has = |camera: &usize| document.has(&format!("cam{camera}"));
+    let count = (0..).take_while(has).count();
+    // A topic of compressed images is below that of the images.
+    let fits = |camera: usize, image: &str| {
+        let topic = document.text(&format!("cam{camera}.rostopic")).ok()?;
+        let topic = topic.trim_start_matches('/');
+        let rest = image.trim_start_matches('/').strip_prefix(topic)?;
+        (rest.is_empty() || rest.starts_with('/')).then_some((topic.len(), camera))
+    };
+    let [left, right] = hints.topics.map(|image| {
+        let all = (0..count).filter_map(|camera| fits(camera, image));
+        all.max().map(|(_, camera)| camera)
+    });
+    let chosen = hints.cameras.or(left.zip(right).map(<[_; 2]>::from));
+    let is_pair = |[left, right]: &[usize; 2]| left != right && *left.max(right) < count;
+    match chosen.filter(is_pair) {
+        _ if count <= 2 && hints.cameras.is_none() => Ok(None),
+        None => Err(document.error(format_args!(
+            "has {count} cameras, from cam0 on, and neither rostopics nor numbers tell which two \
+             are the pair: name the left and the right one behind the file, as FILE:cam0,cam1"
+        ))),
+        chosen => Ok(chosen),
+    }
+}
+
+fn camera(document: &Document, camera: usize, hints: &Hints) -> Result<Intrinsics> {
+    let key = |part: &str| format!("cam{camera}.{part}");
     let model = document.text(&key("camera_model"))?;
     if model != "pinhole" {
         return Err(document.error(format!(
-            "'{name}.camera_model' is {model}, which svl does not support; calibrate with \
+            "'cam{camera}.camera_model' is {model}, which svl does not support; calibrate with \
              pinhole-radtan or pinhole-equi"
         )));
     }
@@ -67,19 +97,27 @@ fn camera(document: &Document, name: &str, hints: &Hints) -> Result<Intrinsics> 
     document.keyed(&key("intrinsics"), camera)
 }
 
-/// The motion between the cameras; without their own by those to the IMU, as in OpenVINS's files.
-fn right_from_left(document: &Document) -> Result<Isometry3<f64>> {
-    let own = "cam1.T_cn_cnm1";
+/// The motion between the cameras, along the chain; without it by those to the IMU, as in
+/// OpenVINS's files.
+fn right_from_left(document: &Document, cameras: [usize; 2]) -> Result<Isometry3<f64>> {
+    let [first, last] = [cameras[0].min(cameras[1]), cameras[0].max(cameras[1])];
+    let own = |camera: usize| format!("cam{camera}.T_cn_cnm1");
+    let is_chain = (first + 1..=last).all(|camera| document.has(&own(camera)));
     let both = |key: &str| {
-        let keys = ["cam0", "cam1"].map(|camera| format!("{camera}.{key}"));
-        (!document.has(own) && keys.iter().all(|key| document.has(key))).then_some(keys)
+        let keys = cameras.map(|camera| format!("cam{camera}.{key}"));
+        (!is_chain && keys.iter().all(|key| document.has(key))).then_some(keys)
     };
     if let Some([left, right]) = both("T_cam_imu") {
         Ok(pose(document, &right)? * pose(document, &left)?.inverse())
     } else if let Some([left, right]) = both("T_imu_cam") {
         Ok(pose(document, &right)?.inverse() * pose(document, &left)?)
     } else {
-        pose(document, own)
+        let mut motion = Isometry3::identity();
+        for camera in first + 1..=last {
+            motion = pose(document, &own(camera))? * motion;
+        }
+        let is_forward = cameras[0] == first;
+        Ok(if is_forward { motion } else { motion.inverse() })
     }
 }
 

@@ -43,7 +43,8 @@ pub const FORMATS: &[CalibrationFormat] = &[
     kitti::RAW_FORMAT,
 ];
 
-/// Reads a calibration: a file, two files separated by a comma, or a folder with two.
+/// Reads a calibration: a file, two files separated by a comma, a folder with two, or two cameras
+/// of a chain as `FILE:cam2,cam3`.
 ///
 /// # Errors
 /// The errors of [`read_with`].
@@ -136,6 +137,15 @@ fn parse_files(
         .zip(texts)
         .map(parse)
         .collect::<Result<_>>()?;
+    let named = selected(path).map(|(_, cameras)| cameras);
+    if named.is_some() && format.name != kalibr::FORMAT.name {
+        let words = format!("is {}, which has no chain of cameras", format.title);
+        return Err(Error::format(path, words));
+    }
+    let hints = &Hints {
+        cameras: hints.cameras.or(named),
+        ..*hints
+    };
     let found = (format.read)(documents, hints)?;
     let lens = found.calibration.left().distortion().model();
     match hints.model {
@@ -153,7 +163,7 @@ fn parse_files(
 /// # Errors
 /// The errors of [`write_as`].
 pub fn write(path: &Path, calibration: &StereoCalibration) -> Result<Vec<&'static str>> {
-    write_as(path, written_as(path)?, calibration)
+    write_as(path, written_as(path)?, calibration, Path::to_owned)
 }
 
 /// The default format for writing a file of that name.
@@ -190,7 +200,7 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
     }
 }
 
-/// Same as [`write()`], in the given format.
+/// Same as [`write()`], in the given format. `place`: where each file is written.
 ///
 /// # Errors
 /// [`Error::Format`] if the format cannot represent the calibration; [`Error::Io`].
@@ -198,6 +208,7 @@ pub fn write_as(
     path: &Path,
     format: &CalibrationFormat,
     calibration: &StereoCalibration,
+    place: impl Fn(&Path) -> PathBuf,
 ) -> Result<Vec<&'static str>> {
     let write = format.write.ok_or(GeometryFault::ReadOnly);
     let written = write.and_then(|write| write(calibration));
@@ -205,7 +216,7 @@ pub fn write_as(
     let Written { texts, left_out } = written.map_err(cannot)?;
     let paths = outputs(path, format)?;
     for (path, text) in paths.iter().zip(texts) {
-        std::fs::write(path, text).map_err(|e| Error::io(path, e))?;
+        std::fs::write(place(path), text).map_err(|e| Error::io(path, e))?;
     }
     Ok(left_out)
 }
@@ -226,7 +237,15 @@ pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
 fn two_of(path: &Path) -> Option<[PathBuf; 2]> {
     let (first, second) = path.to_str()?.split_once(',')?;
     // A file may have a comma in its name.
-    (!path.exists()).then(|| [first.into(), second.into()])
+    (!path.exists() && selected(path).is_none()).then(|| [first.into(), second.into()])
+}
+
+/// The file and the numbers of both cameras of `FILE:cam2,cam3`.
+fn selected(path: &Path) -> Option<(PathBuf, [usize; 2])> {
+    let (file, cameras) = path.to_str()?.rsplit_once(':')?;
+    let (left, right) = cameras.split_once(',')?;
+    let number = |name: &str| name.strip_prefix("cam")?.parse().ok();
+    Some((file.into(), [number(left)?, number(right)?]))
 }
 
 /// The files to read: one or two.
@@ -236,6 +255,10 @@ fn two_of(path: &Path) -> Option<[PathBuf; 2]> {
 pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
     if let Some(both) = two_of(path) {
         return Ok(both.into());
+    }
+    // A recording keeps a file under the name with its cameras.
+    if let Some((file, _)) = selected(path).filter(|_| !path.exists()) {
+        return Ok(vec![file]);
     }
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);

@@ -169,14 +169,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     // Nothing replaces an earlier page if nothing was compared.
     if args.output.is_some() == page.is_some() {
-        outputs.set_aside()?;
+        outputs.begin()?;
         if let Some(path) = &args.junit {
-            write(path, junit("svl compare", &cases))?;
+            write(&outputs.place(path), junit("svl compare", &cases))?;
         }
         if let Some((path, page)) = args.output.as_ref().zip(page) {
-            write(path, page)?;
+            write(&outputs.place(path), page)?;
         }
-        outputs.commit();
+        outputs.commit()?;
     }
     show(args, &comparisons, &reasons)?;
     match &complaints(&cases)[..] {

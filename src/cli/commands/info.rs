@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use svl::recording::{Recording, RecordingSummary, is_bag};
 use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Heard, OnePicture, Request, SourceFacts, SourceKind, Usability};
-use svl::{Error, interrupt};
+use svl::{Error, interrupt, outputs};
 
 /// Show the contents of a recording, and check its integrity
 ///
@@ -97,6 +97,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         usability,
         is_intact,
         cure,
+        unfinished: outputs::unfinished(&args.file).map(|new| {
+            let new = new.display();
+            format!("{new}: of a killed svl; `svl recover` reads it, and --force removes it")
+        }),
         duration_ns: summary.as_ref().map(RecordingSummary::duration_ns),
         summary,
         live,
@@ -130,6 +134,8 @@ struct Info {
     is_intact: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     cure: Option<String>,
+    /// The new file that a killed svl left beside this one.
+    unfinished: Option<String>,
     #[serde(serialize_with = "svl::nanoseconds::as_text")]
     duration_ns: Option<u64>,
     #[serde(flatten)]
@@ -174,6 +180,7 @@ const FIELDS: &[DataField] = &[
     field("videos", "video"),
     field("first_pairs.geometry", "geometry"),
     field("first_pairs.size_px", "images"),
+    field("first_pairs.grey", "grey levels"),
     field("first_pairs.focal_px", "focal length"),
     field("first_pairs.rig.baseline_m", "baseline"),
     field(
@@ -200,6 +207,7 @@ const FIELDS: &[DataField] = &[
     field("missing", "missing"),
     field("losses", "damaged parts"),
     field("cure", "cure"),
+    field("unfinished", "unfinished"),
     field("attachments", "attachments"),
 ];
 

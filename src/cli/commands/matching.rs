@@ -248,18 +248,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     output.begin();
     matcher.compute(RectifiedPair::assume(pair), &context, &mut output)?;
 
-    outputs.set_aside()?;
+    outputs.begin()?;
     if rig.is_none() && files::has_ending(&args.output, "ply") {
         let output = args.output.display();
         bail!("{output}: a point cloud needs a calibration in metres");
     }
-    write_maps(args, &output.disparity, pair, rig)?;
+    write_maps(args, &outputs, &output.disparity, pair, rig)?;
     let own_grid = output.grid.take();
     let grid = own_grid.unwrap_or_else(|| {
         let map = output.disparity.disparity();
         depth::grid(map, GridSettings::default(), rig)
     });
-    outputs.commit();
+    outputs.commit()?;
     let report = MatchReport::new(&args.algo, &output, &grid, choice.as_ref(), rig);
     print_value(args.json, &report, || report.text())
 }
@@ -307,22 +307,25 @@ fn claim(args: &Args) -> svl::Result<Outputs> {
 /// Writes the files that are made from the disparities alone.
 fn write_maps(
     args: &Args,
+    outputs: &Outputs,
     map: &DisparityMap,
     pair: &StereoPair,
     rig: Option<&Rig>,
 ) -> anyhow::Result<()> {
     let (width, height) = pair.size();
-    match rig.filter(|_| files::has_ending(&args.output, "ply")) {
-        Some(rig) => files::write_ply(&args.output, map.disparity(), pair.left(), rig)?,
-        None => files::write_disparity(&args.output, map)?,
+    let place = outputs.place(&args.output);
+    match rig.filter(|_| files::has_ending(&place, "ply")) {
+        Some(rig) => files::write_ply(&place, map.disparity(), pair.left(), rig)?,
+        None => files::write_disparity(&place, map)?,
     }
     if let Some(path) = &args.why {
-        files::write_why(path, map)?;
+        files::write_why(&outputs.place(path), map)?;
     }
     if let Some(path) = &args.preview {
         let finite = map.disparity().pixels().filter(|d| d.is_finite());
         let max_px = finite.fold(1.0, f32::max);
-        files::write_png(path, width, height, &overlay::preview(map, max_px))?;
+        let preview = overlay::preview(map, max_px);
+        files::write_png(&outputs.place(path), width, height, &preview)?;
     }
     Ok(())
 }

@@ -38,9 +38,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let damaged = Recording::open(&args.file)?;
     let input = damaged.only_path()?;
     let mut outputs = Outputs::claim(args.force, [input], [args.output.as_path()])?;
-    outputs.set_aside()?;
-    let recovery = damaged.recover(&args.output)?;
-    outputs.commit();
+    outputs.begin()?;
+    let recovery = damaged.recover(&outputs.place(&args.output))?;
+    outputs.commit()?;
     print_value(args.json, &recovery, || text(args, &recovery))?;
     check_all_saved(args, &recovery)
 }

@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         warnings: &NoticeLog::current().notices(),
     };
     let report = build(folder, &options)?;
-    outputs.commit();
+    outputs.commit()?;
     print_report(&report, &report.scenario, folder, args.explain, args.json)?;
     if args.gate {
         pass_gate(&report.gate)?;

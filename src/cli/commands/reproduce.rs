@@ -106,12 +106,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         identity: manifest.entries(),
         incomplete: ran.as_ref().err().map(usage::one_line),
     };
-    outputs.set_aside()?;
-    write_json(&args.output.join(JSON), &page.json())?;
-    write(&args.output.join("reproduce.md"), page.markdown())?;
-    write(&args.output.join("index.html"), page.html()?)?;
+    outputs.begin()?;
+    let place = outputs.place(&args.output);
+    write_json(&place.join(JSON), &page.json())?;
+    write(&place.join("reproduce.md"), page.markdown())?;
+    write(&place.join("index.html"), page.html()?)?;
     match &ran {
-        Ok(()) => outputs.commit(),
+        Ok(()) => outputs.commit()?,
         Err(_) => outputs.keep_both(),
     }
     print_value(args.json, &page.json(), || text(&page, &args.output))?;

@@ -47,6 +47,19 @@ causes! {
         "the {part} the same in {pairs} pairs or more, from {seconds:.3} s on, and the images \
          change: {}",
         part.cure(*seconds), part = part.words())
+    /// No camera has halves of that shape.
+    Halves { width: usize, height: usize } => (
+        "the halves of an image have {width}x{height} pixels, a shape that cameras hardly have: if \
+         it shows left and right {}",
+        if width < height {
+            "one above the other, --side-by-side=top-bottom, or =bottom-top"
+        } else {
+            "beside each other, --side-by-side=left-right, or =right-left"
+        })
+    /// The header of a video names other places of the halves than the user.
+    Places { stated: String, named: String } => (
+        "its header says {stated}, and --side-by-side says {named}: --side-by-side={stated}, \
+         unless the header is wrong")
     /// Images of 16 bits whose values hardly differ.
     FewLevels { from: u16, to: u16 } => (
         "98 % of the pixels of 16-bit images are from {from} to {to}, which are few levels: a \

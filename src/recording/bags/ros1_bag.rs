@@ -8,11 +8,16 @@
 use crate::mcap::file::{FileReader, McapFile};
 use crate::mcap::records::DamagedPart;
 use crate::stream::channel::{Channel, EventReader, FileEvent, ROS1};
+use bzip2::read::BzDecoder;
+use parking_lot::Mutex;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{self, Read};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use svl_core::{Error, Result};
+use xxhash_rust::xxh3::xxh3_128;
 
 /// First bytes of such a file, without the line break.
 pub(crate) const MAGIC: &[u8] = b"#ROSBAG V2.0";
@@ -36,6 +41,57 @@ const MESSAGE: u8 = 2;
 const BAG: u8 = 3;
 const CHUNK: u8 = 5;
 const CONNECTION: u8 = 7;
+
+/// Chunks that were unpacked from bz2, which takes far longer than to read them: a command reads a
+/// bag several times, and unpacks it once.
+static UNPACKED: LazyLock<Mutex<UnpackedChunks>> = LazyLock::new(Mutex::default);
+
+#[derive(Default)]
+struct UnpackedChunks {
+    /// A temporary file without a name.
+    file: Option<File>,
+    /// Start and length of each chunk, by the hash of its packed bytes.
+    places: BTreeMap<u128, (u64, usize)>,
+}
+
+impl UnpackedChunks {
+    /// Reads a chunk that was unpacked before. False if there is none.
+    fn read(&mut self, key: u128, chunk: &mut Vec<u8>) -> io::Result<bool> {
+        let (Some(file), Some((at, length))) = (&mut self.file, self.places.get(&key)) else {
+            return Ok(false);
+        };
+        chunk.resize(*length, 0);
+        file.seek(SeekFrom::Start(*at))?;
+        file.read_exact(chunk).map(|()| true)
+    }
+
+    fn keep(&mut self, key: u128, chunk: &[u8]) -> io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(tempfile::tempfile()?),
+        };
+        let at = file.seek(SeekFrom::End(0))?;
+        file.write_all(chunk)?;
+        self.places.insert(key, (at, chunk.len()));
+        Ok(())
+    }
+}
+
+/// Unpacks a chunk, at most `limit` bytes of it. Returns their number.
+fn unpack_bz2(mut file: impl Read, limit: u64, chunk: &mut Vec<u8>) -> io::Result<usize> {
+    let mut packed = Vec::new();
+    file.read_to_end(&mut packed)?;
+    let key = xxh3_128(&packed);
+    if UNPACKED.lock().read(key, chunk)? {
+        return Ok(chunk.len());
+    }
+    let length = BzDecoder::new(&packed[..]).take(limit).read_to_end(chunk)?;
+    if (length as u64) < limit {
+        // A full disk costs time, but no message.
+        drop(UNPACKED.lock().keep(key, chunk));
+    }
+    Ok(length)
+}
 
 /// The messages of a bag in recorded order.
 pub(crate) struct Ros1Messages {
@@ -338,9 +394,7 @@ impl Ros1Messages {
             "none" => file.take(limit).read_to_end(&mut self.chunk),
             "lz4" => lz4::Decoder::new(file)
                 .and_then(|decoder| decoder.take(limit).read_to_end(&mut self.chunk)),
-            "bz2" => bzip2::read::BzDecoder::new(file)
-                .take(limit)
-                .read_to_end(&mut self.chunk),
+            "bz2" => unpack_bz2(file, limit, &mut self.chunk),
             other => return Ok(Err(format!("a chunk is compressed in '{other}'"))),
         };
         Ok(match read {
@@ -470,5 +524,38 @@ impl EventReader for Ros1Messages {
             }
         }
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bzip2::Compression;
+    use bzip2::write::BzEncoder;
+
+    #[test]
+    fn a_chunk_is_unpacked_once() {
+        let packed = |text: &[u8]| {
+            let mut encoder = BzEncoder::new(Vec::new(), Compression::fast());
+            encoder.write_all(text).unwrap();
+            encoder.finish().unwrap()
+        };
+        let is_kept = |packed: &[u8]| UNPACKED.lock().places.contains_key(&xxh3_128(packed));
+        let chunks = [packed(&[1; 1000]), packed(&[2; 2000])];
+        for round in 0..3 {
+            for (chunk, (byte, length)) in chunks.iter().zip([(1, 1000), (2, 2000)]) {
+                assert_eq!(is_kept(chunk), round > 0);
+                let mut read = Vec::new();
+                assert_eq!(unpack_bz2(&chunk[..], 5000, &mut read).unwrap(), length);
+                assert_eq!(read, vec![byte; length]);
+            }
+        }
+        // Neither one that is too long for its header, nor a damaged one.
+        let long = packed(&[3; 3000]);
+        assert_eq!(unpack_bz2(&long[..], 9, &mut Vec::new()).unwrap(), 9);
+        let mut damaged = packed(&[4; 1000]);
+        damaged[20] ^= 1;
+        unpack_bz2(&damaged[..], 5000, &mut Vec::new()).unwrap_err();
+        assert!(!is_kept(&long) && !is_kept(&damaged));
     }
 }

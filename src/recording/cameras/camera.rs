@@ -361,8 +361,8 @@ impl Calibration {
     }
 
     fn distortion(&self) -> MessageResult<Distortion> {
-        // A camera that was never calibrated names no model.
-        let model = if self.model.is_empty() {
+        // A camera that was never calibrated names no model; one that was has one, as in files.
+        let model = if self.model.is_empty() && self.distortion_model().is_none() {
             Ok(DistortionModel::PlumbBob)
         } else {
             self.model.parse::<DistortionModel>()

@@ -498,7 +498,7 @@ impl PairReader {
             outside: pairing.outside(),
             late: pairing.late(),
             why_none: self.why_none(),
-            ..StreamFacts::default()
+            ..StreamFacts::from_images(&self.depth, self.side_by_side, self.size)
         };
         // The rest is in svl's header.
         if self.is_own() {
@@ -515,9 +515,6 @@ impl PairReader {
         let frame_id = self.frame_id().map(str::to_owned);
         let has_calibration = self.cameras.iter().any(Option::is_some);
         StreamFacts {
-            bits: self.depth.bits(),
-            note: self.depth.note(),
-            doubts: self.depth.doubts().to_vec(),
             remarks: self.remark(are_raw, fault.as_deref()).into_iter().collect(),
             camera: CameraFacts {
                 checks: self.checks(raw.as_ref().and_then(|raw| raw.as_ref().ok()), self.size),

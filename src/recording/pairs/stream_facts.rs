@@ -4,6 +4,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::doubt::{CalibrationCheck, Doubt};
 use svl_core::stereo::StereoCalibration;
+use svl_files::{BitDepth, SideBySide};
 
 /// Facts of the pairs of a recording, or of live topics, so far. The counts are final at the end.
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,8 @@ pub struct StreamFacts {
     pub broken: BTreeMap<String, u64>,
     /// Number of bits that the 16-bit images use.
     pub bits: Option<u8>,
+    /// How their values become grey levels, and why.
+    pub grey: Option<String>,
     /// Doubts about the images.
     pub doubts: Vec<Doubt>,
     /// Note on the images that is not a warning.
@@ -39,6 +42,21 @@ pub struct StreamFacts {
     pub camera: CameraFacts,
     /// The coordinate frame of the left images, if they name one.
     pub frame_id: Option<String>,
+}
+
+impl StreamFacts {
+    /// Facts of images by their values and, if both are halves of one, by their `places` and their
+    /// `size`.
+    pub fn from_images(depth: &BitDepth, places: Option<SideBySide>, size: (usize, usize)) -> Self {
+        let halves = places.and_then(|places| places.doubt(size));
+        Self {
+            bits: depth.bits(),
+            grey: depth.grey_words(),
+            note: depth.note(),
+            doubts: depth.doubts().iter().cloned().chain(halves).collect(),
+            ..Self::default()
+        }
+    }
 }
 
 /// Facts of the cameras in a recording that svl did not write, or in a folder.

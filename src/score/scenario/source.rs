@@ -114,9 +114,9 @@ pub struct SourceOptions {
     #[arg(long = "camera-height", value_name = "M", value_parser = within(FloorPlane::HEIGHTS_M))]
     pub camera_height_m: Option<f64>,
     /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
-    /// or a recording that keeps it; take them as rectified (none), with the focal length and
-    /// baseline of their camera_info; or leave them raw [default: by the camera_info of a bag of
-    /// raw images, else none]
+    /// two cameras of Kalibr's chain (FILE:cam2,cam3), or a recording that keeps it; take them as
+    /// rectified (none), with the focal length and baseline of their camera_info; or leave them raw
+    /// [default: by the camera_info of a bag of raw images, else none]
     #[arg(long, value_name = "FILE|none|raw", value_parser = NonEmptyStringValueParser::new())]
     pub calib: Option<String>,
     /// Part of the raw images to keep, as OpenCV's alpha: 0 only valid pixels, 1 all [default: as
@@ -447,14 +447,16 @@ pub(super) fn algorithm_of(text: &str, folder: &Path) -> String {
     with_paths(text, &file, &word)
 }
 
-/// A `--calib` value with its paths replaced: two files are separated by a comma.
+/// A `--calib` value with its paths replaced: two files are separated by a comma, and a chain has
+/// its cameras behind it.
 pub(super) fn calib_with_paths(calib: &str, replaced: impl Fn(&Path) -> PathBuf) -> String {
     match calib {
         "own" | "none" | "raw" => calib.to_owned(),
         files => {
+            let (files, cameras) = files.split_at(files.find(":cam").unwrap_or(files.len()));
             let files = files.split(',').map(|file| replaced(Path::new(file)));
             let files: Vec<_> = files.map(|file| file.display().to_string()).collect();
-            files.join(",")
+            files.join(",") + cameras
         }
     }
 }

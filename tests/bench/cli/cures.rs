@@ -108,6 +108,7 @@ const CURES: &[(&str, Cure)] = &[
     ),
     ("svl record --list", Run("record --list")),
     ("svl record FOLDER", Run("record pairs -o p.mcap")),
+    ("svl recover", Run("recover cut.mcap -o cut2.mcap")),
     (
         "svl recover {} -o OUT.mcap",
         Run("recover cut.mcap -o whole.mcap"),

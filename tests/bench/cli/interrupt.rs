@@ -103,17 +103,91 @@ fn a_recording_is_whole_after_ctrl_c() {
 fn an_interrupted_recording_replaces_none() {
     let fixture = Fixture::new();
     fixture.write("a.mcap", "earlier");
-    let (code, stderr) = interrupted(&fixture, "record --force -o a.mcap", || {
-        size(&fixture, "a.mcap") > 1_000_000
-    });
+    let new = "a.mcap.unfinished/a.mcap";
+    let line = "record --force -o a.mcap";
+    let (code, stderr) = interrupted(&fixture, line, || size(&fixture, new) > 1_000_000);
     assert_eq!(code, Some(1), "{stderr}");
-    let words = "incomplete; the earlier one is ";
-    let aside = stderr
-        .lines()
-        .find_map(|line| Some(line.split_once(words)?.1));
-    let aside = aside.expect("a warning");
-    assert_eq!(fixture.text(aside), "earlier");
-    assert!(RecordingSource::open(fixture.path("a.mcap")).is_ok());
+    let words = format!("a.mcap: the earlier one; the new one is incomplete: {new}");
+    assert_says(&stderr, &[&words]);
+    assert_eq!(fixture.text("a.mcap"), "earlier");
+    assert!(RecordingSource::open(fixture.path(new)).is_ok());
+}
+
+/// Starts `svl`, waits until `ready`, and sends SIGKILL.
+fn killed(fixture: &Fixture, line: &str, ready: impl Fn() -> bool) {
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin!("svl"))
+        .current_dir(fixture.path(""))
+        .args(line.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while !ready() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let _ = child.kill();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_killed_recording_leaves_the_earlier_one_and_a_part_that_recovers() {
+    let fixture = Fixture::new();
+    fixture.run("record -q --frames 3 -o a.mcap");
+    let earlier = fixture.bytes("a.mcap");
+    let new = "a.mcap.unfinished/a.mcap";
+    let line = "record -q --force -o a.mcap";
+    killed(&fixture, line, || size(&fixture, new) > 2_000_000);
+    assert_eq!(fixture.bytes("a.mcap"), earlier);
+    assert_says(
+        &fixture.run("info a.mcap"),
+        &[new, "`svl recover` reads it"],
+    );
+    fixture.run(&format!("recover {new} -o part.mcap"));
+    let part = RecordingSource::open(fixture.path("part.mcap")).unwrap();
+    assert!(part.pairs().is_some_and(|pairs| pairs > 0));
+    // The next one replaces both; without an earlier one, the part has its own name.
+    fixture.run("record -q --frames 2 --force -o a.mcap");
+    assert!(!fixture.path("a.mcap.unfinished").exists());
+    let whole = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    assert_eq!(whole.pairs(), Some(2));
+    killed(&fixture, "record -q -o b.mcap", || {
+        size(&fixture, "b.mcap") > 2_000_000
+    });
+    fixture.run("recover b.mcap -o c.mcap");
+}
+
+#[test]
+fn a_killed_command_leaves_the_earlier_or_the_whole_file() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 4);
+    fixture.run("record -q --frames 3 -o in.mcap");
+    let lines = [
+        ("replay in.mcap -q --algo bm --rows r.csv --force", "r.csv"),
+        (
+            "score short.toml -q --algo bm --force -o r",
+            "r/summary.json",
+        ),
+        ("report r", "r/index.html"),
+        (
+            "calibrate board board --square-m 0.03 --yes -o c.xml --force",
+            "c.xml",
+        ),
+    ];
+    for (line, file) in lines {
+        let ran = fixture.svl(line);
+        assert!(fixture.path(file).exists(), "{line}: {}", ran.stderr);
+        let length = fixture.bytes(file).len();
+        for ms in [5, 40, 120, 300, 700] {
+            let began = Instant::now();
+            killed(&fixture, line, || began.elapsed().as_millis() > ms);
+            // Times differ from run to run, by some digits.
+            let now = fixture.bytes(file).len();
+            assert!(
+                now.abs_diff(length) < length / 10,
+                "{line}: {length}, {now}"
+            );
+        }
+    }
 }
 
 #[test]

@@ -103,8 +103,8 @@ fn images_of_12_bits_are_not_dark() {
         write(&format!("deep/right/{i}.png"), 4000);
     }
     let ran = fixture.svl("record deep -o deep.mcap");
-    let note = "use 12 bits: 99.9 % of the pixels of the first 16 pairs are at most 4039; --bits N \
-                overrides";
+    let note = "grey is (value - 0) / 16, as 12 bits are used: 99.9 % of the pixels of the first \
+                16 pairs are at most 4039; --bits N overrides";
     assert!(ran.stderr.contains(note), "{}", ran.stderr);
     assert_says(
         &ran.stderr,
@@ -131,7 +131,11 @@ fn images_of_12_bits_are_not_dark() {
         .failed(2, &["--bits is for 16-bit images"]);
     // Two images: the same.
     let matched = fixture.svl("match deep/left/0.png deep/right/0.png -o d.pfm");
-    assert!(matched.stderr.contains("use 12 bits"), "{}", matched.stderr);
+    assert!(
+        matched.stderr.contains("12 bits are used"),
+        "{}",
+        matched.stderr
+    );
     matched.done();
 }
 

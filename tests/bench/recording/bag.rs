@@ -299,8 +299,8 @@ pub(crate) struct Camera<'a> {
     pub(crate) size: (u32, u32),
     /// Focal length and principal point of K.
     pub(crate) k: [f64; 3],
+    pub(crate) model: &'a str,
     pub(crate) d: &'a [f64],
-    /// Focal length and principal point of P.
     pub(crate) p: [f64; 3],
     /// Fourth column of P.
     pub(crate) tx: f64,
@@ -314,6 +314,7 @@ pub(crate) const CAMERA: Camera<'_> = Camera {
     frame: "cam",
     size: (24, 16),
     k: [328.0, 12.0, 8.0],
+    model: "plumb_bob",
     d: &[],
     p: [328.0, 12.0, 8.0],
     tx: 0.0,
@@ -333,7 +334,7 @@ pub(crate) fn camera_info_of(topic: &'static str, stamp: u64, camera: &Camera<'_
     let data = cdr_in(camera.frame, stamp, |cdr| {
         cdr.write_u32(size.1);
         cdr.write_u32(size.0);
-        cdr.write_string("plumb_bob");
+        cdr.write_string(camera.model);
         cdr.write_sequence_length(d.len());
         let k = [f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0];
         let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];

@@ -210,6 +210,101 @@ fn contradictions_in_a_bag_are_named_first() {
 }
 
 #[test]
+fn coefficients_need_a_model_where_images_are_raw() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    let fisheye = [-0.013, 0.02, -0.02, 0.006];
+    let k = [F, 159.5, 126.5];
+    for (model, d, is_named) in [
+        ("", &fisheye[..], true),
+        ("", &[-0.05, 0.0, 0.0, 0.0, 0.0], true),
+        ("", &[0.0; 4], false),
+        ("", &[], false),
+        ("plumb_bob", &[-0.05, 0.0, 0.0, 0.0, 0.0], false),
+        ("equidistant", &fisheye, false),
+    ] {
+        let infos = infos().map(|info| Camera {
+            model,
+            d,
+            k,
+            ..info
+        });
+        bag::write(&fixture.path(""), &messages(&frames, infos));
+        let words = "the distortion model '' is not supported";
+        for door in [
+            "info bag.mcap",
+            "replay bag.mcap",
+            "record bag.mcap --force -o r.mcap",
+        ] {
+            let ran = fixture.svl(door);
+            let said = ran.stdout + &ran.stderr;
+            let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+            assert_eq!(
+                said.contains(words),
+                is_named,
+                "{model} {d:?}, {door}: {said}"
+            );
+        }
+        let answer = answer(&fixture, "bag.mcap");
+        assert_eq!(answer.starts_with("not usable yet"), is_named, "{answer}");
+    }
+}
+
+/// Kalibr's chain of four of the arena's cameras; the last two are 0.1 m apart.
+const CHAIN: [(&str, f64); 4] = [("a", 0.0), ("b", 0.25), ("cam0", 1.0), ("cam1", 0.1)];
+
+#[test]
+fn cameras_of_a_chain_are_those_of_the_topics() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    let images = messages(&frames, infos()).into_iter();
+    let images = images.filter(|message| !message.topic.contains("info"));
+    bag::write(&fixture.path(""), &images.collect::<Vec<_>>());
+    let chain = |named: &[&str]| {
+        let mut text = String::new();
+        for (i, ((_, apart), topic)) in CHAIN.iter().zip(named).enumerate() {
+            text += &format!(
+                "cam{i}:\n  camera_model: pinhole\n  distortion_model: radtan\n  \
+                 distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n  \
+                 intrinsics: [{F}, {F}, 159.5, 119.5]\n  \
+                 resolution: [320, 240]\n  rostopic: /{topic}/image_raw\n  T_cn_cnm1:\n  \
+                 - [1.0, 0.0, 0.0, -{apart}]\n  - [0.0, 1.0, 0.0, 0.0]\n  \
+                 - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n"
+            );
+        }
+        fixture.write("chain.yaml", text);
+    };
+    let baseline = |line: &str| {
+        let facts = fixture.json(&format!("info {line} --json"))["first_pairs"].take();
+        facts["rig"]["baseline_m"]
+            .as_f64()
+            .map(|m| (m * 1e4).round() / 1e4)
+    };
+    chain(&CHAIN.map(|(topic, _)| topic));
+    assert_eq!(baseline("bag.mcap --calib chain.yaml"), Some(0.1));
+    chain(&["a", "b", "c", "d"]);
+    let refused = fixture.svl("replay bag.mcap --calib chain.yaml");
+    refused.failed(1, &["has 4 cameras", "as FILE:cam0,cam1"]);
+    assert_eq!(
+        baseline("bag.mcap --calib chain.yaml:cam0,cam1"),
+        Some(0.25)
+    );
+    // A recording keeps the choice, and so do its copies.
+    fixture.run("record bag.mcap --calib chain.yaml:cam2,cam3 -o kept.mcap");
+    fixture.run("record kept.mcap -o copy.mcap");
+    assert_eq!(baseline("bag.mcap --calib copy.mcap"), Some(0.1));
+    let text = "name = \"chain\"\n[source]\nkind = \"recording\"\nfiles = [\"bag.mcap\"]\n\
+                calib = \"chain.yaml:cam2,cam3\"\n";
+    fixture.write("below/s.toml", text.replace("bag.mcap", "../bag.mcap"));
+    std::fs::copy(fixture.path("chain.yaml"), fixture.path("below/chain.yaml")).unwrap();
+    let ran = fixture.svl("score below/s.toml --algo bm -o r");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    // A chain of two is a pair, whatever its topics.
+    chain(&["a", "b"]);
+    assert_eq!(baseline("bag.mcap --calib chain.yaml"), Some(0.25));
+}
+
+#[test]
 fn images_that_are_rectified_already_are_named_and_taken_as_they_are_by_an_option() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);

@@ -299,6 +299,14 @@ fn exchanged_images_or_calibrations_have_a_cure_each() {
         );
         let line = answer(&fixture);
         assert!(line.contains(words), "{line}");
+        if line.contains("look exchanged") {
+            for door in [
+                "record bag.mcap --force -o x.mcap",
+                "calibrate check bag.mcap",
+            ] {
+                assert_says(&fixture.svl(door).stderr, &["look exchanged"]);
+            }
+        }
         // The truth has the frame of the left camera, which exchanged topics do not.
         let cured = fixture.svl(&format!("{REPLAY} {cure}"));
         assert!(!cured.stderr.contains("exchanged"), "{}", cured.stderr);

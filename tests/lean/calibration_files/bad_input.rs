@@ -144,6 +144,7 @@ fn errors_of_folders_pairs_and_unknown_files_say_what_to_do() {
         &folder.path("one.yaml"),
         files::format("ros").unwrap(),
         &raw(),
+        Path::to_owned,
     );
     assert_says(&to_one.unwrap_err().to_string(), &["two files"]);
     assert_says(

@@ -14,7 +14,7 @@ fn dataset(name: &str) -> Option<PathBuf> {
     None
 }
 
-fn unit(name: &str) -> Hints {
+fn unit(name: &str) -> Hints<'static> {
     Hints {
         unit: Some(name.parse().unwrap()),
         ..Hints::default()

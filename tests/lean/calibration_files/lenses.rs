@@ -3,7 +3,7 @@
 use super::*;
 use crate::common::assert_says;
 
-/// Kalibr's chain of two fisheyes and a third camera, as its `kalibr_calibrate_cameras` writes it.
+/// Kalibr's chain of two fisheyes, as its `kalibr_calibrate_cameras` writes it.
 const CAMCHAIN: &str = "\
 cam0:
   cam_overlaps: [1]
@@ -26,9 +26,21 @@ cam1:
   intrinsics: [190.44, 190.43, 252.59, 254.91]
   resolution: [512, 512]
   rostopic: /cam1/image_raw
-cam2:
-  camera_model: pinhole
 ";
+
+/// The same with another such pair, 0.3 m beside the first.
+fn chain_of_four() -> String {
+    let [first, second] = CAMCHAIN.split_once("cam1:\n").map(<[_; 2]>::from).unwrap();
+    let motion = second.split("  cam_overlaps").next().unwrap();
+    let third = format!(
+        "cam2:\n{}{}",
+        motion.replace("-0.10092", "-0.3"),
+        &first[6..]
+    );
+    let fourth = format!("cam3:\n{}", second.replace("-0.10092", "-0.25"));
+    let more = (third + &fourth).replace("190.9", "290.9");
+    CAMCHAIN.to_owned() + &more.replace("/cam1/", "/cam3/").replace("/cam0/", "/cam2/")
+}
 
 /// OpenCV's file of two cameras with these coefficients.
 fn opencv(coefficients: &str, more: &str) -> String {
@@ -64,7 +76,7 @@ fn read(text: &str, hints: &Hints) -> Result<LoadedCalibration, String> {
 fn kalibr_s_chain_is_read() {
     let found = read(CAMCHAIN, &Hints::default()).unwrap();
     assert_eq!(found.format.name, "kalibr");
-    assert!(found.remarks[0].contains("0 and 1"), "{:?}", found.remarks);
+    assert_eq!(found.cameras, None);
     let c = found.calibration;
     assert_eq!(
         *c.right().distortion(),
@@ -122,6 +134,64 @@ fn kalibr_s_chain_is_read() {
         &read(&swapped, &Hints::default()).unwrap_err(),
         &["swap left and right"],
     );
+}
+
+#[test]
+fn cameras_of_a_chain_are_chosen_by_their_topics_or_numbers() {
+    let chain = chain_of_four();
+    let by = |topics, cameras| {
+        let hints = Hints {
+            topics,
+            cameras,
+            ..Hints::default()
+        };
+        read(&chain, &hints)
+    };
+    let last = by(["/cam2/image_raw", "cam3/image_raw/compressed"], None).unwrap();
+    assert_eq!(last.cameras, Some([2, 3]));
+    assert_eq!(last.calibration.left().focal_px().0, 290.97);
+    let baseline = last.calibration.baseline();
+    assert!((baseline - 0.25).abs() < 1e-4, "{baseline}");
+    assert_eq!(
+        by([""; 2], Some([2, 3])).unwrap().calibration,
+        last.calibration
+    );
+    // Along the chain: from the first to the third camera, about 0.1 + 0.3 m.
+    let far = by(["/cam2/image_raw"; 2], Some([0, 2]))
+        .unwrap()
+        .calibration;
+    assert!((far.baseline() - 0.4).abs() < 0.01, "{}", far.baseline());
+    let back = by([""; 2], Some([2, 0])).unwrap_err();
+    assert_says(&back, &["swap left and right"]);
+    for topics in [
+        [""; 2],
+        ["/cam0/image_raw", "/other"],
+        ["/cam0/image_raw_color", "/cam1/image_raw"],
+        ["/cam0/image_raw"; 2],
+    ] {
+        let error = by(topics, None).unwrap_err();
+        assert_says(&error, &["has 4 cameras", "FILE:cam0,cam1"]);
+    }
+    for cameras in [[0, 4], [1, 1]] {
+        assert_says(
+            &by([""; 2], Some(cameras)).unwrap_err(),
+            &["FILE:cam0,cam1"],
+        );
+    }
+    // The numbers stand behind the file, and a kept file has them in its name.
+    let folder = Folder::new();
+    let (file, kept) = (folder.path("c.yaml"), folder.path("kept.yaml:cam2,cam3"));
+    for path in [&file, &kept] {
+        std::fs::write(path, &chain).unwrap();
+    }
+    let named = folder.path("c.yaml:cam2,cam3");
+    for path in [&named, &kept] {
+        assert_eq!(files::read(path).unwrap(), last.calibration, "{path:?}");
+    }
+    assert_eq!(files::inputs(&named).unwrap(), [file]);
+    std::fs::write(folder.path("o.yaml"), opencv("0.1, 0., 0., 0., 0.", "")).unwrap();
+    let other = files::read(&folder.path("o.yaml:cam0,cam1")).unwrap_err();
+    assert_says(&other.to_string(), &["no chain of cameras"]);
 }
 
 #[test]

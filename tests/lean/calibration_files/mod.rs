@@ -6,7 +6,7 @@ mod lenses;
 mod round_trip;
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl_calibrate::files::{self, Hints, LoadedCalibration};
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
@@ -184,6 +184,7 @@ impl Folder {
             &self.path(file_of(format)),
             files::format(format).unwrap(),
             calibration,
+            Path::to_owned,
         )
     }
 

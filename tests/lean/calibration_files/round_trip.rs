@@ -127,7 +127,7 @@ fn losses_of_a_format_are_reported() {
     }
     for (format, file) in [("euroc", "a.yaml,b.yaml"), KITTI_RAW] {
         let format = files::format(format).unwrap();
-        let written = files::write_as(&folder.path(file), format, &raw());
+        let written = files::write_as(&folder.path(file), format, &raw(), Path::to_owned);
         assert_says(&written.unwrap_err().to_string(), &["read only"]);
     }
 }

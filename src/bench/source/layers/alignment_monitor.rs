@@ -4,7 +4,7 @@ use crate::source::frames::{Source, wraps};
 use std::ops::RangeInclusive;
 use svl_core::doubt::Doubt;
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
-use svl_core::stereo::{Frame, Rig, StereoPair};
+use svl_core::stereo::{Frame, Geometry, Rig, StereoPair};
 use svl_core::{Error, Result};
 use svl_recording::Selection;
 use svl_recording::warn_of;
@@ -60,7 +60,8 @@ impl<'a> AlignmentMonitor<'a> {
         let due = self.is_due();
         self.taken += 1;
         let last = match frame {
-            Some(frame) if due => {
+            // Raw pairs that are recorded are misaligned until they are rectified.
+            Some(frame) if due && frame.geometry != Geometry::Raw => {
                 self.meter.add(&frame.pair);
                 self.measure_apart(frame);
                 self.measured += 1;

@@ -3,6 +3,7 @@
 use super::sources::{open, open_recording};
 use crate::source::frames::Source;
 use crate::source::inputs::folder::map_files::MapFiles;
+use crate::source::layers::alignment_monitor::misalignment_cure;
 use crate::source::opened::calibration::Calib;
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
@@ -26,6 +27,8 @@ const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
 /// Pairs are measured for vertical misalignment until that many points have matched.
 const MAX_POINTS: usize = 500;
+/// Largest misalignment of pairs that can be used: beyond it, windows of a few rows hardly match.
+const MAX_MISALIGNED_PX: f64 = 2.0;
 /// Largest median skew of pairs that can be used, however far apart they are.
 const MAX_SKEW_NS: f64 = 100e6;
 
@@ -38,6 +41,8 @@ pub struct SourceFacts {
     pub pairs: Option<u64>,
     /// Names of the layers around the source.
     pub chain: Vec<String>,
+    /// How values of 16 bits become grey levels, and why.
+    pub grey: Option<String>,
     pub geometry: PairGeometry,
     /// False if nothing in another program's recording says that its pairs are raw or rectified;
     /// they count as raw.
@@ -54,6 +59,9 @@ pub struct SourceFacts {
     /// Vertical misalignment of the first pairs, of raw pairs after rectification; none if too few
     /// points matched.
     pub vertical_misalignment: Option<Alignment>,
+    /// The cure, if that is too large to match the pairs.
+    #[serde(skip)]
+    pub misalignment_cure: Option<&'static str>,
     /// The same of raw pairs before rectification.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unrectified_misalignment: Option<Alignment>,
@@ -148,6 +156,9 @@ impl SourceFacts {
             None => MapFiles::usual(Path::new(name)),
         };
         let rectification = opened.source.rectification();
+        let alignment = meter.alignment();
+        let px = alignment.as_ref().map_or(0.0, |found| found.median_abs_px);
+        let cure = misalignment_cure(&*opened.source);
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(CalibrationCheck::doubt);
         let doubts = opened.facts.doubts.iter().cloned().chain(doubts);
@@ -160,6 +171,7 @@ impl SourceFacts {
         Ok(Self {
             size_px: first.pair.size(),
             chain: opened.chain.clone(),
+            grey: opened.facts.grey.clone(),
             is_geometry_known: !is_foreign || !is_raw || has_calibration,
             pairs: opened.source.pairs(),
             camera,
@@ -171,7 +183,8 @@ impl SourceFacts {
             },
             rig,
             is_constant,
-            vertical_misalignment: meter.alignment(),
+            misalignment_cure: (px > MAX_MISALIGNED_PX && !is_raw).then_some(cure),
+            vertical_misalignment: alignment,
             unrectified_misalignment: rectification.and_then(RectificationMeter::before),
             doubts: doubts.collect(),
             calibration_checks: checks,

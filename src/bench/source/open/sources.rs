@@ -327,12 +327,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
 /// The errors of the images and of the calibration.
 pub fn open_pair(files: [&Path; 2], request: &Request<'_>) -> Result<Opened> {
     let source = ImagePair::read(files, request.options.bits)?;
-    let facts = StreamFacts {
-        bits: source.depth.bits(),
-        note: source.depth.note(),
-        doubts: source.depth.doubts().to_vec(),
-        ..StreamFacts::default()
-    };
+    let facts = StreamFacts::from_images(&source.depth, None, (0, 0));
     let opened = Opened::new(source, Header::new("pair"), "pair");
     opened.with_facts(facts).prepared(request)
 }
@@ -494,7 +489,8 @@ fn opened_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opene
         stamps: source.stamps(),
         ..Header::new(request.name)
     };
-    Opened::new(source, header, stem)
+    let facts = source.facts(request.options.side_by_side);
+    Opened::new(source, header, stem).with_facts(facts)
 }
 
 fn folder(request: &Request<'_>) -> Result<Opened> {
@@ -552,9 +548,6 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
     let checks = calibration.as_ref().map(StereoCalibration::checks);
     let facts = StreamFacts {
-        bits: source.depth.bits(),
-        note: source.depth.note(),
-        doubts: source.depth.doubts().to_vec(),
         calibration,
         remarks: unread.map(lacks).into_iter().collect(),
         camera: CameraFacts {
@@ -562,7 +555,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
             checks: checks.unwrap_or_default(),
             ..CameraFacts::default()
         },
-        ..StreamFacts::default()
+        ..StreamFacts::from_images(&source.depth, folder.side_by_side, source.size)
     };
     Ok(Opened {
         notes: truth_note.into_iter().collect(),
@@ -594,12 +587,7 @@ fn opened_scenes(
         )));
     }
     let source = SceneSource::with_bits(scenes, folder.bits)?;
-    let facts = StreamFacts {
-        bits: source.depth.bits(),
-        note: source.depth.note(),
-        doubts: source.depth.doubts().to_vec(),
-        ..StreamFacts::default()
-    };
+    let facts = StreamFacts::from_images(&source.depth, None, (0, 0));
     let header = Header {
         stamps: Some(StampOrigin::UNKNOWN),
         ..header

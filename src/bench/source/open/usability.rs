@@ -45,7 +45,9 @@ impl Usability {
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
-            is_usable: (is_rectified || is_calibrated) && !facts.doubts.iter().any(is_of_skew),
+            is_usable: (is_rectified || is_calibrated)
+                && facts.misalignment_cure.is_none()
+                && !facts.doubts.iter().any(is_of_skew),
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
@@ -79,6 +81,10 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
         } else {
             format!("{what}: {cure}, or --calib none if they are rectified")
         });
+    }
+    let alignment = facts.vertical_misalignment.as_ref();
+    if let (Some(found), Some(cure)) = (alignment, facts.misalignment_cure) {
+        missing.push(format!("no alignment ({}): {cure}", found.words()));
     }
     let unread = facts.truths.iter().filter(|truth| !truth.has_pixels());
     let unread: Vec<_> = unread.map(TruthFacts::name).collect();
@@ -136,7 +142,10 @@ impl Usability {
             Some(pairs) => counted(pairs, &kind),
             None => format!("{kind}s"),
         };
-        let model = self.distortion_model.as_ref();
+        let model = self
+            .distortion_model
+            .as_ref()
+            .filter(|name| !name.is_empty());
         let model = model.map(|model| format!(" ({model})"));
         format!("{pairs}{}", model.unwrap_or_default())
     }
@@ -159,6 +168,7 @@ mod tests {
         SourceFacts {
             size_px: (640, 480),
             chain: Vec::new(),
+            grey: None,
             pairs: None,
             geometry: PairGeometry::Raw,
             is_geometry_known: true,
@@ -170,6 +180,7 @@ mod tests {
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
             vertical_misalignment: None,
+            misalignment_cure: None,
             unrectified_misalignment: None,
             calibration_checks: Vec::new(),
             doubts: Vec::new(),

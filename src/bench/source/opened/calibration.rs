@@ -43,14 +43,26 @@ impl FromStr for Calib {
 /// Names and contents of calibration files.
 pub type CalibrationFiles = Vec<(String, Vec<u8>)>;
 
-/// Reads a calibration and its files.
-pub(crate) fn read(path: &Path) -> Result<(StereoCalibration, CalibrationFiles)> {
+/// Reads a calibration and its files. `topics`: those of the images, which choose the cameras of a
+/// chain; the name of its file keeps the choice.
+pub(crate) fn read(
+    path: &Path,
+    topics: [&str; 2],
+) -> Result<(StereoCalibration, CalibrationFiles)> {
     if path.extension() != Some(OsStr::new("mcap")) {
-        let found = files::read_with(path, &Hints::default())?;
+        let hints = Hints {
+            topics,
+            ..Hints::default()
+        };
+        let found = files::read_with(path, &hints)?;
         for note in found.notes() {
             tracing::warn!("{}: {note}", path.display());
         }
-        return Ok((found.calibration, contents(&files::inputs(path)?)?));
+        let mut kept = contents(&files::inputs(path)?)?;
+        if let ([(name, _)], Some([left, right])) = (&mut kept[..], found.cameras) {
+            *name += &format!(":cam{left},cam{right}");
+        }
+        return Ok((found.calibration, kept));
     }
     let kept = Recording::open(path)?.calibration_files()?;
     if kept.is_empty() {

@@ -161,7 +161,8 @@ impl Opened {
         let (calib, alpha) = (request.calib(), request.options.alpha);
         let (calibration, by, files) = match (&calib, &self.facts.calibration) {
             (Calib::File(path), _) => {
-                let (calibration, files) = calibration::read(path)?;
+                let topics = self.facts.topics.each_ref().map(String::as_str);
+                let (calibration, files) = calibration::read(path, topics)?;
                 // The doubts are among the notes of the file.
                 self.facts.camera.checks.clear();
                 let calibration = calibration::framed(calibration, alpha)?;

@@ -140,27 +140,31 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The calibration is written last, but its path is claimed before the user spends time on
     // views.
     let mut outputs = outputs.and(claimed);
-    outputs.set_aside()?;
+    outputs.begin()?;
+    let (report, picture) = (folder.path.clone(), folder.picture());
+    folder.path = outputs.place(&report);
     let answers = if args.yes {
         Answers::AcceptAll
     } else {
         Answers::from_terminal()
     };
     let target = match &args.rerun {
-        Some(choice) => choice.target().cloned(),
+        Some(choice) => choice.target().map(|target| target.placed(&outputs)),
         None => (!args.yes).then_some(RerunTarget::Spawn),
     };
-    let prompt = ViewPrompt::new(
-        answers,
-        target,
-        args.rerun.is_some(),
-        &board,
-        folder.picture(),
-    )?;
+    let prompt = ViewPrompt::new(answers, target, args.rerun.is_some(), &board, picture)?;
 
-    let calibrated = calibrate(args, board, opened, prompt, &mut folder, quiet);
+    let place = outputs.place(&args.output);
+    let calibrated = calibrate(
+        args,
+        board,
+        opened,
+        prompt,
+        (&mut folder, &place, &report),
+        quiet,
+    );
     match (&calibrated, folder.pairs()) {
-        (Ok(()), _) => outputs.commit(),
+        (Ok(()), _) => outputs.commit()?,
         // The accepted pairs are the source of another attempt.
         (Err(_), 1..) => outputs.keep_both(),
         (Err(_), 0) => {}
@@ -173,11 +177,11 @@ fn calibrate(
     board: Board,
     opened: Opened,
     prompt: ViewPrompt,
-    folder: &mut ReportFolder,
+    (folder, place, report): (&mut ReportFolder, &Path, &Path),
     quiet: bool,
 ) -> anyhow::Result<()> {
     let collected = collect(opened, board, prompt, folder, quiet)?;
-    let (count, shown) = (folder.pairs(), folder.path().display());
+    let (count, shown) = (folder.pairs(), folder.path.display());
     let kept = |error: anyhow::Error| match count {
         0 => error,
         _ => anyhow!("{error:#}; the accepted pairs are in {shown}"),
@@ -197,11 +201,11 @@ fn calibrate(
     for hidden in hidden_views(&solution.calibration) {
         tracing::warn!("{hidden}");
     }
-    for left_out in files::write(&args.output, &solution.calibration)? {
+    for left_out in files::write(place, &solution.calibration)? {
         tracing::warn!("{}: {left_out}", args.output.display());
     }
     folder.finish(&args.source, &collected.accepted, &solution)?;
-    print_result(args, &collected, &solution, folder.path())
+    print_result(args, &collected, &solution, report)
 }
 
 /// The JSON that `--json` prints.

@@ -7,6 +7,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::Error;
 use svl::pass::report_losses;
+use svl::recording::warn_of;
 use svl::rectify::{Alignment, AlignmentMeter};
 use svl::report::table::{NONE, Table};
 use svl::scenario::SourceOptions;
@@ -69,8 +70,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let (name, cure) = (source.name(), misalignment_cure(&*source));
     report_losses(&name, &source.finish(taken));
+    let doubt = meter.doubt(None, 0..=i32::MAX);
     let Some(alignment) = meter.alignment() else {
-        if let Some(doubt) = meter.doubt(None, 0..=i32::MAX) {
+        if let Some(doubt) = doubt {
             return Err(Error::format(name, doubt).into());
         }
         let points = meter.matches().len();
@@ -79,6 +81,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
              something textured"
         );
     };
+    doubt.iter().for_each(|doubt| warn_of(&name, doubt));
     print_value(args.json, &alignment, || text(&name, &alignment))?;
     // The report comes first; then the exit code says that the pairs are not rectified.
     if alignment.is_off() {

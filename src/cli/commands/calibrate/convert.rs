@@ -111,6 +111,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         unit: args.unit,
         size: args.size,
         model: args.model,
+        ..Hints::default()
     };
     distinct(inputs.iter().map(PathBuf::as_path))?;
     let [read, to_write] = [&inputs, &outputs].map(|paths| paths.iter().map(PathBuf::as_path));
@@ -122,9 +123,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         found.calibration = found.calibration.with_rectification(rectification);
     }
     print(&describe(&args.input, &found)?)?;
-    claimed.set_aside()?;
-    let left_out = files::write_as(&args.output, to, &found.calibration)?;
-    claimed.commit();
+    claimed.begin()?;
+    let place = |path: &Path| claimed.place(path);
+    let left_out = files::write_as(&args.output, to, &found.calibration, place)?;
+    claimed.commit()?;
     let (path, title, conventions) = (args.output.display(), to.title, to.conventions);
     let mut text = format!("{path}: written as {title}\n  {conventions}\n");
     for what in left_out {

@@ -19,7 +19,7 @@ const MAX_WIDTH: usize = 640;
 
 /// A folder that receives pairs, then a report.
 pub(super) struct ReportFolder {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     corners: Vec<Corners>,
 }
 
@@ -51,10 +51,6 @@ impl ReportFolder {
         let claimed = Outputs::claim_folder(&path, &REPORT)?;
         let corners = Vec::new();
         Ok((Self { path, corners }, claimed))
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Number of pairs added.

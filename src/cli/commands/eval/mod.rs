@@ -139,11 +139,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             let map = args.protocol.error_map(&loaded.image(0));
             let rgb = map.map_err(|e| files.explain(&e))?;
             let (width, height) = loaded.truth.size();
-            outputs.set_aside()?;
-            on_disk::write_png(path, width, height, &rgb)?;
+            outputs.begin()?;
+            on_disk::write_png(&outputs.place(path), width, height, &rgb)?;
         }
     }
-    outputs.commit();
+    outputs.commit()?;
     report::print_scores(args, &images, &scores)
 }
 

@@ -110,20 +110,23 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             (path, claimed)
         }
     };
-    outputs.set_aside()?;
+    outputs.begin()?;
+    let place = outputs.place(&output);
     if args.source.is_none() && !quiet {
         say_default(opened.source.pairs());
     }
     let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
     let began = Instant::now();
     let pairs = opened.source.pairs();
-    let (mut outcome, ran) = recordings::record(opened, &output, format(args), quiet);
+    let (mut outcome, ran) = recordings::record(opened, &place, format(args), quiet);
     outcome.losses.count_drops();
     let reached_end = reached_end(source, &outcome, pairs);
-    let is_kept = output.exists();
+    let is_kept = place.exists();
+    let is_whole = ran.is_ok() && reached_end.is_ok();
+    let output = if is_whole { output } else { place };
     // Decided before anything is printed: a closed or full standard output costs no recording.
-    match (ran.is_ok() && reached_end.is_ok(), is_kept) {
-        (true, _) => outputs.commit(),
+    match (is_whole, is_kept) {
+        (true, _) => outputs.commit()?,
         (false, true) => outputs.keep_both(),
         (false, false) => drop(outputs),
     }

@@ -63,15 +63,13 @@ impl Replayed {
     }
 
     /// Commits the files of a whole run. Those of another are kept beside the earlier ones.
-    pub(super) fn keep(&self, outputs: Outputs) {
-        if self.outcome.frames == 0 && self.ran.is_err() {
-            return;
+    pub(super) fn keep(&self, outputs: Outputs) -> Result<()> {
+        match (&self.ran, &self.finished) {
+            (Ok(()), Ok(())) => return outputs.commit(),
+            (Err(_), _) if self.outcome.frames == 0 => {}
+            _ => outputs.keep_both(),
         }
-        if self.ran.is_ok() && self.finished.is_ok() {
-            outputs.commit();
-        } else {
-            outputs.keep_both();
-        }
+        Ok(())
     }
 
     pub(super) fn has_results(&self) -> bool {

@@ -83,7 +83,7 @@ impl<'a> Plan<'a> {
             ..Chain::default()
         })?;
 
-        outputs.set_aside()?;
+        outputs.begin()?;
         let mut manifest = Manifest {
             bits: opened.header.bits,
             chain,
@@ -141,7 +141,7 @@ impl<'a> Plan<'a> {
             rows,
             self.args,
         );
-        replayed.keep(self.outputs);
+        replayed.keep(self.outputs)?;
         if replayed.has_results() {
             self.matchers.complete(&mut self.manifest);
             replayed.summarize(&mut self.manifest)?;
@@ -166,14 +166,15 @@ impl<'a> Plan<'a> {
             },
         });
         let viewer = self.rerun()?;
-        let write = |path| self.opened.writer(path, ImageFormat::Raw, &self.manifest);
+        let place = |path: Option<&PathBuf>| path.map(|path| self.outputs.place(path));
+        let write = |path: PathBuf| self.opened.writer(&path, ImageFormat::Raw, &self.manifest);
         Ok(Sinks::open(SinkRequest {
-            rows: args.rows.as_deref(),
-            cells: args.cells.as_deref(),
+            rows: place(args.rows.as_ref()).as_deref(),
+            cells: place(args.cells.as_ref()).as_deref(),
             newest_rows: self.opened.is_live.then_some(LIVE_ROWS),
             viewer,
             publish,
-            recording: args.output.as_deref().map(write).transpose()?,
+            recording: place(args.output.as_ref()).map(write).transpose()?,
             ..SinkRequest::default()
         })?)
     }
@@ -195,7 +196,7 @@ impl<'a> Plan<'a> {
         });
         Ok(Some(ViewerRequest {
             viewer: viewer()?,
-            target: target.clone(),
+            target: target.placed(&self.outputs),
             detail: RerunDetail::Full,
             info: ViewedScene::new(&self.manifest, wireframe),
         }))

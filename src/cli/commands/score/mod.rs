@@ -235,7 +235,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         figures: args.figures.as_deref(),
         viewer: chosen_viewer(args, &folder)?,
     };
-    junit.outputs.set_aside()?;
+    junit.outputs.begin()?;
     let evaluated = plan.evaluate(outputs, &Terminal { quiet });
     junit.write(&scenario.name, &evaluated)?;
     answer(args, &scenario.name, &folder, evaluated?)
@@ -307,9 +307,11 @@ impl<'a> JunitFile<'a> {
         let why = error.map(ToString::to_string).or_else(incomplete);
         let cases = gate.iter().map(GateResult::test_case);
         let cases: Vec<_> = cases.chain([losses_case(why)]).collect();
-        write(path, junit(&format!("svl score {scenario}"), &cases))?;
-        self.outputs.commit();
-        Ok(())
+        write(
+            &self.outputs.place(path),
+            junit(&format!("svl score {scenario}"), &cases),
+        )?;
+        Ok(self.outputs.commit()?)
     }
 }
 

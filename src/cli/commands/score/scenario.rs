@@ -102,7 +102,7 @@ pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> 
     let text = scenario.to_toml(file.parent().unwrap_or(Path::new("")))?;
     let outputs = Outputs::claim(false, [], [file])?;
     write(file, text)?;
-    outputs.commit();
+    outputs.commit()?;
     Ok(())
 }
 

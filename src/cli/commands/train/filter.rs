@@ -136,12 +136,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let (model, training) = train(&mut samples, &fitted, &settings, terminal)?;
     let manifest = Manifest::new("train filter", &[])?;
-    outputs.set_aside()?;
-    write(&args.output, model.to_bytes())?;
+    outputs.begin()?;
+    write(&outputs.place(&args.output), model.to_bytes())?;
     let mut identity = manifest.entries();
     identity.push(("fitted to".to_owned(), fitted.runs.join(", ")));
-    write(&page, training.page(identity)?)?;
-    outputs.commit();
+    write(&outputs.place(&page), training.page(identity)?)?;
+    outputs.commit()?;
     let (file, page) = (args.output.display(), page.display());
     let text = || anyhow::Ok(format!("{training}\n\n{file}\n{page}"));
     print_value(args.json, &training, text)?;

@@ -124,11 +124,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let training = &trained.training;
     let manifest = Manifest::new("train v5", std::slice::from_ref(&args.algo))?;
-    outputs.set_aside()?;
-    write(&args.output, trained.model.to_bytes())?;
+    outputs.begin()?;
+    write(&outputs.place(&args.output), trained.model.to_bytes())?;
     let text = CellTraining::page(&training.tables, manifest.entries())?;
-    write(&page, text)?;
-    outputs.commit();
+    write(&outputs.place(&page), text)?;
+    outputs.commit()?;
     print_value(args.json, training, || {
         let (file, page) = (args.output.display(), page.display());
         let training = training.terminal(style());

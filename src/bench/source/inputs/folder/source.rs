@@ -33,7 +33,7 @@ pub struct FolderSource {
     pub(super) geometry: Geometry,
     pub(crate) calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
-    size: (usize, usize),
+    pub(crate) size: (usize, usize),
     /// True if a pair of another size was met.
     sizes_differ: bool,
     next: usize,

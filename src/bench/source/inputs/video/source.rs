@@ -5,11 +5,12 @@ use super::stamped::{FrameClock, StampedVideo};
 use super::stream::VideoStream;
 use crate::source::frames::Source;
 use std::path::Path;
+use svl_core::doubt::{PairCure, Subject};
 use svl_core::stereo::{Exposure, Frame, Geometry};
 use svl_core::{Error, Result};
 use svl_files::pairing::{Nearest, WaitingStamps};
 use svl_files::{BitDepth, DecodedImage, SideBySide};
-use svl_recording::StampOrigin;
+use svl_recording::{StampOrigin, StreamFacts};
 use svl_score::losses::Losses;
 
 /// Extensions of videos.
@@ -126,6 +127,19 @@ impl VideoSource {
     /// Origin of the stamps, if not the video.
     pub fn stamps(&self) -> Option<StampOrigin> {
         self.numbers
+    }
+
+    /// Facts of the images. `places`: those of the halves, if the user named them.
+    pub fn facts(&self, places: Option<SideBySide>) -> StreamFacts {
+        let info = &self.cameras[0].video.info;
+        let half = places.map_or(info.size, |places| places.part(info.size));
+        let mut facts = StreamFacts::from_images(&self.depth, places, half);
+        let both = info.places.zip(places).filter(|both| both.0 != both.1);
+        facts.doubts.extend(both.map(|(stated, named)| {
+            let [stated, named] = [stated, named].map(|places| places.to_string());
+            PairCure::Places { stated, named }.doubt(Subject::Pairs, "layouts", 2.0, [1.0; 2])
+        }));
+        facts
     }
 
     fn images(&mut self) -> Result<Option<Pair>> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result, inputs};
-use svl_files::{DecodedImage, ffmpeg};
+use svl_files::{DecodedImage, SideBySide, ffmpeg};
 
 /// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
 const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
@@ -30,6 +30,8 @@ pub(crate) struct VideoInfo {
     pub is_grey: bool,
     /// Degrees by which its frames are turned.
     pub rotation: i32,
+    /// The places of left and right in its frames, if its header names them.
+    pub places: Option<SideBySide>,
     /// Frames per second.
     pub rate_hz: Option<f64>,
     /// Median time between frames, nanoseconds; that of the rate if the file has no times.
@@ -64,6 +66,23 @@ struct ProbeStream {
 #[derive(Default, serde::Deserialize)]
 struct ProbeSideData {
     rotation: Option<f64>,
+    /// Kind of a stereo video, and 1 if the left image is the second.
+    #[serde(rename = "type")]
+    kind: Option<String>,
+    inverted: Option<u8>,
+}
+
+impl ProbeSideData {
+    fn places(&self) -> Option<SideBySide> {
+        // ffprobe 6 has blanks between the words.
+        let kind = self.kind.as_ref()?.replace(' ', "");
+        let places = match &*kind {
+            "sidebyside" => [SideBySide::LeftRight, SideBySide::RightLeft],
+            "topandbottom" => [SideBySide::TopBottom, SideBySide::BottomTop],
+            _ => return None,
+        };
+        Some(places[usize::from(self.inverted == Some(1))])
+    }
 }
 
 #[derive(serde::Deserialize)]
@@ -82,7 +101,7 @@ impl VideoInfo {
     /// it cannot read.
     fn read(path: &Path) -> Result<Self> {
         let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:\
-                       stream_side_data=rotation:packet=pts_time:format=duration";
+                       stream_side_data=rotation,type,inverted:packet=pts_time:format=duration";
         // Another program opens it.
         inputs::register(path);
         let mut command = Command::new("ffprobe");
@@ -167,6 +186,7 @@ impl VideoInfo {
         Ok(Some(Self {
             size: (width, height),
             rotation,
+            places: stream.side_data_list.iter().find_map(ProbeSideData::places),
             is_grey: stream
                 .pix_fmt
                 .is_some_and(|format| format.starts_with("gray")),
@@ -371,6 +391,16 @@ mod tests {
         assert_eq!(info("{}"), Ok(None));
         let huge = info(r#"{"streams":[{"width":99999,"height":2}]}"#);
         assert!(huge.unwrap_err().contains("99999x2"));
+        for (kind, inverted, places) in [
+            ("side by side", 0, Some(SideBySide::LeftRight)),
+            ("sidebyside", 1, Some(SideBySide::RightLeft)),
+            ("top and bottom", 1, Some(SideBySide::BottomTop)),
+            ("2D", 0, None),
+        ] {
+            let data = format!(r#"{{"type":"{kind}","inverted":{inverted}}}"#);
+            let json = format!(r#"{{"streams":[{{{stream},"side_data_list":[{{}},{data}]}}]}}"#);
+            assert_eq!(info(&json).unwrap().unwrap().places, places, "{kind}");
+        }
         let odd = info(
             r#"{"streams":[{"width":4,"height":2,"avg_frame_rate":"0/0"}],
             "packets":[{}]}"#,

@@ -95,13 +95,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let found = measurements(&args.measurements, &measuring)?;
     let report = DistanceReport::new(found).with_context(|| args.measurements.join(" "))?;
-    outputs.set_aside()?;
+    outputs.begin()?;
     if let Some(path) = &args.figure {
-        write(path, report.figure()?)?;
+        write(&outputs.place(path), report.figure()?)?;
     }
     if let Some(path) = &args.table {
-        write(path, report.csv()?)?;
+        write(&outputs.place(path), report.csv()?)?;
     }
-    outputs.commit();
+    outputs.commit()?;
     print_value(args.json, &report.json(), || report.text(style()))
 }

@@ -145,9 +145,9 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
         }
         bail!("{source}: only recordings of the arena have a truth that knows what is {is}");
     }
-    outputs.set_aside()?;
-    write(path, labels.to_text())?;
-    outputs.commit();
+    outputs.begin()?;
+    write(&outputs.place(path), labels.to_text())?;
+    outputs.commit()?;
     let path = path.display();
     print(&format!(
         "{path}: {yes} {is}, {no} {is_not}; {both} of both skipped\n"
