@@ -40,8 +40,8 @@ fn one_version_everywhere() {
     assert!(text("src/python/pyproject.toml").contains("dynamic = [\"version\"]"));
 }
 
-/// Changes stand below "Unreleased" until a release renames it (RELEASING.md). A version that is not released has no
-/// date.
+/// Changes stand below "Unreleased" until a release renames it (RELEASING.md). A version that is
+/// not released has no date.
 #[test]
 fn a_released_version_has_one_date() {
     let (changes, citation) = (text("CHANGELOG.md"), text("CITATION.cff"));

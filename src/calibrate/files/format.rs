@@ -2,6 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::unit::FileUnit;
+use svl_core::doubt::Doubt;
 use svl_core::rectify::hidden_views;
 use svl_core::stereo::{DistortionModel, StereoCalibration};
 use svl_core::{Error, Result};
@@ -49,18 +50,24 @@ pub struct LoadedCalibration {
     pub calibration: StereoCalibration,
     /// Entries that were ignored or interpreted differently than the file states, a line each.
     pub remarks: Vec<String>,
+    /// What projections of a file say of each other, which the calibration no longer has.
+    pub(super) offsets: Option<Doubt>,
     /// Numbers of both cameras, if they were chosen in a chain.
     pub cameras: Option<[usize; 2]>,
 }
 
 impl LoadedCalibration {
-    /// All that the user should know: the remarks, unusual numbers, and the views that
-    /// rectification hides.
+    /// The remarks, and the views that rectification hides.
     pub fn notes(&self) -> impl Iterator<Item = String> {
         let hidden = hidden_views(&self.calibration);
+        self.remarks.iter().cloned().chain(hidden)
+    }
+
+    /// Its unusual numbers.
+    pub fn doubts(&self) -> impl Iterator<Item = Doubt> {
         let checks = self.calibration.checks().into_iter();
-        let doubts = checks.filter_map(|check| Some(check.doubt()?.to_string()));
-        self.remarks.iter().cloned().chain(doubts).chain(hidden)
+        let checks = checks.filter_map(|check| check.doubt());
+        self.offsets.clone().into_iter().chain(checks)
     }
 }
 

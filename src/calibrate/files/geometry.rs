@@ -44,6 +44,7 @@ impl StereoParameters {
             format,
             calibration: self.calibration(document, unit)?,
             remarks,
+            offsets: None,
             cameras: None,
         })
     }

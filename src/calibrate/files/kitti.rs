@@ -123,11 +123,14 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let offsets =
         CalibrationCheck::offsets(&document.projection(left)?, &document.projection(right)?);
-    let mut remarks = Vec::from_iter(offsets.doubt().map(|doubt| doubt.to_string()));
+    let mut remarks = Vec::new();
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
         remarks.push("cameras 0 and 1 were used; 2 and 3 were dropped".to_owned());
     }
-    cameras.loaded(&FORMAT, &document, unit, remarks)
+    Ok(LoadedCalibration {
+        offsets: offsets.doubt(),
+        ..cameras.loaded(&FORMAT, &document, unit, remarks)?
+    })
 }
 
 fn write(calibration: &StereoCalibration) -> Writing {

@@ -56,8 +56,10 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         rectification: Some(rectification),
     };
     let offsets = CalibrationCheck::offsets(&projections.0, &projections.1);
-    let doubt = offsets.doubt().map(|doubt| doubt.to_string());
-    cameras.loaded(&FORMAT, &left, unit, Vec::from_iter(doubt))
+    Ok(LoadedCalibration {
+        offsets: offsets.doubt(),
+        ..cameras.loaded(&FORMAT, &left, unit, Vec::new())?
+    })
 }
 
 fn one(document: &Document, hints: &Hints) -> Result<Intrinsics> {

@@ -297,7 +297,10 @@ fn the_best_is_as_sure_as_its_intervals() {
         .columns
         .iter()
         .position(|column| column.head == "right");
-    let marked = |row: &Vec<TableCell>| matches!(&row[right.unwrap()], TableCell::Text(text) if text.ends_with('x'));
+    let marked = |row: &Vec<TableCell>| match &row[right.unwrap()] {
+        TableCell::Text(text) => text.ends_with('x'),
+        _ => false,
+    };
     assert!(table.rows.iter().all(marked), "{table:?}");
 }
 

@@ -9,7 +9,7 @@ use svl_calibrate::files::{self, Hints};
 use svl_core::rectify::{Framing, bouguet};
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, inputs};
-use svl_recording::{CALIBRATION, Recording};
+use svl_recording::{CALIBRATION, Recording, warn_of};
 
 /// The calibration that rectifies the pairs of a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -58,6 +58,8 @@ pub(crate) fn read(
         for note in found.notes() {
             tracing::warn!("{}: {note}", path.display());
         }
+        let name = path.display().to_string();
+        found.doubts().for_each(|doubt| warn_of(&name, &doubt));
         let mut kept = contents(&files::inputs(path)?)?;
         if let ([(name, _)], Some([left, right])) = (&mut kept[..], found.cameras) {
             *name += &format!(":cam{left},cam{right}");

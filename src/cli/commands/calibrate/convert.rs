@@ -166,7 +166,8 @@ fn describe(path: &Path, found: &LoadedCalibration) -> Result<String, std::fmt::
             )?;
         }
     }
-    for note in found.notes() {
+    let doubts = found.doubts().map(|doubt| doubt.to_string());
+    for note in found.notes().chain(doubts) {
         writeln!(text, "  note: {note}")?;
     }
     Ok(text)
