@@ -68,17 +68,17 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12917),
+    ("bench", 12918),
     ("c", 470),
-    ("calibrate", 4969),
-    ("cli", 11161),
-    ("core", 19498),
+    ("calibrate", 4980),
+    ("cli", 11180),
+    ("core", 19501),
     ("files", 2487),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
-    ("recording", 14006),
-    ("report", 12871),
+    ("recording", 14008),
+    ("report", 12839),
     ("score", 7897),
     ("sim", 3534),
     ("thesis", 2877),

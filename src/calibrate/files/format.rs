@@ -63,7 +63,7 @@ impl LoadedCalibration {
         self.remarks.iter().cloned().chain(hidden)
     }
 
-    /// Its unusual numbers.
+    /// Unusual numbers of the calibration.
     pub fn doubts(&self) -> impl Iterator<Item = Doubt> {
         let checks = self.calibration.checks().into_iter();
         let checks = checks.filter_map(|check| check.doubt());
