@@ -180,17 +180,18 @@ fn cameras_of_a_chain_are_chosen_by_their_topics_or_numbers() {
     }
     // The numbers stand behind the file, and a kept file has them in its name.
     let folder = Folder::new();
-    let (file, kept) = (folder.path("c.yaml"), folder.path("kept.yaml:cam2,cam3"));
+    let path = |name: &str| folder.0.path().join(name);
+    let (file, kept) = (path("c.yaml"), path("kept.yaml:cam2,cam3"));
     for path in [&file, &kept] {
         std::fs::write(path, &chain).unwrap();
     }
-    let named = folder.path("c.yaml:cam2,cam3");
+    let named = path("c.yaml:cam2,cam3");
     for path in [&named, &kept] {
         assert_eq!(files::read(path).unwrap(), last.calibration, "{path:?}");
     }
     assert_eq!(files::inputs(&named).unwrap(), [file]);
     std::fs::write(folder.path("o.yaml"), opencv("0.1, 0., 0., 0., 0.", "")).unwrap();
-    let other = files::read(&folder.path("o.yaml:cam0,cam1")).unwrap_err();
+    let other = files::read(&path("o.yaml:cam0,cam1")).unwrap_err();
     assert_says(&other.to_string(), &["no chain of cameras"]);
 }
 

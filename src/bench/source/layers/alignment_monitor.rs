@@ -191,10 +191,10 @@ impl Source for AlignmentMonitor<'_> {
 mod tests {
     use super::*;
     use crate::source::frames::FromFn;
-    use svl_core::stereo::{Geometry, Gray};
+    use svl_core::stereo::Gray;
 
     /// Pairs without texture, or of squares.
-    fn pairs(has_texture: bool) -> Box<dyn Source> {
+    fn pairs(has_texture: bool, geometry: Geometry) -> Box<dyn Source> {
         let mut taken = 0;
         Box::new(FromFn(move || {
             let mixed = |x: usize, y: usize| {
@@ -206,17 +206,22 @@ mod tests {
             let image = |d: usize| Gray::from_fn(320, 240, |x, y| grey(x + d, y));
             taken += 1;
             let pair = StereoPair::new(image(0)?, image(8)?)?;
-            Ok((taken <= 60).then(|| Frame::new(pair, Geometry::Raw)))
+            Ok((taken <= 60).then(|| Frame::new(pair, geometry)))
         }))
     }
 
     #[test]
     fn pairs_are_measured_until_they_have_points_enough() {
-        for (has_texture, measured) in [(true, MAX_MEASURED), (false, MAX_TRIED)] {
-            let mut monitor = AlignmentMonitor::new(pairs(has_texture), 0);
+        let rectified = Geometry::Rectified(None);
+        for (has_texture, geometry, measured) in [
+            (true, rectified, MAX_MEASURED),
+            (false, rectified, MAX_TRIED),
+            (true, Geometry::Raw, 0),
+        ] {
+            let mut monitor = AlignmentMonitor::new(pairs(has_texture, geometry), 0);
             while monitor.next().unwrap().is_some() {}
             assert_eq!(monitor.measured, measured);
-            assert_eq!(monitor.meter.is_enough(), has_texture);
+            assert_eq!(monitor.meter.is_enough(), has_texture && measured > 0);
         }
     }
 }
