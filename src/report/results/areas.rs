@@ -2,6 +2,7 @@
 
 use super::summary::{AlgorithmSummary, Results};
 use std::borrow::Cow;
+use svl_core::counted;
 use svl_score::judge::{AreaChoice, Metric};
 
 /// Group of the fractions of right, wrong and unknown cells.
@@ -75,7 +76,7 @@ impl Results {
     /// The number of near obstacles: missed and found ones are of these.
     pub(crate) fn near_words(&self) -> Option<String> {
         let most = self.most_near().filter(|_| self.drives.is_empty())?;
-        Some(format!("{most} near obstacles"))
+        Some(counted(most as u64, "near obstacle"))
     }
 
     /// The most near obstacles of an algorithm.

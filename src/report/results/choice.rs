@@ -96,6 +96,8 @@ impl Results {
             *level == kind && is_tested(name) && value(name).is_some_and(|own| !is_within(own))
         };
         let is_driven = kind == TruthLevel::Courses;
+        let own = rows.get(&*a.algorithm).filter(|_| !is_driven);
+        let is_few = || own.is_some_and(|own| runs(own).blocks() < METHOD.fewest_blocks);
         let is_absent = || {
             let label = a.algorithm.as_str();
             self.basis.common.is_absent(label) || !rows.contains_key(label)
@@ -104,15 +106,12 @@ impl Results {
             Some(Unfit::NotCompared)
         } else if !is_driven && is_absent() {
             Some(Unfit::Absent)
+        } else if is_few() {
+            Some(Unfit::TooFewPairs)
         } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
             Some(Unfit::Limit(name))
-        } else if let Some(own) = rows.get(&*a.algorithm).filter(|_| !is_driven) {
-            let is_few = runs(own).blocks() < METHOD.fewest_blocks;
-            is_few
-                .then_some(Unfit::TooFewPairs)
-                .or_else(|| self.beside_prior(own, rows))
         } else {
-            None
+            own.and_then(|own| self.beside_prior(own, rows))
         }
     }
 
