@@ -66,7 +66,8 @@ impl Results {
         // One that failed on all pairs changes no sentence.
         let is_few = answered.next() == Some(&Unfit::TooFewPairs)
             && answered.all(|own| *own == Unfit::TooFewPairs);
-        if is_few {
+        let is_any_fit = self.algorithms.iter().any(|a| self.may_be_best(a));
+        if is_few && !is_any_fit {
             let numbers = self.numbers();
             return Some(format!(
                 "Too few pairs to tell which is best{numbers}; {extent}."
@@ -77,7 +78,6 @@ impl Results {
             .filter(|best| best.metric.name != "time")
             .collect();
         if best.is_empty() {
-            let is_any_fit = self.algorithms.iter().any(|a| self.may_be_best(a));
             return (!is_any_fit).then(|| {
                 let why = self.unfit_words(self.ranked_algorithms());
                 format!("None may be best: {why}; {extent}.")

@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn no_setting_is_named_that_may_not_be_best() {
         let (choice, words) = chosen(|_, _| 5.0);
-        let expected = "Of 40 settings of bm none is named: bm:uniqueness=0 right 5.0 %, ";
+        let expected = "Of 40 settings of bm none is chosen: bm:uniqueness=0 right 5.0 %, ";
         assert!(
             choice.setting.is_none() && words.starts_with(expected),
             "{words}"
@@ -270,7 +270,7 @@ mod tests {
         };
         let (_, words) = chosen_by(shown, |_, _| 50.0);
         assert!(
-            words.contains("none is named: near has no better direction"),
+            words.contains("none is chosen: near has no better direction"),
             "{words}"
         );
     }
