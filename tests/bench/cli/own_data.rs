@@ -323,7 +323,7 @@ fn bags_of_a_foreign_writer() {
         (6, 64),
         "12 bits of 1024"
     );
-    assert!(stderr.contains("use 12 bits"), "{stderr}");
+    assert!(stderr.contains("as 12 bits are used"), "{stderr}");
     for bag in [
         "sqlite",
         "sqlite-file",
