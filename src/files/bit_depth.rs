@@ -80,7 +80,7 @@ impl BitDepth {
         &self.doubts
     }
 
-    /// How values of 16 bits become grey levels, and why.
+    /// The conversion of 16-bit values to grey levels, with the reason.
     pub fn grey_words(&self) -> Option<String> {
         let (bits, low, shift) = (self.bits?, self.low, self.shift);
         let grey = format!("grey is (value - {low}) / {}", 1 << shift);

@@ -291,7 +291,7 @@ impl Output {
                 // The file may have appeared since it was claimed.
                 may_write(&self.path, self.may_replace)?;
             }
-            // What a killed svl left there.
+            // A killed svl may have left files there.
             let made = self
                 .clear(&beside)
                 .and_then(|()| std::fs::create_dir(&beside));
@@ -351,11 +351,11 @@ impl Output {
             (None, Some(_)) if self.begun => self.remove_own(&self.path)?,
             _ => {}
         }
-        match self.created {
+        if self.created {
             // Fails if the folder is not empty, as it should.
-            true => std::fs::remove_dir(&self.path),
-            false => Ok(()),
+            std::fs::remove_dir(&self.path)?;
         }
+        Ok(())
     }
 
     /// Removes the folder of new files, if it is there and has no others.
@@ -577,7 +577,7 @@ mod tests {
         begun("incomplete").keep_both();
         let left = unfinished(&path).unwrap();
         assert_eq!(std::fs::read_to_string(&left).unwrap(), "incomplete");
-        // What a killed svl left is replaced, but nothing beside it.
+        // The file of a killed svl is replaced, but nothing beside it.
         begun("whole").commit().unwrap();
         assert_eq!((text(), left.exists()), ("whole".to_owned(), false));
         begun("again").keep_both();

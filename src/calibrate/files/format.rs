@@ -50,7 +50,7 @@ pub struct LoadedCalibration {
     pub calibration: StereoCalibration,
     /// Entries that were ignored or interpreted differently than the file states, a line each.
     pub remarks: Vec<String>,
-    /// What projections of a file say of each other, which the calibration no longer has.
+    /// The doubt about the two projections of a file, which the calibration no longer has.
     pub(super) offsets: Option<Doubt>,
     /// Numbers of both cameras, if they were chosen in a chain.
     pub cameras: Option<[usize; 2]>,

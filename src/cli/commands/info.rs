@@ -135,6 +135,7 @@ struct Info {
     #[serde(skip_serializing_if = "Option::is_none")]
     cure: Option<String>,
     /// The new file that a killed svl left beside this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     unfinished: Option<String>,
     #[serde(serialize_with = "svl::nanoseconds::as_text")]
     duration_ns: Option<u64>,

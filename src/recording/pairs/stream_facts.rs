@@ -27,7 +27,7 @@ pub struct StreamFacts {
     pub broken: BTreeMap<String, u64>,
     /// Number of bits that the 16-bit images use.
     pub bits: Option<u8>,
-    /// How their values become grey levels, and why.
+    /// The conversion of 16-bit values to grey levels, with the reason.
     pub grey: Option<String>,
     /// Doubts about the images.
     pub doubts: Vec<Doubt>,

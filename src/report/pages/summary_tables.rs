@@ -192,18 +192,15 @@ impl Results {
         if self.shown.sort.is_some() {
             return self.algorithms.iter().collect();
         }
-        let key = |a: &AlgorithmSummary| {
+        let keyed = self.algorithms.iter().map(|a| {
             let merit = self.merit(a);
             let is_absent = self.basis.common.is_absent(&a.algorithm);
-            ((merit.is_none(), is_absent), merit.unwrap_or_default())
-        };
-        let mut ranked: Vec<_> = self.algorithms.iter().collect();
-        // Stable: those without a value are last, behind those that answered less than half.
-        ranked.sort_by(|a, b| {
-            let ((a_group, a), (b_group, b)) = (key(a), key(b));
-            a_group.cmp(&b_group).then(b.total_cmp(&a))
+            ((merit.is_none(), is_absent), merit.unwrap_or_default(), a)
         });
-        ranked
+        let mut keyed: Vec<_> = keyed.collect();
+        // Stable: those without a value are last, behind those that answered less than half.
+        keyed.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+        keyed.into_iter().map(|(.., a)| a).collect()
     }
 
     /// The number that the algorithms are ranked by: more is better.

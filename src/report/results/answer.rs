@@ -1,6 +1,7 @@
 //! The answer of a report: a sentence at its head, and the meanings of marks below its table.
 
-use super::best::{BEST, Best, Certainty, FAILED, FEW, SweepChoice, UNFIT, Unfit};
+use super::best::{BEST, Best, Certainty, FAILED, FEW_PAIRS, SweepChoice, UNFIT, Unfit};
+use super::choice::answer_metrics;
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::samples::grouped;
 use crate::subjects::references::EXACT;
@@ -196,12 +197,15 @@ impl Results {
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
         let marks = marked.clone().flat_map(|best| &best.others);
         let marks = marks.map(|other| other.certainty.mark());
-        let unfit = self.unfit.values().map(|own| own.mark());
+        let answers = answer_metrics(self.kind());
+        let has_marks = shown.iter().any(|own| answers.contains(own));
+        let unfit = self.unfit.values().filter(|_| has_marks);
+        let unfit = unfit.map(|own| own.mark());
         let seen: Vec<_> = marks.chain(unfit).collect();
         let untold = Certainty::NotToldApart.mark();
         let meanings = [
             (untold, "not told apart from it".to_owned()),
-            (FEW, "too few pairs to tell".to_owned()),
+            (FEW_PAIRS, "too few pairs to tell".to_owned()),
             (UNFIT, format!("may not be best: {}", self.limit_words())),
         ];
         let meanings = meanings.into_iter().filter(|(own, _)| seen.contains(own));
@@ -229,7 +233,7 @@ impl Results {
         self.drives.is_empty() && !common.is_shown() && !common.partial.is_empty()
     }
 
-    /// Says so.
+    /// The sentence that says so.
     fn own_pairs_words(&self) -> Option<String> {
         let (common, read) = (self.basis.common.common, self.basis.common.read);
         self.has_own_pairs().then(|| {

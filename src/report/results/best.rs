@@ -40,7 +40,7 @@ pub enum Certainty {
 pub(crate) const BEST: &str = "*";
 /// The mark of an algorithm that may not be best, and that of one of which too few pairs tell.
 pub(crate) const UNFIT: &str = "x";
-pub(crate) const FEW: &str = "?";
+pub(crate) const FEW_PAIRS: &str = "?";
 /// The mark of an algorithm that failed on pairs.
 pub(crate) const FAILED: &str = "!";
 
@@ -50,7 +50,7 @@ impl Certainty {
         match self {
             Self::Clear => "",
             Self::NotToldApart => "=",
-            Self::TooFew => FEW,
+            Self::TooFew => FEW_PAIRS,
         }
     }
 }
@@ -88,7 +88,7 @@ impl Unfit {
     pub(crate) fn mark(self) -> &'static str {
         match self {
             Self::NotCompared => "",
-            Self::TooFewPairs => FEW,
+            Self::TooFewPairs => FEW_PAIRS,
             _ => UNFIT,
         }
     }

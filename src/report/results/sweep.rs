@@ -17,7 +17,7 @@ use svl_score::judge::{Better, Metric, TruthLevel};
 use svl_score::manifest::AlgorithmRecord;
 
 /// Reason of a sweep without a choice.
-const TOO_FEW: &str = "too few pairs to tell";
+const FEW_PAIRS: &str = "too few pairs to tell";
 
 /// The settings that are compared, with their rows of the pairs that all of them have.
 type SettingRows<'a> = Vec<(&'a str, Vec<&'a Row>)>;
@@ -96,7 +96,7 @@ impl Results {
                 |a: &AlgorithmSummary| self.unfit.get(&a.algorithm) == Some(&Unfit::TooFewPairs);
             let is_any = own.clone().next().is_some();
             return Err(match self.unfit_words(own.clone()) {
-                _ if is_any && own.clone().all(is_few) => TOO_FEW.to_owned(),
+                _ if is_any && own.clone().all(is_few) => FEW_PAIRS.to_owned(),
                 why if why.is_empty() => "no pair was answered".to_owned(),
                 why => why,
             });
@@ -110,7 +110,7 @@ impl Results {
         let runs = runs(&common);
         let blocks = runs.block_numbers();
         if runs.blocks() < METHOD.fewest_blocks {
-            return Err(TOO_FEW.to_owned());
+            return Err(FEW_PAIRS.to_owned());
         }
         let measure = |rows: &[&Row]| {
             let merit = is_merit.then(|| merit_sample(rows, self.basis.area));

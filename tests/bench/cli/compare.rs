@@ -271,6 +271,15 @@ fn worse_metrics_fail_and_are_in_junits_xml() {
     fixture.run("compare 0 0 0#v3 --fail-on worse:right --junit several.xml");
     let words = ["name=\"0: v3: pairs\"", "name=\"0#v3: v3: pairs\""];
     assert_says(&fixture.text("several.xml"), &words);
+    // Two pairs tell nothing: a CI server must not take that for passed.
+    fixture.run("score run0.mcap --algo v3 --algo v1 --to 0.1 --rerun none -q -o few");
+    let few = "compare few#v3 few#v1 --fail-on worse --junit few.xml";
+    fixture.svl(few).failed(3, &["too few independent pairs"]);
+    let xml = fixture.text("few.xml");
+    assert!(
+        xml.contains("skipped=\"0\"") && !xml.contains("failures=\"0\""),
+        "{xml}"
+    );
 }
 
 #[test]

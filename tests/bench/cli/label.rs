@@ -62,7 +62,7 @@ fn a_scenario_that_is_begun_accepts_the_images_that_its_recording_lost() {
     label(&fixture, "lossy.mcap", "f n \"one\" enter w q").done();
     assert_says(&fixture.text("lossy.toml"), &["allow_loss = 2\n"]);
     fixture.run("score lossy.toml -o report -q");
-    // A third image that is lost later is one too many.
+    // A limit below the losses of the recording is exceeded.
     fixture.write(
         "lossy.toml",
         fixture.text("lossy.toml").replace("= 2\n", "= 1\n"),

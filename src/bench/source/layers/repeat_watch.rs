@@ -20,6 +20,7 @@ pub(crate) struct RepeatWatch {
     begin_ns: Option<u64>,
     /// Left images, right images, truths, and their farthest distances.
     runs: [Run; 4],
+    /// The parts that were told.
     told: [bool; 4],
 }
 

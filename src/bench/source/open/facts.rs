@@ -41,7 +41,7 @@ pub struct SourceFacts {
     pub pairs: Option<u64>,
     /// Names of the layers around the source.
     pub chain: Vec<String>,
-    /// How values of 16 bits become grey levels, and why.
+    /// The conversion of 16-bit values to grey levels, with the reason.
     pub grey: Option<String>,
     pub geometry: PairGeometry,
     /// False if nothing in another program's recording says that its pairs are raw or rectified;

@@ -163,7 +163,7 @@ impl Opened {
             (Calib::File(path), _) => {
                 let topics = self.facts.topics.each_ref().map(String::as_str);
                 let (calibration, files) = calibration::read(path, topics)?;
-                // The doubts are among the notes of the file.
+                // The doubts of the file were told.
                 self.facts.camera.checks.clear();
                 let calibration = calibration::framed(calibration, alpha)?;
                 if calibration.unit() == LengthUnit::Squares {
