@@ -272,7 +272,8 @@ fn worse_metrics_fail_and_are_in_junits_xml() {
     let words = ["name=\"0: v3: pairs\"", "name=\"0#v3: v3: pairs\""];
     assert_says(&fixture.text("several.xml"), &words);
     // Two pairs tell nothing: a CI server must not take that for passed.
-    fixture.run("score run0.mcap --algo v3 --algo v1 --to 0.1 --rerun none -q -o few");
+    fixture.write_short_arena("tiny.toml", 2);
+    fixture.run("score tiny.toml --algo v3 --algo v1 --rerun none -q -o few");
     let few = "compare few#v3 few#v1 --fail-on worse --junit few.xml";
     fixture.svl(few).failed(3, &["too few independent pairs"]);
     let xml = fixture.text("few.xml");
