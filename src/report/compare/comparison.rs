@@ -140,7 +140,12 @@ impl Comparison {
         let tested = decide(deciding);
         let few_in_common = algorithms.iter();
         let few_in_common = few_in_common.filter_map(|own| own.few_in_common(min_common));
-        let incomplete = |run: &&ScoredRun| Some((run.name.clone(), run.incomplete.clone()?));
+        let mut incomplete = Vec::new();
+        for (side, run) in join.runs.iter().enumerate() {
+            let labels = join.algorithms.iter().map(|own| own.labels[side]);
+            let why = run.incomplete(&labels.collect::<Vec<_>>())?;
+            incomplete.extend(why.map(|why| (run.name.clone(), why)));
+        }
         let mut comparison = Self {
             conclusion: Conclusion::NotComparable,
             verdict: String::new(),
@@ -151,7 +156,7 @@ impl Comparison {
             differences: differences(join, &algorithms)?,
             truths: join.runs.map(|run| run.manifest.truth.clone()),
             origins: join.runs.map(|run| origin(&run.manifest)),
-            incomplete: join.runs.iter().filter_map(incomplete).collect(),
+            incomplete,
             method: if join.is_driven {
                 signs::method(join.tests())
             } else {
@@ -187,10 +192,9 @@ impl Comparison {
         Ok(comparison)
     }
 
-    /// True if any pair is compared, or one that the second report alone failed on.
+    /// True if any pair is compared.
     pub fn has_pairs(&self) -> bool {
-        let mut algorithms = self.algorithms.iter();
-        algorithms.any(|algorithm| algorithm.pairs > 0 || algorithm.newly_failed > 0)
+        self.algorithms.iter().any(|own| own.pairs > 0)
     }
 
     /// True if anything may be called better or worse: other tolerances or cells give other scores
@@ -216,7 +220,7 @@ impl Comparison {
         let mut judgements = ranked.iter().map(|(_, own)| own.judgement);
         let is_tested = |own| ![Judgement::Equal, Judgement::TooFew].contains(&own);
         match (is_worse, is(Judgement::Better)) {
-            _ if !self.is_judged() => Conclusion::NotComparable,
+            _ if !self.is_judged() || !self.has_pairs() => Conclusion::NotComparable,
             (true, true) => Conclusion::Mixed,
             (true, false) => Conclusion::Worse,
             (false, true) => Conclusion::Better,

@@ -5,7 +5,7 @@ use crate::rows::records::Row;
 use crate::rows::samples::{RunKey, is_scene, run_key};
 use crate::subjects::drives::DriveRow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 use svl_score::losses::Incomplete;
 use svl_score::manifest::{AlgorithmRecord, Manifest};
 
@@ -88,6 +88,14 @@ impl<'a> Join<'a> {
             return Err(Error::other(Incomplete(format!(
                 "{}: no algorithm in common ({ours}; {theirs}); {MAP}",
                 shown()
+            ))));
+        }
+        if join.algorithms.iter().all(|own| own.base_pairs == 0) {
+            let labels = join.algorithms.iter().map(|own| own.labels[0]);
+            return Err(Error::other(Incomplete(format!(
+                "{}: has no result of {}",
+                base.name.display(),
+                joined(labels)
             ))));
         }
         if !join.algorithms.iter().any(has_any) {
@@ -293,18 +301,28 @@ impl<'a> JoinedAlgorithm<'a> {
         });
         let pairs: Vec<_> = both.collect();
         let has_results: BTreeSet<_> = ours.keys().map(|key| (key.0, key.1)).collect();
-        let failures = other.failures.iter();
-        let failures = failures.filter(|row| row.algorithm == labels[1]);
+        let failed = |side: usize| {
+            let own = [base, other][side].failures.iter();
+            let own = own.filter(move |row| row.algorithm == labels[side]);
+            own.map(|row| ((row.seed, row.run.as_deref()), row.sequence))
+        };
+        let failures = failed(1).map(|(run, sequence)| alignment.place(run, sequence));
         let read_pairs = theirs.len() + failures.clone().count();
-        let failures = failures.filter(|row| {
-            let place = alignment.place((row.seed, row.run.as_deref()), row.sequence);
-            has_results.contains(&place)
-        });
+        let newly_failed = failures.clone().filter(|place| has_results.contains(place));
+        let newly_failed = newly_failed.count();
         let whole_runs = whole_runs(&pairs, [&ours, &theirs]);
         let records = [base, other].into_iter().zip(labels);
         let mut records = records.filter_map(|(run, label)| run.record(label));
         let other_past = if records.any(|record| record.has_run_memory) {
-            pairs.len() - equal_pasts(&ours, &theirs)
+            // A pair that one of the two failed on was read by both.
+            let failed: BTreeSet<_> = failed(0).chain(failures).collect();
+            let read_by_both = |rows: &PairRows<'a>| -> PairRows<'a> {
+                let rows = rows.iter().map(|(key, row)| (*key, *row));
+                rows.filter(|(key, _)| !failed.contains(&(key.0, key.1)))
+                    .collect()
+            };
+            let pasts = equal_pasts(&read_by_both(&ours), &read_by_both(&theirs));
+            pairs.len() - pasts
         } else {
             0
         };
@@ -313,7 +331,7 @@ impl<'a> JoinedAlgorithm<'a> {
             base_pairs: ours.len(),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             read_pairs,
-            newly_failed: failures.count(),
+            newly_failed,
             other_past,
             whole_runs,
             pairs,

@@ -11,6 +11,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_score::judge::AreaChoice;
+use svl_score::losses::{EndState, Ending};
 use svl_score::manifest::{AlgorithmRecord, Manifest, read_json};
 
 /// A report of `svl score`, or one algorithm of it: the rows of its unperturbed pairs.
@@ -20,8 +21,8 @@ pub struct ScoredRun {
     pub manifest: Manifest,
     pub(super) folder: PathBuf,
     pub(super) area: AreaChoice,
-    /// Reason why it is incomplete, if it is.
-    pub(super) incomplete: Option<String>,
+    /// Its end; `None` if it was never finished.
+    ending: Option<Ending>,
     pub(super) rows: Vec<Row>,
     /// The rows of the references.
     references: Vec<Row>,
@@ -84,19 +85,14 @@ impl ScoredRun {
         }
         let summary = folder.join("summary.json");
         let courses = folder.join(COURSES);
-        let incomplete = if summary.is_file() {
-            let summary: serde_json::Value = read_json(&summary)?;
-            summary["incomplete"].as_str().map(str::to_owned)
-        } else {
-            Some("it was never finished".to_owned())
-        };
+        let ending = summary.is_file().then(|| read_json(&summary));
         let courses = courses.is_file().then(|| read_json(&courses));
         let mut run = Self {
             name: folder.to_owned(),
             folder: folder.to_owned(),
             manifest: Manifest::read(folder)?,
             area: AreaChoice::default(),
-            incomplete,
+            ending: ending.transpose()?,
             rows: read_rows(&folder.join("rows.csv"))?,
             references: optional(folder, "references.csv")?,
             failures: optional(folder, "failures.csv")?,
@@ -112,6 +108,21 @@ impl ScoredRun {
             run.checkpoints.clear();
         }
         Ok(run)
+    }
+
+    /// The reason why its results of these algorithms are incomplete: losses of others are not.
+    pub(super) fn incomplete(&self, labels: &[&str]) -> Result<Option<String>> {
+        let Some(ending) = &self.ending else {
+            return Ok(Some("it was never finished".to_owned()));
+        };
+        if ending.state != EndState::Lossy {
+            return Ok(ending.incomplete.clone());
+        }
+        let mut missing = ending.missing.clone();
+        missing
+            .algorithms
+            .retain(|label, _| labels.contains(&label.as_str()));
+        Ok(Ending::new(missing, self.manifest.allow_loss()?).incomplete)
     }
 
     /// Keeps a reference in place of the algorithms. Reports of drives, and of pixels, have none.

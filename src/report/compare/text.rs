@@ -44,6 +44,13 @@ impl Comparison {
             Conclusion::NotComparable if !self.is_judged() => {
                 format!("scored differently ({differences}): nothing is called better or worse")
             }
+            Conclusion::NotComparable if !self.has_pairs() => {
+                let failed = self.algorithms.iter();
+                let failed = failed
+                    .filter_map(|own| Some(format!("; {} {}", own.labels(), own.failures()?)));
+                let things = if self.is_driven() { "course" } else { "pair" };
+                format!("no {things} of both{}", failed.collect::<String>())
+            }
             Conclusion::NotComparable | Conclusion::FewInCommon => {
                 "they have no headline metric in common".to_owned()
             }
@@ -52,7 +59,9 @@ impl Comparison {
                  more pairs"
             ),
             Conclusion::TooFewCourses => {
-                format!("of {pairs} {fewest} have to differ; drive more, as with --seeds 1..100")
+                format!(
+                    "{pairs}, of which at least {fewest} have to differ; --seeds 1..100 drives more"
+                )
             }
             Conclusion::NoChange => format!("the results of {pairs} are equal to the bit"),
             Conclusion::NotToldApart => {

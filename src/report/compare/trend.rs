@@ -71,7 +71,7 @@ impl Trend {
                 let differences = differences.join("; ");
                 cautions.push(format!("{name} was scored differently ({differences})"));
             }
-            let why = run.incomplete.iter();
+            let why = run.incomplete(&run.labels())?;
             cautions.extend(why.map(|why| format!("{name} is incomplete: {why}")));
         }
         let keys = |run: &ScoredRun| -> BTreeSet<_> {

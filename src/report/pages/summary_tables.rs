@@ -496,7 +496,7 @@ impl Results {
 /// The value of a metric; one of more wrong cells than a usable algorithm has is an alert.
 fn metric_cell(metric: &Metric, value: Option<f64>, mark: &str) -> TableCell {
     let Some(value) = value else {
-        return TableCell::Text(NONE.to_owned());
+        return TableCell::Text(NONE.to_owned() + mark.trim_end());
     };
     let shown = number(metric.unit, value) + mark;
     if metric.name == "wrong" && value > MAX_WRONG {

@@ -13,30 +13,22 @@ use svl_score::judge::{AreaChoice, Metric, TruthLevel};
 const MAX_NAMED: usize = 3;
 
 impl Unfit {
-    /// The number that is the reason.
-    fn words(self, results: &Results, label: &str) -> String {
+    /// The reason, before the algorithms that it is of.
+    fn reason(self) -> String {
         match self {
-            Self::Limit(name) => {
-                let metric = Metric::find(name);
-                let value = metric.and_then(|own| Some((own, results.value(label, own, None)?)));
-                let value = value.map(|(own, value)| own.show(value));
-                format!("{label} {name} {}", value.unwrap_or_default())
-            }
-            Self::BehindPrior => format!("{label} not above the prior"),
-            Self::TooFewPairs => format!("{label} too few pairs to tell"),
-            Self::Absent => format!("{label} answered less than half"),
-            Self::NotCompared => format!("{label} not compared"),
+            Self::Limit(limit) => limit.words(),
+            Self::Easy => "right in less than half of the most".to_owned(),
+            Self::BehindPrior => "not above the prior".to_owned(),
+            Self::TooFewPairs => "too few pairs to tell".to_owned(),
+            Self::Absent => "less than half of the pairs answered".to_owned(),
+            Self::NotCompared => "not compared".to_owned(),
         }
     }
 }
 
 impl Results {
-    /// The answer in a sentence, then the settings to use; none for a single algorithm, whose row
-    /// suffices.
+    /// The answer in a sentence, then the settings to use.
     pub fn answer(&self) -> Vec<String> {
-        if self.has_one_algorithm() {
-            return Vec::new();
-        }
         let head = self.head();
         let choices = self.choices.iter().map(SweepChoice::words);
         head.into_iter().chain(choices).collect()
@@ -45,11 +37,17 @@ impl Results {
     /// Which algorithm is best, by how much, on how many pairs and cells; or why none is.
     fn head(&self) -> Option<String> {
         let extent = self.extent_words();
-        if self.has_areas()
-            && self
-                .most_cells(self.basis.area)
-                .is_none_or(|cells| cells == 0)
-        {
+        let mut answered = self.algorithms.iter().filter(|a| a.pairs > 0);
+        match (answered.next(), answered.next()) {
+            (None, _) if self.basis.common.read > 0 => {
+                let pairs = counted(self.basis.common.read, "pair");
+                return Some(format!("No algorithm answered any of {pairs}."));
+            }
+            (None, _) => return None,
+            (Some(own), None) => return self.lone_words(own),
+            _ => {}
+        }
+        if self.is_area_empty() {
             let pairs = counted(self.basis.scope.pairs, "pair");
             return Some(format!(
                 "No cell of this area is scored, so none is best; {pairs}."
@@ -90,6 +88,20 @@ impl Results {
         };
         let names = grouped(&best, |best| &best.algorithm, names).join("; ");
         Some(format!("Best: {names}; {extent}."))
+    }
+
+    /// The reason why the only algorithm could not be best, in a sentence.
+    fn lone_words(&self, own: &AlgorithmSummary) -> Option<String> {
+        let why = match self.unfit.get(&own.algorithm)? {
+            Unfit::TooFewPairs if !self.references.is_empty() => {
+                format!("Too few pairs to tell {} from the prior", own.algorithm)
+            }
+            Unfit::Limit(_) | Unfit::BehindPrior => {
+                format!("It could not be best: {}", self.unfit_words([own]))
+            }
+            _ => return None,
+        };
+        Some(format!("{why}; {}.", self.extent_words()))
     }
 
     /// Why no algorithm is best by its drives.
@@ -152,26 +164,44 @@ impl Results {
         format!("; {words}: {}", numbers.join(", "))
     }
 
-    /// Why these algorithms may not be best, in words.
+    /// Why these algorithms may not be best, in words: each reason once.
     pub(crate) fn unfit_words<'a>(
         &self,
         algorithms: impl IntoIterator<Item = &'a AlgorithmSummary>,
     ) -> String {
-        let own = algorithms.into_iter().filter_map(|a| {
-            let why = self.unfit.get(&a.algorithm)?;
-            Some(why.words(self, &a.algorithm))
+        let unfit = algorithms.into_iter();
+        let unfit = unfit.filter_map(|a| Some((*self.unfit.get(&a.algorithm)?, a)));
+        let words = |own: &[&(Unfit, &AlgorithmSummary)]| {
+            let labels = own.iter().map(|(unfit, a)| self.limited_words(*unfit, a));
+            let more = own.len().saturating_sub(MAX_NAMED);
+            let more = (more > 0).then(|| format!("{more} more"));
+            let labels = labels.take(MAX_NAMED).chain(more).collect::<Vec<_>>();
+            format!("{} ({})", own[0].0.reason(), labels.join(", "))
+        };
+        let unfit: Vec<_> = unfit.collect();
+        grouped(&unfit.iter().collect::<Vec<_>>(), |own| own.0, words).join(", ")
+    }
+
+    /// The label of an algorithm, and its number that is beyond a limit.
+    fn limited_words(&self, unfit: Unfit, a: &AlgorithmSummary) -> String {
+        let name = match unfit {
+            Unfit::Limit(limit) => limit.metric,
+            Unfit::Easy => "right",
+            _ => return a.algorithm.clone(),
+        };
+        let value = Metric::find(name).and_then(|metric| {
+            let own = a.totals.measured(metric, self.deciding_area())?;
+            Some(metric.show(metric.value_of(own)?))
         });
-        let mut own: Vec<_> = own.collect();
-        let more = own.len().saturating_sub(MAX_NAMED);
-        own.truncate(MAX_NAMED);
-        own.extend((more > 0).then(|| format!("{more} more")));
-        own.join(", ")
+        format!("{} {}", a.algorithm, value.unwrap_or_default())
     }
 
     /// The pairs and the cells of the numbers.
     fn extent_words(&self) -> String {
         let common = &self.basis.common;
-        let pairs = if self.basis.own.is_empty() {
+        let pairs = if self.has_own_pairs() {
+            return format!("each one's own of {}", counted(common.read, "pair"));
+        } else if self.basis.own.is_empty() {
             counted(self.basis.scope.pairs, "pair")
         } else {
             format!("{} of {} pairs, which all have", common.common, common.read)
@@ -206,7 +236,7 @@ impl Results {
         let meanings = [
             (untold, "not told apart from it".to_owned()),
             (FEW_PAIRS, "too few pairs to tell".to_owned()),
-            (UNFIT, format!("may not be best: {}", self.limit_words())),
+            (UNFIT, self.broken_words()),
         ];
         let meanings = meanings.into_iter().filter(|(own, _)| seen.contains(own));
         let marks = meanings.map(|(own, words)| format!("{own} {words}"));
@@ -227,10 +257,28 @@ impl Results {
         parts.chain(order).collect()
     }
 
+    /// The limits that algorithms break, and the cells that they are of.
+    fn broken_words(&self) -> String {
+        let own = self.ranked_algorithms().into_iter();
+        let own = own.filter(|a| {
+            let unfit = self.unfit.get(&a.algorithm);
+            unfit.is_some_and(|own| own.mark() == UNFIT)
+        });
+        let area = self.deciding_area();
+        let is_other = self.has_areas() && area != self.basis.area;
+        let cells = if is_other {
+            format!(", by {area} cells")
+        } else {
+            String::new()
+        };
+        format!("may not be best{cells}: {}", self.unfit_words(own))
+    }
+
     /// True if the numbers are of each algorithm's own pairs, as too few are common.
     pub(crate) fn has_own_pairs(&self) -> bool {
         let common = &self.basis.common;
-        self.drives.is_empty() && !common.is_shown() && !common.partial.is_empty()
+        let is_any = self.has_answers() && self.drives.is_empty();
+        is_any && !common.is_shown() && !common.partial.is_empty()
     }
 
     /// The sentence that says so.

@@ -57,6 +57,11 @@ impl Results {
         algorithms.max()
     }
 
+    /// True if cells have areas, and none is of the one that is shown.
+    pub(crate) fn is_area_empty(&self) -> bool {
+        self.has_areas() && self.most_cells(self.basis.area).unwrap_or_default() == 0
+    }
+
     /// The number of cells that the numbers are of, if these are not all.
     pub(crate) fn area_words(&self) -> Option<String> {
         let (all, own) = (

@@ -1,7 +1,7 @@
 //! Which algorithms may be best, which is by each headline metric, and which are told apart from
 //! it.
 
-use super::best::{Best, Certainty, Other, RowsByAlgorithm, Unfit};
+use super::best::{Best, Certainty, Limit, Other, RowsByAlgorithm, Unfit};
 use super::change::{Change, Judgement, changes, verdict};
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::records::Row;
@@ -15,18 +15,20 @@ use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
 /// The largest fraction of wrong cells of an algorithm that may be called best.
 pub(crate) const MAX_WRONG: f64 = 0.1;
 
-/// Least and largest fractions of an algorithm that may be called best: of cells where distances
-/// are scored, of pixels where disparities are. An algorithm that answers nothing misses nothing,
-/// so right and found cells, and coverage, have limits, too.
-const LIMITS: [(TruthLevel, &str, [f64; 2]); 5] = [
-    (TruthLevel::Distances, "wrong", [0.0, MAX_WRONG]),
-    (TruthLevel::Distances, "right", [0.1, 1.0]),
-    (TruthLevel::Distances, "found", [0.5, 1.0]),
-    (TruthLevel::Disparities, "bad2", [0.0, 0.2]),
-    (TruthLevel::Disparities, "coverage", [0.1, 1.0]),
+/// The limits of an algorithm that may be called best: of cells where distances are scored, of
+/// pixels where disparities are. An algorithm that answers nothing misses nothing, so right and
+/// found cells, and coverage, have limits, too.
+const LIMITS: [(TruthLevel, Limit); 5] = [
+    (TruthLevel::Distances, Limit::at_most("wrong", 10)),
+    (TruthLevel::Distances, Limit::at_least("right", 10)),
+    (TruthLevel::Distances, Limit::at_least("found", 50)),
+    (TruthLevel::Disparities, Limit::at_most("bad2", 20)),
+    (TruthLevel::Disparities, Limit::at_least("coverage", 10)),
 ];
 /// Fewest near obstacles of which a part has to be found.
 const MIN_NEAR: f64 = 10.0;
+/// Least part of the most right cells: one that answers easy cells alone is wrong in none.
+const MIN_OF_MOST: f64 = 0.5;
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MAX_PRIOR: f64 = 0.8;
 
@@ -74,13 +76,33 @@ impl Results {
         let unfit = self.algorithms.iter();
         let unfit = unfit.filter_map(|a| Some((a.algorithm.clone(), self.unfit(a, rows)?)));
         self.unfit = unfit.collect();
+        self.find_easy();
         let kind = self.kind();
         // Drives run beside each other, and their pairs differ.
         let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
         let time = Metric::find("time").filter(|_| is_timed);
         let metrics = answer_metrics(kind).into_iter().chain(time);
+        let metrics = metrics.filter(|_| !self.is_area_empty());
         let best = metrics.filter_map(|metric| self.best_by(metric, rows, drives));
         self.best = best.collect();
+    }
+
+    /// Finds the algorithms that are right in far fewer cells than another one that may be best.
+    fn find_easy(&mut self) {
+        let right = Metric::find("right").filter(|_| self.kind() == TruthLevel::Distances);
+        let area = self.deciding_area();
+        let value = |a: &AlgorithmSummary| {
+            let right = right?;
+            right.value_of(a.totals.measured(right, area)?)
+        };
+        let fit = self.algorithms.iter().filter(|a| self.may_be_best(a));
+        let fit: Vec<_> = fit
+            .filter_map(|a| Some((a.algorithm.clone(), value(a)?)))
+            .collect();
+        let most = fit.iter().map(|own| own.1).fold(0.0, f64::max);
+        let easy = fit.into_iter().filter(|own| own.1 < MIN_OF_MOST * most);
+        let easy = easy.map(|(label, _)| (label, Unfit::Easy));
+        self.unfit.extend(easy);
     }
 
     fn unfit(&self, a: &AlgorithmSummary, rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
@@ -91,9 +113,11 @@ impl Results {
             metric.value_of(a.totals.measured(metric, area)?)
         };
         let is_tested = |name: &str| name != "found" || value("near") >= Some(MIN_NEAR);
-        let is_broken = |(level, name, [min, max]): &&(TruthLevel, &'static str, [f64; 2])| {
-            let is_within = |value| *min <= value && value <= *max;
-            *level == kind && is_tested(name) && value(name).is_some_and(|own| !is_within(own))
+        let limits = LIMITS.iter().filter(|(level, _)| *level == kind);
+        let mut limits = limits.map(|(_, limit)| *limit);
+        let is_broken = |limit: &Limit| {
+            let value = value(limit.metric).filter(|_| is_tested(limit.metric));
+            value.is_some_and(|value| limit.is_broken(value))
         };
         let is_driven = kind == TruthLevel::Courses;
         let own = rows.get(&*a.algorithm).filter(|_| !is_driven);
@@ -108,8 +132,8 @@ impl Results {
             Some(Unfit::Absent)
         } else if is_few() {
             Some(Unfit::TooFewPairs)
-        } else if let Some((_, name, _)) = LIMITS.iter().find(is_broken) {
-            Some(Unfit::Limit(name))
+        } else if let Some(limit) = limits.find(is_broken) {
+            Some(Unfit::Limit(limit))
         } else {
             own.and_then(|own| self.beside_prior(own, rows))
         }
@@ -117,31 +141,12 @@ impl Results {
 
     /// The cells that decide who may be best, whatever area is shown: those of the headline, unless
     /// there is none.
-    fn deciding_area(&self) -> AreaChoice {
+    pub(crate) fn deciding_area(&self) -> AreaChoice {
         let headline = AreaChoice::default();
         match self.most_cells(headline) {
             Some(1..) => headline,
             _ => self.basis.area,
         }
-    }
-
-    /// The limits of an algorithm that may be best, in words.
-    pub(crate) fn limit_words(&self) -> String {
-        let own = LIMITS.iter().filter(|(level, ..)| *level == self.kind());
-        let limits = own.map(|(_, name, [min, max])| match (*min, *max) {
-            (0.0, max) => format!("at most {:.0} % {name}", 100.0 * max),
-            (min, _) => format!("at least {:.0} % {name}", 100.0 * min),
-        });
-        let distances = self.kind() == TruthLevel::Distances;
-        let prior = distances.then(|| {
-            format!("of {MIN_NEAR} or more near obstacles, right minus wrong above the prior's")
-        });
-        let half = "half of the pairs answered".to_owned();
-        limits
-            .chain(prior)
-            .chain([half])
-            .collect::<Vec<_>>()
-            .join(", ")
     }
 
     /// Tests right minus wrong cells against the prior's.
@@ -177,12 +182,19 @@ impl Results {
         let mut fit: Vec<_> = ranked.filter(|a| self.may_be_best(a)).collect();
         // Stable: the first of equal ones is the best.
         fit.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        let (best, others) = fit.split_first()?;
-        let certainties = others.iter().map(|other| {
-            let labels = [&*best.algorithm, &*other.algorithm];
-            self.certainty(metric, labels, rows, drives)
-        });
-        let certainties: Vec<_> = certainties.collect();
+        // Numbers of own pairs may contradict a test, which is of the pairs of both: one that
+        // another one clearly beats is not the best.
+        let (place, certainties) = (0..fit.len()).find_map(|place| {
+            let own = &*fit[place].algorithm;
+            let others = fit
+                .iter()
+                .map(|a| &*a.algorithm)
+                .filter(|other| *other != own);
+            let all = others.map(|other| self.certainty(metric, [own, other], rows, drives));
+            Some((place, all.collect::<Option<Vec<_>>>()?))
+        })?;
+        let best = fit.remove(place);
+        let others = fit;
         let is_lone = others.is_empty() && (metric.name == "time" || self.has_one_algorithm());
         let is_driven = self.kind() == TruthLevel::Courses;
         let is_ahead = || certainties.iter().all(|own| *own == Certainty::Clear);
@@ -206,14 +218,14 @@ impl Results {
         })
     }
 
-    /// The certainty that the second algorithm is worse than the first.
+    /// The certainty that the second algorithm is worse than the first; `None` if it is better.
     fn certainty(
         &self,
         metric: &'static Metric,
         labels: [&str; 2],
         rows: &RowsByAlgorithm<'_>,
         drives: &[DriveRow],
-    ) -> Certainty {
+    ) -> Option<Certainty> {
         let change = if self.kind() == TruthLevel::Courses {
             course_change(metric, labels, drives)
         } else {
@@ -228,10 +240,11 @@ impl Results {
         };
         let is_faster = |own: &Change| own.interval.is_some_and(|(low, _)| low > 1.0);
         match change {
-            Some(own) if own.judgement == Judgement::Worse => Certainty::Clear,
-            Some(own) if metric.name == "time" && is_faster(&own) => Certainty::Clear,
-            Some(own) if own.interval.is_some() => Certainty::NotToldApart,
-            _ => Certainty::TooFew,
+            Some(own) if own.judgement == Judgement::Better => None,
+            Some(own) if own.judgement == Judgement::Worse => Some(Certainty::Clear),
+            Some(own) if metric.name == "time" && is_faster(&own) => Some(Certainty::Clear),
+            Some(own) if own.interval.is_some() => Some(Certainty::NotToldApart),
+            _ => Some(Certainty::TooFew),
         }
     }
 
@@ -250,6 +263,11 @@ impl Results {
     fn has_driven(&self, algorithm: &AlgorithmSummary) -> bool {
         let mut drives = self.drives.iter();
         drives.any(|own| own.algorithm == algorithm.algorithm && own.has_driven)
+    }
+
+    /// True if an algorithm answered a pair.
+    pub(crate) fn has_answers(&self) -> bool {
+        self.algorithms.iter().any(|a| a.pairs > 0)
     }
 
     pub(crate) fn has_one_algorithm(&self) -> bool {
@@ -314,32 +332,55 @@ mod tests {
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
 
-    /// Pairs of one cell each in seven blocks or more; the prior's and the algorithm's right ones.
-    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Results {
-        let rows = |label: &str, is_right: fn(u64) -> bool| -> Vec<_> {
-            let row = |sequence| {
-                let right = f64::from(u8::from(is_right(sequence)));
-                Row {
-                    algorithm: label.into(),
-                    seed: Some(1),
-                    sequence,
-                    metrics: MetricValues::from([
-                        ("right", right),
-                        ("wrong", 1.0 - right),
-                        ("unknown", 0.0),
-                        ("false", 0.0),
-                    ]),
-                    ..row(1000, (64, 48), None)
-                }
-            };
-            (0..pairs).map(row).collect()
+    /// Pairs of one cell each, right where that says so.
+    fn rows(label: &str, pairs: u64, is_right: impl Fn(u64) -> bool) -> Vec<Row> {
+        let row = |sequence| {
+            let right = f64::from(u8::from(is_right(sequence)));
+            Row {
+                algorithm: label.into(),
+                seed: Some(1),
+                sequence,
+                metrics: MetricValues::from([
+                    ("right", right),
+                    ("wrong", 1.0 - right),
+                    ("unknown", 0.0),
+                    ("false", 0.0),
+                ]),
+                ..row(1000, (64, 48), None)
+            }
         };
+        (0..pairs).map(row).collect()
+    }
+
+    fn results(algorithms: impl IntoIterator<Item = Vec<Row>>, prior: Vec<Row>) -> Results {
         let tables = ReportTables {
-            rows: rows("own", own),
-            references: rows(PRIOR, prior),
+            rows: algorithms.into_iter().flatten().collect(),
+            references: prior,
             ..ReportTables::default()
         };
         Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
+    }
+
+    /// The results of an algorithm in as many pairs as the prior's.
+    fn tested(pairs: u64, prior: fn(u64) -> bool, own: fn(u64) -> bool) -> Results {
+        results([rows("own", pairs, own)], rows(PRIOR, pairs, prior))
+    }
+
+    #[test]
+    fn hard_pairs_that_it_failed_on_make_none_the_best() {
+        let is_easy = |i| i < 240;
+        let easy = rows("easy", 240, |i| i % 20 != 0);
+        let all = rows("all", 400, |i| is_easy(i) || i % 8 != 0);
+        let half = rows(PRIOR, 400, |i| i % 2 == 0);
+        let results = results([easy, all], half);
+        let [easy, all] = ["easy", "all"].map(|label| {
+            let right = Metric::find("right").unwrap();
+            results.value(label, right, None).unwrap()
+        });
+        assert!(results.has_own_pairs() && easy == 0.95 && all == 0.95);
+        let best = results.best.iter().filter(|own| own.metric.name != "time");
+        let best: Vec<_> = best.map(|own| &*own.algorithm).collect();
+        assert_eq!(best, ["all"; 2]);
     }
 
     #[test]
@@ -359,7 +400,7 @@ mod tests {
         );
         assert_eq!(
             unfit(200, half, |i| i % 20 < 10),
-            Some(Unfit::Limit("wrong"))
+            Some(Unfit::Limit(Limit::at_most("wrong", 10)))
         );
         assert_eq!(unfit(20, few, all_but_few), Some(Unfit::TooFewPairs));
         let still = tested(200, all_but_few, |_| true);

@@ -38,10 +38,11 @@ impl RankedPairs {
         for row in rows {
             answered.entry(&row.algorithm).or_default().insert(id(row));
         }
-        let failures = failures.iter().filter(|row| row.stress.is_none());
-        let failures = failures.map(|row| ((row.seed, row.run.as_deref()), row.sequence));
-        let mut read: BTreeSet<_> = failures.collect();
-        read.extend(answered.values().flatten().copied());
+        let mut read: BTreeSet<_> = answered.values().flatten().copied().collect();
+        for row in failures.iter().filter(|row| row.stress.is_none()) {
+            read.insert(((row.seed, row.run.as_deref()), row.sequence));
+            answered.entry(&row.algorithm).or_default();
+        }
         let is_ranked =
             |pairs: &&BTreeSet<_>| pairs.len() as f64 >= MIN_ANSWERED * read.len() as f64;
         let ranked = answered.values().filter(is_ranked).cloned();

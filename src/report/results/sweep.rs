@@ -259,7 +259,8 @@ mod tests {
     #[test]
     fn no_setting_is_named_that_may_not_be_best() {
         let (choice, words) = chosen(|_, _| 5.0);
-        let expected = "Of 40 settings of bm none is chosen: bm:uniqueness=0 right 5.0 %, ";
+        let expected =
+            "Of 40 settings of bm none is chosen: under 10 % right (bm:uniqueness=0 5.0 ";
         assert!(
             choice.setting.is_none() && words.starts_with(expected),
             "{words}"

@@ -130,7 +130,11 @@ fn runs_without_common_data_are_not_compared() {
     let summary = fixture.text("2/summary.json");
     fixture.write(
         "2/summary.json",
-        summary.replacen("\"incomplete\": null", "\"incomplete\": \"stopped\"", 1),
+        summary.replacen(
+            "\"complete\",\n  \"incomplete\": null",
+            "\"failed\",\n  \"incomplete\": \"stopped\"",
+            1,
+        ),
     );
     assert_says(&fixture.run("compare 2 2"), &["2 is incomplete: stopped"]);
     fixture.write("0/rows.csv", "run_id,scenario\na,b\n");
@@ -192,13 +196,22 @@ fn pairs_that_fail_anew_are_worse() {
             format!("failed on {pairs} that the base has results for, as allow_loss allows");
         for format in ["", " --markdown"] {
             // Markdown escapes underscores.
-            let text = fixture
-                .run(&format!("compare a {other}{format}"))
-                .replace('\\', "");
+            let compared = fixture.svl(&format!("compare a {other}{format}"));
+            let text = compared.stdout.replace('\\', "");
             let text: Vec<_> = text.split_whitespace().collect();
             assert_says(&text.join(" "), &[&words]);
+            if other == "alone" {
+                assert_says(
+                    &text.join(" "),
+                    &["not comparable: no pair of both; some failed"],
+                );
+                compared.failed(4, &["nothing was compared"]);
+            } else {
+                assert!(compared.stderr.is_empty(), "{}", compared.stderr);
+            }
         }
-        let json = fixture.json(&format!("compare a {other} --json"));
+        let json = fixture.svl(&format!("compare a {other} --json")).stdout;
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
         let failed = json[0]["algorithms"][0]["newly_failed"].to_string();
         assert!(pairs.starts_with(&failed), "{json}");
     }
@@ -207,7 +220,7 @@ fn pairs_that_fail_anew_are_worse() {
     // Having nothing to compare does not count as equal.
     fixture
         .svl("compare c#some alone#some --fail-on worse")
-        .failed(3, &["no pair in common"]);
+        .failed(3, &["c#some: has no result of some"]);
     fixture
         .svl("compare c c --fail-on worse")
         .failed(3, &["some: pairs: no pair in common"]);

@@ -157,7 +157,7 @@ fn drives_are_compared_course_by_course() {
     assert_eq!(changed[0]["finished"], serde_json::json!([true, false]));
     assert_eq!(json[0]["conclusion"], "too-few-courses");
     // Few courses are said to be few, and collisions come first.
-    let few = "too few courses: of 2 courses 7 have to differ; drive more";
+    let few = "too few courses: 2 courses, of which at least 7 have to differ; --seeds";
     let sums = format!("collisions 0 → {hits}, courses finished 2 → 0");
     let lost = "not finished any more: courses ";
     assert_says(json[0]["verdict"].as_str().unwrap(), &[few]);
@@ -174,7 +174,7 @@ fn drives_are_compared_course_by_course() {
         "Courses that changed",
         ">yes → no<",
         "exact sign test",
-        "drive more, as with",
+        "--seeds 1..100 drives more",
     ];
     assert_says(&page, &words);
     assert!(!page.contains("Frames that changed most"));
