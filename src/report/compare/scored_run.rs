@@ -21,7 +21,7 @@ pub struct ScoredRun {
     pub manifest: Manifest,
     pub(super) folder: PathBuf,
     pub(super) area: AreaChoice,
-    /// Its end; `None` if it was never finished.
+    /// The end of the report; `None` if it was never finished.
     ending: Option<Ending>,
     pub(super) rows: Vec<Row>,
     /// The rows of the references.

@@ -16,7 +16,8 @@ impl Unfit {
     /// The reason, before the algorithms that it is of.
     fn reason(self) -> String {
         match self {
-            Self::Limit(limit) => limit.words(),
+            Self::Over(name, percent) => format!("over {percent} % {name}"),
+            Self::Under(name, percent) => format!("under {percent} % {name}"),
             Self::Easy => "right in less than half of the most".to_owned(),
             Self::BehindPrior => "not above the prior".to_owned(),
             Self::TooFewPairs => "too few pairs to tell".to_owned(),
@@ -96,7 +97,7 @@ impl Results {
             Unfit::TooFewPairs if !self.references.is_empty() => {
                 format!("Too few pairs to tell {} from the prior", own.algorithm)
             }
-            Unfit::Limit(_) | Unfit::BehindPrior => {
+            Unfit::Over(..) | Unfit::Under(..) | Unfit::BehindPrior => {
                 format!("It could not be best: {}", self.unfit_words([own]))
             }
             _ => return None,
@@ -185,7 +186,7 @@ impl Results {
     /// The label of an algorithm, and its number that is beyond a limit.
     fn limited_words(&self, unfit: Unfit, a: &AlgorithmSummary) -> String {
         let name = match unfit {
-            Unfit::Limit(limit) => limit.metric,
+            Unfit::Over(name, _) | Unfit::Under(name, _) => name,
             Unfit::Easy => "right",
             _ => return a.algorithm.clone(),
         };

@@ -75,8 +75,9 @@ pub enum Unfit {
     NotCompared,
     /// It answered less than half of the pairs.
     Absent,
-    /// A metric is beyond its limit.
-    Limit(Limit),
+    /// A metric is over its limit, per cent, or under it.
+    Over(&'static str, u32),
+    Under(&'static str, u32),
     /// It is right in less than half of the cells of another one that may be best: one that
     /// answers easy cells alone is wrong in none.
     Easy,
@@ -84,47 +85,6 @@ pub enum Unfit {
     BehindPrior,
     /// Too few independent pairs tell it from the prior and from others.
     TooFewPairs,
-}
-
-/// The least or the largest value of a metric of an algorithm that may be best.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-pub struct Limit {
-    pub metric: &'static str,
-    pub percent: u32,
-    /// True for the largest value.
-    pub is_most: bool,
-}
-
-impl Limit {
-    pub(crate) const fn at_most(metric: &'static str, percent: u32) -> Self {
-        Self {
-            metric,
-            percent,
-            is_most: true,
-        }
-    }
-
-    pub(crate) const fn at_least(metric: &'static str, percent: u32) -> Self {
-        Self {
-            is_most: false,
-            ..Self::at_most(metric, percent)
-        }
-    }
-
-    pub(crate) fn is_broken(self, value: f64) -> bool {
-        let limit = f64::from(self.percent) / 100.0;
-        if self.is_most {
-            value > limit
-        } else {
-            value < limit
-        }
-    }
-
-    /// The values that break it.
-    pub(crate) fn words(self) -> String {
-        let side = if self.is_most { "over" } else { "under" };
-        format!("{side} {} % {}", self.percent, self.metric)
-    }
 }
 
 impl Unfit {

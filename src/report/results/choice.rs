@@ -1,7 +1,7 @@
 //! Which algorithms may be best, which is by each headline metric, and which are told apart from
 //! it.
 
-use super::best::{Best, Certainty, Limit, Other, RowsByAlgorithm, Unfit};
+use super::best::{Best, Certainty, Other, RowsByAlgorithm, Unfit};
 use super::change::{Change, Judgement, changes, verdict};
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::records::Row;
@@ -18,17 +18,17 @@ pub(crate) const MAX_WRONG: f64 = 0.1;
 /// The limits of an algorithm that may be called best: of cells where distances are scored, of
 /// pixels where disparities are. An algorithm that answers nothing misses nothing, so right and
 /// found cells, and coverage, have limits, too.
-const LIMITS: [(TruthLevel, Limit); 5] = [
-    (TruthLevel::Distances, Limit::at_most("wrong", 10)),
-    (TruthLevel::Distances, Limit::at_least("right", 10)),
-    (TruthLevel::Distances, Limit::at_least("found", 50)),
-    (TruthLevel::Disparities, Limit::at_most("bad2", 20)),
-    (TruthLevel::Disparities, Limit::at_least("coverage", 10)),
+const LIMITS: [(TruthLevel, Unfit); 5] = [
+    (TruthLevel::Distances, Unfit::Over("wrong", 10)),
+    (TruthLevel::Distances, Unfit::Under("right", 10)),
+    (TruthLevel::Distances, Unfit::Under("found", 50)),
+    (TruthLevel::Disparities, Unfit::Over("bad2", 20)),
+    (TruthLevel::Disparities, Unfit::Under("coverage", 10)),
 ];
 /// Fewest near obstacles of which a part has to be found.
 const MIN_NEAR: f64 = 10.0;
 /// Least part of the most right cells: one that answers easy cells alone is wrong in none.
-const MIN_OF_MOST: f64 = 0.5;
+const MIN_SHARE_OF_MOST: f64 = 0.5;
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MAX_PRIOR: f64 = 0.8;
 
@@ -100,7 +100,9 @@ impl Results {
             .filter_map(|a| Some((a.algorithm.clone(), value(a)?)))
             .collect();
         let most = fit.iter().map(|own| own.1).fold(0.0, f64::max);
-        let easy = fit.into_iter().filter(|own| own.1 < MIN_OF_MOST * most);
+        let easy = fit
+            .into_iter()
+            .filter(|own| own.1 < MIN_SHARE_OF_MOST * most);
         let easy = easy.map(|(label, _)| (label, Unfit::Easy));
         self.unfit.extend(easy);
     }
@@ -113,11 +115,16 @@ impl Results {
             metric.value_of(a.totals.measured(metric, area)?)
         };
         let is_tested = |name: &str| name != "found" || value("near") >= Some(MIN_NEAR);
-        let limits = LIMITS.iter().filter(|(level, _)| *level == kind);
-        let mut limits = limits.map(|(_, limit)| *limit);
-        let is_broken = |limit: &Limit| {
-            let value = value(limit.metric).filter(|_| is_tested(limit.metric));
-            value.is_some_and(|value| limit.is_broken(value))
+        let percent = |name| {
+            value(name)
+                .filter(|_| is_tested(name))
+                .map(|own| 100.0 * own)
+        };
+        let is_broken = |(level, limit): &&(TruthLevel, Unfit)| match *limit {
+            _ if *level != kind => false,
+            Unfit::Over(name, most) => percent(name) > Some(most.into()),
+            Unfit::Under(name, least) => percent(name).is_some_and(|own| own < least.into()),
+            _ => false,
         };
         let is_driven = kind == TruthLevel::Courses;
         let own = rows.get(&*a.algorithm).filter(|_| !is_driven);
@@ -132,8 +139,8 @@ impl Results {
             Some(Unfit::Absent)
         } else if is_few() {
             Some(Unfit::TooFewPairs)
-        } else if let Some(limit) = limits.find(is_broken) {
-            Some(Unfit::Limit(limit))
+        } else if let Some((_, limit)) = LIMITS.iter().find(is_broken) {
+            Some(*limit)
         } else {
             own.and_then(|own| self.beside_prior(own, rows))
         }
@@ -400,7 +407,7 @@ mod tests {
         );
         assert_eq!(
             unfit(200, half, |i| i % 20 < 10),
-            Some(Unfit::Limit(Limit::at_most("wrong", 10)))
+            Some(Unfit::Over("wrong", 10))
         );
         assert_eq!(unfit(20, few, all_but_few), Some(Unfit::TooFewPairs));
         let still = tested(200, all_but_few, |_| true);

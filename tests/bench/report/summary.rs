@@ -285,7 +285,7 @@ fn the_best_is_as_sure_as_its_intervals() {
     // An algorithm with more than 10 % wrong cells is not the best in anything.
     let wrong = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("v3", 6.0, 0.5, [1, 1, 1])]);
     let is_alone = |best: &Best| best.algorithm == "v3" && best.others.is_empty();
-    assert!(matches!(wrong.unfit["v1"], Unfit::Limit(limit) if limit.metric == "wrong"));
+    assert_eq!(wrong.unfit["v1"], Unfit::Over("wrong", 10));
     assert_eq!(wrong.best.len(), 3, "one has no other to be faster than");
     assert!(wrong.best.iter().all(is_alone), "{:?}", wrong.best);
     let none = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("dp", 4.0, 5.0, [1, 1, 1])]);
