@@ -68,11 +68,11 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 12918),
+    ("bench", 12906),
     ("c", 470),
     ("calibrate", 4980),
     ("cli", 11191),
-    ("core", 19501),
+    ("core", 19531),
     ("files", 2487),
     ("grab", 5156),
     ("live", 419),

@@ -45,7 +45,7 @@ mod unit;
 pub use calibration::{CalibrationCure, CameraImage, PrincipalPoint};
 pub use checks::CalibrationCheck;
 pub use clock::{ClockCure, ClockLag, ClockStep, CopyCure, LogTimes};
-pub use pairs::{PairCure, Repeated, Turn};
+pub use pairs::{AlignmentCure, Misfit, PairCure, Repeated, Turn};
 pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure};
 pub use unit::{TruthUnit, UnitCure, UnitOption, rounded, usual};
 
