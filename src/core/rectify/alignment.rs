@@ -222,7 +222,7 @@ impl AlignmentMeter {
         }
         let is_same = |m: &&PointMatch| (m.left - m.right).norm() <= SAME_PX;
         let share = self.share(self.matches.iter().filter(is_same).count());
-        if share >= MIN_SAME {
+        if share > MIN_SAME {
             let cure = PairCure::OnePicture {
                 share,
                 points,
@@ -399,8 +399,7 @@ mod tests {
             assert_eq!(found.misfit, Misfit::Shift);
             let doubt = found.doubt(AlignmentCure::Rectify);
             assert_eq!(doubt.is_some(), found.is_off());
-            let is_unusual = |doubt: &Doubt| doubt.value > doubt.usual[1];
-            assert!(doubt.iter().all(is_unusual), "{doubt:?}");
+            assert!(doubt.iter().all(Doubt::is_unusual), "{doubt:?}");
         }
     }
 
@@ -452,7 +451,9 @@ mod tests {
         let doubt = |left: &Gray, right: &Gray, range: RangeInclusive<i32>| {
             let mut meter = AlignmentMeter::new();
             meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
-            meter.doubt(None, range).map(|doubt| doubt.to_string())
+            let doubt = meter.doubt(None, range);
+            assert!(doubt.iter().all(Doubt::is_unusual), "{doubt:?}");
+            doubt.map(|doubt| doubt.to_string())
         };
         let turned = Turn::ALL.map(|turn| {
             Gray::from_fn(320, 240, |x, y| {

@@ -217,7 +217,7 @@ mod tests {
             let (Some(doubt), Some(right_ms)) = (doubt, right_ms) else {
                 continue;
             };
-            assert!((doubt.value - 6.0).abs() < 0.2 && doubt.usual[1] < doubt.value);
+            assert!((doubt.value - 6.0).abs() < 0.2 && doubt.is_unusual());
             let cure = AlignmentCure::PairApart { right_ms };
             let json = serde_json::to_value(&doubt.cure).unwrap();
             assert_eq!(json["cure"], serde_json::to_value(cure).unwrap());
