@@ -43,7 +43,7 @@ mod truth;
 mod unit;
 
 pub use calibration::{CalibrationCure, CameraImage, PrincipalPoint};
-pub use checks::CalibrationCheck;
+pub use checks::{CalibrationCheck, check_size};
 pub use clock::{ClockCure, ClockLag, ClockStep, CopyCure, LogTimes};
 pub use pairs::{AlignmentCure, Misfit, PairCure, Repeated, Turn};
 pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure, are_most};

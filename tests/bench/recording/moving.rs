@@ -292,7 +292,7 @@ fn exchanged_images_or_calibrations_have_a_cure_each() {
         (
             &exchanged,
             [right, left],
-            "if the images are exchanged, too, --left and --right name their topics",
+            "if svl info finds the images exchanged, too, --left and --right name their topics",
             "--left /cam1/image_raw --right /cam0/image_raw",
         ),
     ] {
