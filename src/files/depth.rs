@@ -132,7 +132,7 @@ mod tests {
             assert_eq!(depths(&metres, None)[0], 1.5);
             assert_eq!(depths(&metres, None)[1].total_cmp(&found), Ordering::Equal);
         }
-        // Of a wrong sign, and a code for none.
+        // Depths of a wrong sign, and a code for none.
         for (depths_m, known) in [([-1.5f32, -2.0], true), ([-1.0, -1.0], false)] {
             let metres = array("<f4", &depths_m.map(f32::to_le_bytes).concat());
             assert!(depths(&metres, None).iter().all(|z| (*z < 0.0) == known));

@@ -29,7 +29,7 @@ causes! {
          one, which makes a baseline of {:.4} m: if each is the distance to the other camera, \
          distances are twice too long: --calib FILE",
         left_m - right_m)
-    /// Of exchanged topics, or of another sign.
+    /// Cameras of exchanged topics, or a P of another sign.
     ExchangedCameras { baseline_m: f64 } => (
         "by P the right camera is {:.4} m to the left: if svl info finds the images exchanged, \
          too, --left and --right name their topics; if the calibrations alone are, --calib FILE \
