@@ -4,6 +4,7 @@ use super::map::{NumberForm, StoredMap};
 use super::{MAX_BYTES, read_bounded};
 use nalgebra::Point3;
 use std::path::Path;
+use svl_core::doubt::are_most;
 use svl_core::stereo::Plane;
 use svl_core::{Error, Result};
 
@@ -25,15 +26,22 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
         return Err(Error::format(path, why));
     }
     let is_integer = stored.form != NumberForm::Floats;
-    Ok(stored.values.map(|value| {
+    Ok(known_depths(&stored.values.map(|value| {
         // Integers are millimetres by default, as in messages.
-        let depth = if is_integer {
+        if is_integer {
             value / 1000.0 * unit_m.map_or(1.0, |unit_m| unit_m / MILLIMETRE)
         } else {
             value * unit_m.unwrap_or(1.0)
-        };
-        if depth > 0.0 { depth } else { f32::NAN }
-    }))
+        }
+    })))
+}
+
+/// Depths, with NaN for those that are 0 or less. If most are negative, as those of a wrong sign
+/// are, they are kept, so that the truth is doubted.
+pub fn known_depths(depths: &Plane<f32>) -> Plane<f32> {
+    let are_negative = are_most(depths, |z| z < 0.0);
+    let is_known = |z: f32| z > 0.0 || are_negative && z < 0.0;
+    depths.map(|z| if is_known(z) { z } else { f32::NAN })
 }
 
 /// Depths of programs that write a number where there is none, metres: the largest of 16 bits and
@@ -123,6 +131,11 @@ mod tests {
             let metres = array("<f4", &[1.5f32, depth].map(f32::to_le_bytes).concat());
             assert_eq!(depths(&metres, None)[0], 1.5);
             assert_eq!(depths(&metres, None)[1].total_cmp(&found), Ordering::Equal);
+        }
+        // Depths of a wrong sign, and a code for none.
+        for (depths_m, known) in [([-1.5f32, -2.0], true), ([-1.0, -1.0], false)] {
+            let metres = array("<f4", &depths_m.map(f32::to_le_bytes).concat());
+            assert!(depths(&metres, None).iter().all(|z| (*z < 0.0) == known));
         }
         let metres = array("<f4", &[1.5f32, -1.0].map(f32::to_le_bytes).concat());
         let scaled = array("<u2", &[0, 0, 0, 3]);

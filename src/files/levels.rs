@@ -135,7 +135,7 @@ impl GreyLevels {
         let [left, right] = [left, right].map(|own| f64::from(own.max(1)));
         let ratio = (left / right).max(right / left);
         let doubt = cure.doubt(Subject::Pairs, "brightness_ratio", ratio, [1.0, DEPTHS]);
-        (ratio >= DEPTHS).then_some(doubt)
+        (ratio > DEPTHS).then_some(doubt)
     }
 }
 

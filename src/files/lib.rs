@@ -25,7 +25,7 @@ pub use bit_depth::BitDepth;
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{DecodedImage, SideBySide};
-pub use depth::{no_depth, read_depth, read_points};
+pub use depth::{known_depths, no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};
 pub use disparity::{write_disparity, write_why};
 pub use fault::{ImageFault, MapFault};

@@ -341,6 +341,7 @@ impl Report<'_> {
             }
             missing.add_doubts(run.doubts());
         }
+        missing.add_doubts(plan.manifest.doubts.clone());
         let ReportTables {
             rows,
             failures,

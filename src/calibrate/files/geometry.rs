@@ -5,9 +5,10 @@ use super::format::{CalibrationFormat, GeometryFault, Hints, LoadedCalibration};
 use super::unit::FileUnit;
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
 use svl_core::Result;
+use svl_core::doubt::check_size;
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, Side,
-    StereoCalibration, check_offsets, check_size, motion,
+    StereoCalibration, check_offsets, motion,
 };
 
 /// Rectified cameras count as one pinhole if they differ by at most this fraction of the focal

@@ -12,6 +12,10 @@ causes! {
         "the principal point {at} is {} its image of {}x{}: unless the images are cropped, the \
          calibration is of another size or binning, and distances are wrong: {}",
         at.place(), at.size.0, at.size.1, at.camera.cure())
+    OtherImages { size: (usize, usize), images: (usize, usize) } => (
+        "the calibration is for images of {}x{} pixels, these have {}x{}: scale the images, or \
+         calibrate for their size",
+        size.0, size.1, images.0, images.1)
     HalfSize { at: PrincipalPoint } => (
         "the principal point {at} is the middle of {:.0}x{:.0} pixels, and its image has {}x{}: \
          unless the images are cropped, the calibration is of half the size, and distances are \
@@ -25,6 +29,13 @@ causes! {
          one, which makes a baseline of {:.4} m: if each is the distance to the other camera, \
          distances are twice too long: --calib FILE",
         left_m - right_m)
+    /// Cameras of exchanged topics, or a P of another sign.
+    ExchangedCameras { baseline_m: f64 } => (
+        "by P the right camera is {:.4} m to the left: if svl info finds the images exchanged, \
+         too, --left and --right name their topics; if the calibrations alone are, --calib FILE \
+         replaces them, or a /tf_static with the cameras' frames shows that only the sign of P is \
+         wrong (DepthAI: i_reverse_stereo_socket_order)",
+        -baseline_m)
     ExchangedFrames { baseline_m: f64, other_m: f64, other: String } => (
         "the right camera is {baseline_m:.4} m to the right by the calibration, which is used, and \
          {:.4} m to the left by {other}: if the frames of the images are exchanged, a truth in \

@@ -1,6 +1,7 @@
 //! The numbers of a stereo calibration beside the values that they usually have.
 
 use super::{CalibrationCure, CameraImage, Doubt, PrincipalPoint, Subject};
+use crate::error::{Error, Result};
 use crate::stereo::{Rig, StereoCalibration};
 use nalgebra::Matrix3x4;
 use serde::Serialize;
@@ -103,6 +104,13 @@ impl CalibrationCheck {
         Self::new("projection_offsets", apart, OFFSETS, cure)
     }
 
+    /// The baseline by two projections, negative if the right camera is to the left.
+    pub fn sides(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Self {
+        let baseline_m = (left[(0, 3)] - right[(0, 3)]) / left[(0, 0)];
+        let cure = CalibrationCure::ExchangedCameras { baseline_m };
+        Self::new("baseline_m", baseline_m, [0.0, f64::MAX], cure)
+    }
+
     /// A baseline beside that of another source, called `other`, both in metres; negative if there
     /// the right camera is to the left.
     pub fn baseline(baseline_m: f64, other_m: f64, other: &str) -> Self {
@@ -149,6 +157,19 @@ impl CalibrationCheck {
         };
         Self::new("binning", (once - twice).min(0.0), [0.0, 0.0], cure)
     }
+}
+
+/// Checks that a calibration is for images of that size.
+///
+/// # Errors
+/// The doubt about the calibration.
+#[doc(hidden)]
+pub fn check_size(size: (usize, usize), images: (usize, usize)) -> Result<()> {
+    let (own, other) = [(size.0, images.0), (size.1, images.1)][usize::from(size.0 == images.0)];
+    let ratio = own as f64 / other as f64;
+    let cure = CalibrationCure::OtherImages { size, images };
+    let doubt = CalibrationCheck::new("size_ratio", ratio, [1.0; 2], cure).doubt();
+    doubt.map_or(Ok(()), |doubt| Err(Error::other(doubt)))
 }
 
 impl Rig {
@@ -262,6 +283,23 @@ mod tests {
         let words = words(160.0, 120.0);
         assert!(words.starts_with("the principal point (160, 120) of the depth camera is"));
         assert!(words.ends_with("correct its camera_info"), "{words}");
+    }
+
+    #[test]
+    fn refusals_carry_the_doubt() {
+        assert!(check_size((320, 240), (320, 240)).is_ok());
+        for (images, ratio) in [((640, 480), 0.5), ((320, 200), 1.2)] {
+            let error = check_size((320, 240), images).unwrap_err();
+            let doubt: &Doubt = error.downcast_ref().unwrap();
+            assert_eq!(
+                (doubt.value, &doubt.to_string()),
+                (ratio, &error.to_string())
+            );
+        }
+        let projection = |m: f64| Matrix3x4::new(50., 0., 0., m, 0., 50., 0., 0., 0., 0., 1., 0.);
+        let sides = |m: f64| CalibrationCheck::sides(&projection(0.0), &projection(m));
+        assert_eq!(sides(-5.0).cure, None);
+        assert!(doubt(&[sides(5.0)]).contains("0.1000 m to the left"));
     }
 
     #[test]

@@ -43,10 +43,10 @@ mod truth;
 mod unit;
 
 pub use calibration::{CalibrationCure, CameraImage, PrincipalPoint};
-pub use checks::CalibrationCheck;
+pub use checks::{CalibrationCheck, check_size};
 pub use clock::{ClockCure, ClockLag, ClockStep, CopyCure, LogTimes};
-pub use pairs::{PairCure, Repeated, Turn};
-pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure};
+pub use pairs::{AlignmentCure, Misfit, PairCure, Repeated, Turn};
+pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure, are_most};
 pub use unit::{TruthUnit, UnitCure, UnitOption, rounded, usual};
 
 use serde::ser::SerializeStruct;
@@ -110,6 +110,12 @@ impl Subject {
 }
 
 impl Doubt {
+    /// True if the value is not one of the usual ones, as that of a doubt has to be.
+    #[doc(hidden)]
+    pub fn is_unusual(&self) -> bool {
+        !(self.usual[0]..=self.usual[1]).contains(&self.value)
+    }
+
     /// The usual values: `0 to 0.25`.
     pub fn usual_words(&self) -> String {
         let [least, most] = self.usual.map(rounded);
@@ -185,7 +191,7 @@ mod tests {
             px: 4000.0,
             metres: Some(0.01),
         };
-        let limit_s = [-0.5, 0.5];
+        let limit_s = [-0.1, 0.1];
         vec![
             CalibrationCheck::focal(100.0, 500.0).doubt().unwrap(),
             CalibrationCheck::depth_center((0.0, 0.0), (64, 48))
@@ -219,6 +225,7 @@ mod tests {
     #[test]
     fn json_of_a_doubt_is_read_back() {
         for doubt in doubts() {
+            assert!(doubt.is_unusual(), "{doubt:?}");
             let json = serde_json::to_value(&doubt).unwrap();
             assert_eq!(json["words"], doubt.to_string());
             assert!(json["cure"]["kind"].is_string(), "{json}");
@@ -244,7 +251,7 @@ mod tests {
                 6,
                 "the truth is doubtful: its disparities have the opposite sign",
             ),
-            (7, "the map of z is doubtful: its disparities have"),
+            (7, "the map of z is doubtful: its disparities are negative"),
         ] {
             assert!(said[place].starts_with(begin), "{}", said[place]);
         }

@@ -1,6 +1,7 @@
 //! Causes of pairs that no algorithm can match, or only wrong.
 
 use super::{Doubt, Subject};
+use crate::counted;
 use serde::{Deserialize, Serialize};
 
 causes! {
@@ -14,6 +15,14 @@ causes! {
          already, --calib none uses them as they are; if they are raw, the calibration is not, or \
          no longer, that of these cameras: calibrate again, --calib FILE",
         points[0], points[1])
+    /// Their rows do not correspond.
+    Vertical {
+        median_abs_px: f64, median_px: f64, points: usize, pairs: usize, misfit: Misfit,
+        cure: AlignmentCure
+    } => (
+        "vertical misalignment of {median_abs_px:.1} px (median of {points} points in {}; {}), \
+         which costs matches: {cure}; `svl calibrate check` shows more",
+        counted(*pairs as u64, "pair"), misfit.words(*median_px))
     Turned { turn: Turn, if_turned: usize, points: usize } => (
         "one camera's images look {}: {if_turned} points match once they are turned back, \
          {points} as they are; `ffmpeg -i IN -vf {filter} OUT` turns an image or a video",
@@ -91,6 +100,53 @@ fn depth_words(bright: Option<u16>) -> String {
 
 /// Longest range that every algorithm has, pixels.
 const SHORT_PX: f64 = 255.0;
+
+/// The simplest model that explains most of a vertical misalignment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Misfit {
+    /// One image is shifted vertically.
+    Shift,
+    /// One image is rotated against the other (positive: the right one clockwise) or scaled (the
+    /// right one relative to the left).
+    Rotation { degrees: f64, scale: f64 },
+    /// Anything else: lens distortion, or converging cameras.
+    Distortion,
+}
+
+impl Misfit {
+    /// What a misalignment with that median looks like.
+    fn words(self, median_px: f64) -> String {
+        match self {
+            Self::Shift => {
+                let place = if median_px < 0.0 { "higher" } else { "lower" };
+                format!("the right image is {:.1} px {place}", median_px.abs())
+            }
+            Self::Rotation { degrees, scale } => {
+                format!("the right image is rolled by {degrees:+.1}° and {scale:.3} times as large")
+            }
+            Self::Distortion => "lens distortion, or converging cameras".to_owned(),
+        }
+    }
+}
+
+/// The cure for vertical misalignment.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum AlignmentCure {
+    #[error("rectify with --calib FILE, or synchronize the cameras if it comes with motion")]
+    Rectify,
+    /// They are rectified.
+    #[error("the calibration is not, or no longer, that of these cameras: calibrate again")]
+    Calibrate,
+    /// The left images are aligned with the right ones of the pair after or before.
+    #[error(
+        "with the right image of the pair {} they are aligned, so the cameras are a pair apart, \
+         which `--right-offset-ms {right_ms:.1}` corrects in a recording of another program",
+        if *right_ms < 0.0 { "after" } else { "before" }
+    )]
+    PairApart { right_ms: f64 },
+}
 
 /// A way in which one camera's images differ from the other's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use super::unit::{TruthUnit, UnitCure, UnitOption, rounded};
 use super::{Doubt, Subject};
 use crate::joined;
-use crate::stereo::TruthOrigin;
+use crate::stereo::{Plane, TruthOrigin};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display, Formatter};
 
@@ -110,7 +110,7 @@ causes! {
     MapCure:
 
     OppositeSign => (
-        "its disparities have the opposite sign of the truth's")
+        "its disparities are negative, of the opposite sign: multiply them by -1")
     Scaled { factor: f64 } => (
         "its disparities are {} times those of the truth: --estimate-scale is the factor of \
          integers (OpenCV's matchers: 16), floats have to be divided by it",
@@ -128,6 +128,14 @@ causes! {
     Unit { factor: f64, other: Compared, unit: Option<TruthUnit> } => (
         "its distances are {} times those of {other}; {}",
         rounded(*factor), unit_words(*factor, unit.as_ref()))
+}
+
+/// True if three of four values are such, and not all of one value, a code for unknown.
+pub fn are_most(map: &Plane<f32>, is_such: impl Fn(f32) -> bool) -> bool {
+    let known = || map.pixels().filter(|d| d.is_finite() && *d != 0.0);
+    let such = || known().filter(|d| is_such(*d));
+    let first = such().next();
+    such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
 }
 
 /// The distances that a map is compared with.

@@ -1,13 +1,14 @@
 //! Matching of a pair: rectification, matcher, filters and cells, with memory for all of it.
 
 use super::{Cells, ImageRef, Optics, RangedCell, RangerOptions};
+use crate::doubt::check_size;
 use crate::error::{Error, Result};
 use crate::filter::Filters;
 use crate::kernel::isa;
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use crate::rectify::Rectifier;
 use crate::stereo::{
-    DisparityMap, Gray, GridShape, Intrinsics, Reason, RectifiedPair, Rig, StereoPair, check_size,
+    DisparityMap, Gray, GridShape, Intrinsics, Reason, RectifiedPair, Rig, StereoPair,
 };
 
 /// Limit of the columns and the rows of a grid, as in scenarios.

@@ -2,8 +2,7 @@
 
 use super::epipolar::inliers;
 use super::features::{PointMatch, matches};
-use crate::counted;
-use crate::doubt::{Doubt, PairCure, Subject, Turn};
+use crate::doubt::{AlignmentCure, Doubt, Misfit, PairCure, Subject, Turn};
 use crate::statistics::{lower_median, nearest_rank};
 use crate::stereo::{Gray, GridShape, Rig, StereoPair};
 use nalgebra::{Matrix3, Vector3};
@@ -62,8 +61,7 @@ impl RectificationMeter {
                 pairs: before.pairs,
             };
             let usual = [0.0, Alignment::TOLERABLE_PX];
-            let name = "vertical_misalignment_px";
-            cure.doubt(Subject::Calibration, name, after.median_abs_px, usual)
+            cure.doubt(Subject::Calibration, ROWS, after.median_abs_px, usual)
         })
     }
 }
@@ -88,19 +86,6 @@ pub struct Alignment {
     pub parts_px: [[Option<f64>; 3]; 3],
 }
 
-/// The simplest model that explains most of the misalignment.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Misfit {
-    /// One image is shifted vertically.
-    Shift,
-    /// One image is rotated against the other (positive: the right one clockwise) or scaled (the
-    /// right one relative to the left).
-    Rotation { degrees: f64, scale: f64 },
-    /// Anything else: lens distortion, or converging cameras.
-    Distortion,
-}
-
 impl Alignment {
     /// A larger misalignment costs matchers more than a few matches.
     pub const TOLERABLE_PX: f64 = 0.5;
@@ -110,31 +95,28 @@ impl Alignment {
         self.median_abs_px > Self::TOLERABLE_PX
     }
 
-    /// The misalignment with its cases, and what it looks like.
-    pub fn words(&self) -> String {
-        let looks = match self.misfit {
-            Misfit::Shift => {
-                let place = if self.median_px < 0.0 {
-                    "higher"
-                } else {
-                    "lower"
-                };
-                format!("the right image is {:.1} px {place}", self.median_px.abs())
-            }
-            Misfit::Rotation { degrees, scale } => {
-                format!("the right image is rolled by {degrees:+.1}° and {scale:.3} times as large")
-            }
-            Misfit::Distortion => "lens distortion, or converging cameras".to_owned(),
+    /// The doubt about pairs that are misaligned, with that cure.
+    pub fn doubt(&self, cure: AlignmentCure) -> Option<Doubt> {
+        let subject = match cure {
+            AlignmentCure::Calibrate => Subject::Calibration,
+            AlignmentCure::Rectify | AlignmentCure::PairApart { .. } => Subject::Pairs,
         };
-        format!(
-            "vertical misalignment of {:.1} px (median of {} points in {}; {looks})",
-            self.median_abs_px,
-            self.matches,
-            counted(self.pairs as u64, "pair")
-        )
+        let cure = PairCure::Vertical {
+            median_abs_px: self.median_abs_px,
+            median_px: self.median_px,
+            points: self.matches,
+            pairs: self.pairs,
+            misfit: self.misfit,
+            cure,
+        };
+        let usual = [0.0, Self::TOLERABLE_PX];
+        let doubt = || cure.doubt(subject, ROWS, self.median_abs_px, usual);
+        self.is_off().then(doubt)
     }
 }
 
+/// Name of the quantity of a doubt.
+const ROWS: &str = "vertical_misalignment_px";
 /// Largest distance of an inlier from the epipolar geometry: lens distortion moves points farther
 /// than noise does.
 const TOLERANCE_PX: f64 = 2.0;
@@ -240,7 +222,7 @@ impl AlignmentMeter {
         }
         let is_same = |m: &&PointMatch| (m.left - m.right).norm() <= SAME_PX;
         let share = self.share(self.matches.iter().filter(is_same).count());
-        if share >= MIN_SAME {
+        if share > MIN_SAME {
             let cure = PairCure::OnePicture {
                 share,
                 points,
@@ -415,6 +397,9 @@ mod tests {
             );
             assert_eq!(found.is_off(), lower.abs() > 0.5, "{lower}");
             assert_eq!(found.misfit, Misfit::Shift);
+            let doubt = found.doubt(AlignmentCure::Rectify);
+            assert_eq!(doubt.is_some(), found.is_off());
+            assert!(doubt.iter().all(Doubt::is_unusual), "{doubt:?}");
         }
     }
 
@@ -466,7 +451,9 @@ mod tests {
         let doubt = |left: &Gray, right: &Gray, range: RangeInclusive<i32>| {
             let mut meter = AlignmentMeter::new();
             meter.add(&StereoPair::new(left.clone(), right.clone()).unwrap());
-            meter.doubt(None, range).map(|doubt| doubt.to_string())
+            let doubt = meter.doubt(None, range);
+            assert!(doubt.iter().all(Doubt::is_unusual), "{doubt:?}");
+            doubt.map(|doubt| doubt.to_string())
         };
         let turned = Turn::ALL.map(|turn| {
             Gray::from_fn(320, 240, |x, y| {

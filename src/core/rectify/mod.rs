@@ -38,7 +38,7 @@ mod rotated_camera;
 pub use rectifier::Rectifier;
 #[doc(hidden)]
 pub use {
-    alignment::{Alignment, AlignmentMeter, Misfit, RectificationMeter},
+    alignment::{Alignment, AlignmentMeter, RectificationMeter},
     bouguet::bouguet,
     features::PointMatch,
     framing::Framing,

@@ -1,8 +1,9 @@
 //! Bilinear remapping of images through tables computed once.
 
+use crate::doubt::check_size;
 use crate::error::{Error, Result};
 use crate::kernel::{Isa, remap_row};
-use crate::stereo::{Gray, MAX_SIDE, check_size, reserve};
+use crate::stereo::{Gray, MAX_SIDE, reserve};
 use nalgebra::Point2;
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
 //! Limits beyond which a stereo calibration is refused: lengths of another unit, a wrong offset of
-//! disparities, images of another size.
+//! disparities.
 
 use crate::error::{Error, Result};
 use nalgebra::Matrix3x4;
@@ -79,21 +79,6 @@ pub fn check_doffs(doffs_px: f64, left_cx_px: f64, right_cx_px: f64) -> Result<(
     Err(Error::Rig(format!(
         "its doffs is {doffs_px} px, and its principal points are cx1 - cx0 = {apart:.3} px apart, \
          which is the same number: correct the wrong one, or all distances are wrong"
-    )))
-}
-
-/// Checks that a calibration is for images of that size.
-///
-/// # Errors
-/// [`Error::Invalid`] with both sizes and the cure.
-#[doc(hidden)]
-pub fn check_size((w, h): (usize, usize), (width, height): (usize, usize)) -> Result<()> {
-    if (w, h) == (width, height) {
-        return Ok(());
-    }
-    Err(Error::Invalid(format!(
-        "the calibration is for images of {w}x{h} pixels, these have {width}x{height}: scale \
-         the images, or calibrate for their size"
     )))
 }
 

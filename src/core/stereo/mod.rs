@@ -51,7 +51,7 @@ pub use {
     grid::{CellEvidence, LevelCell, LevelVerdict},
     identity::{FittedTo, PairId, UnsortedPairs, hash_words, parse_hash},
     image::{MAX_SIDE, buffer, reserve},
-    limits::{check_doffs, check_offsets, check_size},
+    limits::{check_doffs, check_offsets},
     occlusion::cross_check,
     row::BandMut,
 };

@@ -6,10 +6,11 @@ use crate::message::wire::decode_protobuf;
 use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use nalgebra::{Matrix3, Matrix3x4, Rotation3, SMatrix, Vector3};
-use svl_core::doubt::{CalibrationCheck, Doubt};
+use svl_core::Error;
+use svl_core::doubt::{CalibrationCheck, Doubt, check_size};
 use svl_core::stereo::{
     Distortion, DistortionModel, Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration,
-    check_offsets, check_size, rotation,
+    check_offsets, rotation,
 };
 
 /// Schemas of calibration messages.
@@ -418,18 +419,9 @@ pub(crate) fn rig(
         let (focal, row) = (FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
         Rig::from_projections(&left, &right, focal, row, LengthUnit::Metres)
     });
-    rig.map_err(|e| {
-        let cure = if left[(0, 3)] < right[(0, 3)] {
-            // Swapped topics are the usual cause of a negative baseline.
-            ": if the images are exchanged, too, --left and --right name their topics; if the \
-             calibrations alone are, --calib FILE replaces them, or a /tf_static with the cameras' \
-             frames shows that only the sign of P is wrong (DepthAI: \
-             i_reverse_stereo_socket_order)"
-        } else {
-            "; --calib FILE replaces it"
-        };
-        MessageError::NoRig(e, cure)
-    })
+    // Swapped topics are the usual cause of a negative baseline.
+    let exchanged = CalibrationCheck::sides(&left, &right).doubt();
+    rig.map_err(|e| exchanged.map_or(MessageError::NoRig(e), |doubt| Error::other(doubt).into()))
 }
 
 /// The checks of the numbers of two cameras, of which `rig` is that of rectified images.

@@ -352,7 +352,7 @@ impl TopicScan {
         };
         let (stamps_hz, log_hz) = stamps_hz.zip(log_hz)?;
         let ratio = stamps_hz / log_hz;
-        if stamps_hz <= MAX_RATE_HZ || ratio < UNIT_RATIO {
+        if stamps_hz <= MAX_RATE_HZ || ratio <= UNIT_RATIO {
             return None;
         }
         let is_near = |unit: f64| (ratio / unit - 1.0).abs() <= UNIT_TOLERANCE;

@@ -136,9 +136,9 @@ pub enum MessageError {
     /// The frames of the cameras, and their distance.
     #[error("by the static transforms '{1}' is {2:.3} m to the left of '{0}': {NAMES}")]
     Exchanged(String, String, f64),
-    /// Two calibrations that are not of a rig, and the cure.
-    #[error("{0}{1}")]
-    NoRig(#[source] svl_core::Error, &'static str),
+    /// Two calibrations that are not of a rig.
+    #[error("{0}; --calib FILE replaces it")]
+    NoRig(#[source] svl_core::Error),
     /// The topic of a message.
     #[error("{0}: {1}")]
     On(String, #[source] Box<MessageError>),

@@ -158,16 +158,21 @@ impl OffsetBins {
     /// The step from the first bin on; see [`OffsetBins::beyond`].
     pub(crate) fn step(&self, limit_ns: f64) -> Option<FoundStep> {
         let usual_ns = self.usual_ns()?;
+        let is_off = |bin: &BinOffset, ns| bin.ns().abs_diff(ns) as f64 > limit_ns;
         let mut place = self.beyond(usual_ns, limit_ns)?;
         let begin = *self.offsets.first()?;
-        if self.offsets[place].ns().abs_diff(begin.ns()) as f64 <= limit_ns {
-            // Most are behind the step.
-            let is_usual = |bin: &BinOffset| bin.ns().abs_diff(usual_ns) as f64 <= limit_ns;
-            place = self.offsets.iter().position(is_usual)?;
+        let mut from_ns = begin.ns();
+        if !is_off(&self.offsets[place], from_ns) {
+            // Most are behind the step, or the beginning is between both.
+            let is_behind = |bin: &BinOffset| is_off(bin, from_ns) && !is_off(bin, usual_ns);
+            match self.offsets.iter().position(is_behind) {
+                Some(behind) => place = behind,
+                None => from_ns = usual_ns,
+            }
         }
         let before = self.offsets[place.saturating_sub(1)];
         Some(FoundStep::new(
-            begin.ns(),
+            from_ns,
             before,
             self.offsets[place],
             begin.log_ns,
@@ -261,4 +266,33 @@ pub(crate) fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
         _ => 0,
     };
     data.get(stamp..).unwrap_or(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_between_two_offsets_that_differ_by_more_than_the_limit() {
+        let step = |offsets_ms: &[i64]| {
+            let offset = |(i, ms): (usize, &i64)| BinOffset {
+                log_ns: i as u64 * 500_000_000,
+                floors_ns: [0, ms * 1_000_000],
+            };
+            let bins = OffsetBins {
+                offsets: offsets_ms.iter().enumerate().map(offset).collect(),
+                ..OffsetBins::new(0.0)
+            };
+            let step = bins.step(10e6)?;
+            let topics = [String::new(), String::new()];
+            let doubt = step.camera_doubt(&topics, 10e6, LogTimes::default());
+            assert!(doubt.is_unusual(), "{doubt:?}");
+            Some((doubt.value * 1e3).round() as i64)
+        };
+        assert_eq!(step(&[0, 1, 0, 0, 9, 0]), None);
+        assert_eq!(step(&[0, 0, 0, 0, 50, 50]), Some(50));
+        assert_eq!(step(&[0, 0, 50, 50, 50, 50]), Some(50));
+        // The beginning is nearer to both than the limit.
+        assert_eq!(step(&[6, 0, 0, 0, 0, 12, 12]), Some(12));
+    }
 }

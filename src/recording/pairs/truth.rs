@@ -21,11 +21,12 @@ pub(crate) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
     }))
 }
 
-/// Disparities of the depths in pixels, `+∞` for invalid pixels; a depth of `+∞` is at infinity.
+/// Disparities of the depths in pixels, `+∞` for invalid pixels; a depth of `+∞` is at infinity. A
+/// negative depth has a disparity beyond infinity.
 pub fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
-        // False for NaN, which is invalid.
-        if z > 0.0 {
+        // Both are false for NaN, which is invalid.
+        if z > 0.0 || z < 0.0 {
             rig.disparity_px(z.into()) as f32
         } else {
             f32::INFINITY

@@ -157,11 +157,13 @@ pub(crate) fn disparity_image(channel: &Channel, data: &[u8]) -> MessageResult<P
     }
     // Disparities of invalid pixels are 0 or less, which `depths` makes NaN too.
     let disparities = depths(&message.image)?;
-    Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
+    let is_below = |d: f32| 0.0 < d && d < min;
+    let depth = disparities.map(|d| if is_below(d) { f32::NAN } else { scale / d });
+    Ok(files::known_depths(&depth))
 }
 
 fn depths(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
-    values(raw).map(|depths| depths.map(known))
+    values(raw).map(|depths| files::known_depths(&depths))
 }
 
 /// The depth if it is valid.
@@ -239,6 +241,9 @@ mod tests {
             read("32FC1", false, &floats([0.5, 2.0])),
             Ok(vec![0.5, 2.0])
         );
+        // Most are of a wrong sign.
+        let negative = read("32FC1", false, &floats([-0.5, -2.0]));
+        assert_eq!(negative, Ok(vec![-0.5, -2.0]));
         for none in [0.0, -1.0, f32::NAN, f32::NEG_INFINITY] {
             let read = read("32FC1", false, &floats([none, 2.0])).unwrap();
             assert!(read[0].is_nan() && read[1] == 2.0, "{none}");

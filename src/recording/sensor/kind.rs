@@ -9,7 +9,6 @@ use crate::pairs::truth;
 use crate::stream::channel::{Channel, ROS1};
 use foxglove::messages;
 use nalgebra::Point3;
-use std::borrow::Cow;
 use svl_core::joined;
 use svl_core::stereo::Plane;
 
@@ -247,12 +246,14 @@ pub enum SensorRole {
 }
 
 impl SensorRole {
-    /// Depths as they are used: infinity is an answer, and no truth.
-    pub fn depths(self, depth: &Plane<f32>) -> Cow<'_, Plane<f32>> {
-        match self {
-            Self::Map => Cow::Borrowed(depth),
-            Self::Truth => Cow::Owned(depth.map(|z| if z.is_finite() { z } else { f32::NAN })),
-        }
+    /// Depths as they are used: infinity is an answer, and no truth. Negative ones of a truth make
+    /// it doubtful.
+    pub fn depths(self, depth: &Plane<f32>) -> Plane<f32> {
+        let is_used = |z: f32| match self {
+            Self::Map => z > 0.0,
+            Self::Truth => z.is_finite(),
+        };
+        depth.map(|z| if is_used(z) { z } else { f32::NAN })
     }
 }
 

@@ -551,11 +551,7 @@ impl Results {
     /// Adds the digests of pairs and results, and the warnings, to the manifest.
     pub fn complete(&self, manifest: &mut Manifest) {
         manifest.warnings.clone_from(&self.warnings);
-        for doubt in &self.ending.missing.doubts {
-            if !manifest.doubts.contains(doubt) {
-                manifest.doubts.push(doubt.clone());
-            }
-        }
+        manifest.doubts.clone_from(&self.ending.missing.doubts);
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         manifest.truth.clone_from(&self.truth);
         for record in &mut manifest.algorithms {

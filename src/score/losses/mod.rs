@@ -107,7 +107,7 @@ pub struct Missing {
     pub losses: Losses,
     /// By the label of the algorithm.
     pub algorithms: BTreeMap<String, FailedPairs>,
-    /// Doubts about the truth and the maps.
+    /// All doubts, each once.
     #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Doubt>,
 }
@@ -131,10 +131,15 @@ impl Missing {
         }
     }
 
-    /// Adds the doubts that it has not.
+    /// Adds the doubts that it has not, of a run or of none.
     pub fn add_doubts(&mut self, doubts: Vec<Doubt>) {
         for doubt in doubts {
-            if !self.doubts.contains(&doubt) {
+            let mut known = doubt.clone();
+            let is_it = |own: &Doubt| {
+                known.run = doubt.run.clone().or_else(|| own.run.clone());
+                known == *own
+            };
+            if !self.doubts.iter().any(is_it) {
                 self.doubts.push(doubt);
             }
         }
@@ -303,6 +308,20 @@ mod tests {
             algorithms: failed.iter().enumerate().map(algorithm).collect(),
             doubts: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_doubt_of_a_run_is_kept_once() {
+        let cure = svl_core::doubt::MapCure::RightView;
+        let file = svl_core::doubt::Subject::File("z".to_owned());
+        let doubt = cure.doubt(file, "right_error_of_left", 0.1, [0.25, f64::MAX]);
+        let run = |run: &str| Doubt {
+            run: Some(run.to_owned()),
+            ..doubt.clone()
+        };
+        let mut all = missing(0, Losses::default(), &[]);
+        all.add_doubts(vec![run("a"), run("b"), run("a"), doubt.clone()]);
+        assert_eq!(all.doubts, [run("a"), run("b")]);
     }
 
     fn state(missing: &Missing, limit: Option<&str>) -> EndState {

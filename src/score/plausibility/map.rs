@@ -2,7 +2,7 @@
 //! sign or view.
 
 use super::scale::{MIN_PIXELS, MIN_PX, PIXELS, USUAL, constant, sampled_places};
-use svl_core::doubt::{Doubt, MapCure, Subject, usual};
+use svl_core::doubt::{Doubt, MapCure, Subject, are_most, usual};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::Plane;
 
@@ -23,7 +23,7 @@ pub fn without(
     is_none: impl Fn(f32) -> bool,
 ) -> Result<(Plane<f32>, usize), Plane<f32>> {
     let is_none = |d: f32| d.is_finite() && is_none(d);
-    if are_most(&map, &is_none) {
+    if are_most(&map, is_none) {
         return Err(map);
     }
     let count = map.pixels().filter(|d| is_none(*d)).count();
@@ -33,12 +33,13 @@ pub fn without(
     ))
 }
 
-/// True if three of four disparities are such, and not all of one value, a code for unknown.
-fn are_most(map: &Plane<f32>, is_such: &impl Fn(f32) -> bool) -> bool {
-    let known = || map.pixels().filter(|d| d.is_finite() && *d != 0.0);
-    let such = || known().filter(|d| is_such(*d));
-    let first = such().next();
-    such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
+/// The doubt about a map whose disparities are negative.
+pub fn sign_doubt(file: &str, map: &Plane<f32>) -> Option<Doubt> {
+    let known = map.pixels().filter(|d| d.is_finite() && *d != 0.0);
+    let median_px = upper_median(known.map(f64::from))?;
+    let (subject, usual) = (Subject::File(file.to_owned()), [0.0, map.width() as f64]);
+    let doubt = || MapCure::OppositeSign.doubt(subject, "disparity_px", median_px, usual);
+    are_most(map, |d| d < 0.0).then(doubt)
 }
 
 /// The doubt about the estimate of a file, of one size with its truth: a constant factor, the
@@ -48,11 +49,9 @@ pub fn map_doubt(file: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Optio
         let subject = Subject::File(file.to_owned());
         Some(cure.doubt(subject, quantity, value, usual))
     };
-    if are_most(estimate, &|d| d < 0.0) {
-        return doubt("scale", -1.0, USUAL, MapCure::OppositeSign);
-    }
-    if estimate.size() != truth.size() {
-        return None;
+    let negative = sign_doubt(file, estimate);
+    if negative.is_some() || estimate.size() != truth.size() {
+        return negative;
     }
     let (mut factors, mut products) = (Vec::new(), Vec::new());
     let [mut of_left, mut of_right] = [const { Vec::new() }; 2];
@@ -89,8 +88,8 @@ pub fn map_doubt(file: &str, estimate: &Plane<f32>, truth: &Plane<f32>) -> Optio
     }
     let [left, right] = [of_left, of_right].map(upper_median);
     let is_of_right = right? <= GOOD_PX && right? < OF_RIGHT * left?;
-    let of_left = [0.0, GOOD_PX];
-    is_of_right.then(|| doubt("median_error_px", left?, of_left, MapCure::RightView))?
+    let (name, usual) = ("right_error_of_left", [OF_RIGHT, f64::MAX]);
+    is_of_right.then(|| doubt(name, right? / left?, usual, MapCure::RightView))?
 }
 
 #[cfg(test)]
@@ -98,7 +97,9 @@ mod tests {
     use super::*;
 
     fn words(estimate: &Plane<f32>, truth: &Plane<f32>) -> Option<String> {
-        map_doubt("z", estimate, truth).map(|doubt| doubt.to_string())
+        let doubt = map_doubt("z", estimate, truth);
+        assert!(doubt.iter().all(Doubt::is_unusual), "{doubt:?}");
+        doubt.map(|doubt| doubt.to_string())
     }
 
     #[test]

@@ -7,7 +7,7 @@ mod pixels;
 mod scale;
 mod unit;
 
-pub use map::{map_doubt, without};
+pub use map::{map_doubt, sign_doubt, without};
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
 pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};

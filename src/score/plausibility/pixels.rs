@@ -201,8 +201,11 @@ impl Places<'_> {
         let at = |share| nearest_rank(&sorted, share).unwrap_or_default();
         let [median, near] = [0.5, 1.0 - TENTH].map(at);
         let origin = &truth.kind.origin;
-        let usual = [self.infinite_px(), self.width as f64];
-        let doubt = |cure: TruthCure| cure.doubt(Subject::Truth, "disparity_px", median, usual);
+        let limit_px = |z, other| self.rig.map_or(other, |rig| rig.disparity_px(z));
+        let width = self.width as f64;
+        let usual = [limit_px(MAX_M, 0.0), limit_px(MIN_M, width).min(width)];
+        let px = [median, near][usize::from(fault == TruthFault::TooNear)];
+        let doubt = |cure: TruthCure| cure.doubt(Subject::Truth, "disparity_px", px, usual);
         if fault == TruthFault::Negative {
             return doubt(TruthCure::Negative {
                 origin: origin.clone(),
@@ -329,6 +332,8 @@ mod tests {
     fn checked(disparities: &[f32], has_rig: bool) -> (PixelCheck, Vec<f32>) {
         let mut frame = frame(disparities, has_rig);
         let check = remove_impossible(&mut frame);
+        let refusal = &check.refusal;
+        assert!(refusal.iter().all(Doubt::is_unusual), "{refusal:?}");
         let left = frame.truth.unwrap().disparity;
         (check, left.pixels().take(disparities.len()).collect())
     }
@@ -387,6 +392,10 @@ mod tests {
             "{words}"
         );
         assert!(refusal(-3.0).contains("opposite sign"));
+        let mut some_near = vec![5.0; 40];
+        some_near[..6].fill(9000.0);
+        let near = checked(&some_near, true).0.refusal.unwrap();
+        assert_eq!((near.value, near.usual[1]), (9000.0, 40.0));
         assert_eq!(refusal(39.0) + &refusal(0.01), "");
         // A sky of more than half of the image, as some renderers write it.
         let mut values = vec![5.0 / 65_504.0; 40];

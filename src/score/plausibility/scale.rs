@@ -22,6 +22,8 @@ pub(super) const MIN_PIXELS: usize = 200;
 const CONSTANT: f64 = 0.1;
 /// Median error of a truth as depths from which on it may have distances along the rays.
 const MIN_RAY_ERROR: f64 = 0.02;
+/// The quantity that is constant for depths that are disparities, which none is.
+const PER_PX: (&str, [f64; 2]) = ("metres_per_px", [0.0; 2]);
 /// Factors of this range are errors of algorithms.
 pub(super) const USUAL: [f64; 2] = [1.0 / 1.5, 1.5];
 /// The algorithm whose known cells are hardly ever wrong, and the fewest of them that tell.
@@ -75,7 +77,7 @@ impl TruthScales {
         let scale = |ratios: &Ratios| AlgorithmScale {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),
-            is_along_rays: ratios.are_along_rays(),
+            along_rays: ratios.along_rays(),
             recorded: ratios.recorded(),
             right: ratios.right,
             wrong: ratios.wrong,
@@ -104,8 +106,9 @@ pub struct AlgorithmScale {
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
     /// are disparities.
     inverse: Option<f64>,
-    /// True if the truth fits it as distances along the rays, and clearly worse as depths.
-    is_along_rays: bool,
+    /// Median error of the truth as depths, where it fits clearly better as distances along the
+    /// rays.
+    along_rays: Option<f64>,
     /// Source of a map of others, which may have a wrong unit as a truth may.
     recorded: Option<String>,
     /// Cells, of all areas.
@@ -189,30 +192,36 @@ impl MeasuredScales {
             is_constant.then_some(median)
         };
         let algorithms: Vec<_> = self.algorithms.keys().cloned().collect();
-        let doubt = |scale, cure: TruthCure| cure.doubt(Subject::Truth, "scale", scale, USUAL);
+        let doubt = |(name, usual), value, cure: TruthCure| {
+            Some(cure.doubt(Subject::Truth, name, value, usual))
+        };
+        let scale = ("scale", USUAL);
         match of_all(|scale| scale.factor) {
             Some(factor) if factor < 0.0 => {
-                Some(doubt(factor, TruthCure::OppositeSign { algorithms }))
+                doubt(scale, factor, TruthCure::OppositeSign { algorithms })
             }
             Some(factor) if (USUAL[0]..=USUAL[1]).contains(&factor) => {
-                let are_ranges = self.algorithms.values().all(|scale| scale.is_along_rays);
-                let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));
-                (are_ranges && is_sensor)
-                    .then(|| doubt(factor, TruthCure::AlongRays { algorithms }))
+                let errors = self.algorithms.values().map(|own| own.along_rays);
+                let errors = errors.collect::<Option<Vec<_>>>()?;
+                let error = errors.into_iter().reduce(f64::min)?;
+                let as_depths = ("error_as_depths", [0.0, MIN_RAY_ERROR]);
+                let doubt = doubt(as_depths, error, TruthCure::AlongRays { algorithms });
+                doubt.filter(|_| matches!(self.origin, TruthOrigin::Sensor(_)))
             }
             // Cells that are right deny it: beyond an algorithm's range its pixels are wrong.
             Some(_) if self.algorithms.values().any(|own| own.right > own.wrong) => None,
             Some(factor) => {
                 let cure = unit_cure(&self.origin, usual(factor));
-                Some(doubt(factor, TruthCure::Unit { algorithms, cure }))
+                doubt(scale, factor, TruthCure::Unit { algorithms, cure })
             }
             None => {
                 let TruthOrigin::Sensor(name) = &self.origin else {
                     return None;
                 };
-                let scale = of_all(|scale| scale.inverse)?;
-                let option = disparity_cure(name, scale)?;
-                Some(doubt(scale, TruthCure::Disparities { algorithms, option }))
+                let per_px = of_all(|scale| scale.inverse)?;
+                let option = disparity_cure(name, per_px)?;
+                let cure = TruthCure::Disparities { algorithms, option };
+                doubt(PER_PX, per_px, cure)
             }
         }
     }
@@ -221,18 +230,15 @@ impl MeasuredScales {
 impl AlgorithmScale {
     /// The doubt about a recorded map, where others agree with the truth.
     fn map_doubt(&self, label: &str, other: Compared) -> Option<Doubt> {
-        let doubt = |scale, cure: MapCure| {
-            let subject = Subject::Map(label.to_owned());
-            Some(cure.doubt(subject, "scale", scale, USUAL))
+        let doubt = |(name, usual), value, cure: MapCure| {
+            Some(cure.doubt(Subject::Map(label.to_owned()), name, value, usual))
         };
         let of_files = self.recorded.as_deref().and_then(unit_of_files);
         let Some(measured) = self.factor else {
             let step = self.inverse?;
             let unit = of_files.map(|unit| other_kind(unit, step));
-            return doubt(
-                step,
-                unit.map_or(MapCure::Disparities, |unit| MapCure::Files { unit }),
-            );
+            let cure = unit.map_or(MapCure::Disparities, |unit| MapCure::Files { unit });
+            return doubt(PER_PX, step, cure);
         };
         let factor = usual(measured);
         if (USUAL[0]..=USUAL[1]).contains(&factor.abs()) {
@@ -244,7 +250,7 @@ impl AlgorithmScale {
             other,
             unit,
         };
-        doubt(measured, cure)
+        doubt(("scale", USUAL), measured, cure)
     }
 }
 
@@ -297,10 +303,11 @@ impl Ratios {
         (2 * pixels > self.factors.len()).then(|| source.clone())
     }
 
-    fn are_along_rays(&self) -> bool {
+    /// See [`AlgorithmScale::along_rays`].
+    fn along_rays(&self) -> Option<f64> {
         let error = |factors: &[f64]| upper_median(factors.iter().map(|f| (f - 1.0).abs()));
-        let errors = error(&self.factors).zip(error(&self.along_rays));
-        errors.is_some_and(|(depths, rays)| depths > MIN_RAY_ERROR && rays < 0.5 * depths)
+        let (depths, rays) = error(&self.factors).zip(error(&self.along_rays))?;
+        (depths > MIN_RAY_ERROR && rays < 0.5 * depths).then_some(depths)
     }
 
     /// True for an algorithm with enough pixels that did not see the truth.

@@ -322,15 +322,17 @@ fn values_that_stand_for_unknown_are_counted_and_not_scored() {
     assert_says(&ran.stderr, &[words]);
     assert_eq!(ran.done(), expected);
     write_map(&fixture, "negated.pfm", &[&[-4.0, -4.0, -4.5, NO, -4.0]]);
-    let ran = fixture.svl(&line.replace("d.pfm", "negated.pfm"));
-    assert_says(
-        &ran.stderr,
-        &["negated.pfm: its disparities have the opposite sign"],
-    );
-    ran.done();
+    let of_estimate = line.replace("d.pfm", "negated.pfm");
+    let ran = fixture.svl(&of_estimate);
+    let words = "negated.pfm: its disparities are negative, of the opposite sign";
+    assert_says(&ran.stderr, &[words]);
+    let printed: Value = serde_json::from_str(&ran.done()).unwrap();
+    let doubts = &printed["doubts"];
+    assert_eq!(doubts[0]["cure"]["kind"], "opposite_sign", "{printed}");
+    assert_eq!(doubts[0]["value"], -4.0);
     fixture
         .svl(&line.replace("truth.pfm", "negated.pfm"))
-        .failed(1, &["negated.pfm: most disparities are negative"]);
+        .failed(1, &[words]);
 }
 
 fn in_numpy(args: &[&str]) -> Option<Value> {

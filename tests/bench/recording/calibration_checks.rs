@@ -201,6 +201,15 @@ fn contradictions_in_a_bag_are_named_first() {
         let manifest = fixture.json_file(&format!("r{i}/manifest.json"));
         let kept = manifest["doubts"].as_array().map_or(&[][..], Vec::as_slice);
         assert_eq!(kept.iter().any(is_told), is_doubted, "{words}: {kept:?}");
+        if is_doubted && fixture.path(&format!("r{i}/summary.json")).exists() {
+            let missing = fixture.json_file(&format!("r{i}/summary.json"))["missing"].take();
+            let kept = missing["doubts"].as_array().unwrap();
+            assert_eq!(
+                kept.iter().filter(|own| is_told(own)).count(),
+                1,
+                "{kept:?}"
+            );
+        }
         // Every other command says it too.
         let replayed = fixture.svl("replay bag.mcap --algo v3");
         assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);

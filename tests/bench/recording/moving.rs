@@ -249,6 +249,9 @@ fn cameras_that_are_a_pair_apart_are_no_matter_of_rectification() {
                 cure,
             ],
         );
+        let told = fixture.json("info bag.mcap --json")["usability"]["doubts"].take();
+        let is_apart = |doubt: &serde_json::Value| doubt["cure"]["cure"]["kind"] == "pair_apart";
+        assert!(told.as_array().unwrap().iter().any(is_apart), "{told}");
         let cured = fixture.svl(&format!("{REPLAY} {cure}"));
         assert!(!cured.stderr.contains("misalignment"), "{}", cured.stderr);
         cured.done();
@@ -289,7 +292,7 @@ fn exchanged_images_or_calibrations_have_a_cure_each() {
         (
             &exchanged,
             [right, left],
-            "if the images are exchanged, too, --left and --right name their topics",
+            "if svl info finds the images exchanged, too, --left and --right name their topics",
             "--left /cam1/image_raw --right /cam0/image_raw",
         ),
     ] {

@@ -2,7 +2,7 @@
 
 use crate::source::frames::{Source, wraps};
 use std::ops::RangeInclusive;
-use svl_core::doubt::Doubt;
+use svl_core::doubt::{AlignmentCure, Doubt};
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{Frame, Geometry, Rig, StereoPair};
 use svl_core::{Error, Result};
@@ -13,12 +13,7 @@ use svl_recording::warn_of;
 /// their images are turned, exchanged or one picture, or beyond the range that is searched.
 pub struct AlignmentMonitor<'a> {
     source: Box<dyn Source + 'a>,
-    meter: AlignmentMeter,
-    /// The same of the left images with the right ones of the pair after, and of that before.
-    apart: [AlignmentMeter; 2],
-    /// The pair before the next one that is measured, and its time.
-    before: Option<(StereoPair, u64)>,
-    period_ns: u64,
+    alignment: PairAlignment,
     rig: Option<Rig>,
     /// Disparities that all algorithms search, as far as that matters.
     range: RangeInclusive<i32>,
@@ -39,10 +34,7 @@ impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: Box<dyn Source + 'a>, lowest_px: i32) -> Self {
         Self {
             source,
-            meter: AlignmentMeter::new(),
-            apart: Default::default(),
-            before: None,
-            period_ns: 0,
+            alignment: PairAlignment::default(),
             rig: None,
             range: lowest_px..=i32::MAX,
             taken: 0,
@@ -53,7 +45,7 @@ impl<'a> AlignmentMonitor<'a> {
 
     /// True if the next pair is measured: one of a few, and all until they have enough points.
     fn is_due(&self) -> bool {
-        !self.is_over && (!self.meter.is_enough() || self.taken.is_multiple_of(EVERY))
+        !self.is_over && (!self.alignment.meter.is_enough() || self.taken.is_multiple_of(EVERY))
     }
 
     fn measure(&mut self, frame: Option<&Frame>) {
@@ -62,10 +54,9 @@ impl<'a> AlignmentMonitor<'a> {
         let last = match frame {
             // Raw pairs that are recorded are misaligned until they are rectified.
             Some(frame) if due && frame.geometry != Geometry::Raw => {
-                self.meter.add(&frame.pair);
-                self.measure_apart(frame);
+                self.alignment.add(frame);
                 self.measured += 1;
-                let most = if self.meter.is_enough() {
+                let most = if self.alignment.meter.is_enough() {
                     MAX_MEASURED
                 } else {
                     MAX_TRIED
@@ -77,40 +68,41 @@ impl<'a> AlignmentMonitor<'a> {
         };
         self.is_over |= last;
         let is_next_due = self.is_due();
-        self.before = frame
-            .filter(|_| is_next_due)
-            .map(|frame| (frame.pair.clone(), frame.stamp_ns));
+        self.alignment.keep(frame.filter(|_| is_next_due));
         self.rig = self.rig.or_else(|| frame?.rig().copied());
-        if last && let Some(doubt) = self.doubt() {
-            warn_of(&self.source.name(), &doubt);
-        }
-        // That their rectification misaligns them is said.
-        let doubt = self
-            .source
-            .rectification()
-            .and_then(RectificationMeter::doubt);
-        if last
-            && doubt.is_none()
-            && let Some(found) = self.meter.alignment().filter(|found| found.is_off())
-        {
-            tracing::warn!(
-                "{}: {}, which costs matches: {}; `svl calibrate check` shows more",
-                self.source.name(),
-                found.words(),
-                self.one_apart()
-                    .unwrap_or_else(|| misalignment_cure(&*self.source).to_owned())
-            );
+        if last {
+            // That their rectification misaligns them is said.
+            let is_said = self.source.rectification();
+            let is_said = is_said.is_some_and(|meter| meter.doubt().is_some());
+            let misaligned = self.alignment.doubt(&*self.source).filter(|_| !is_said);
+            for doubt in self.doubt().into_iter().chain(misaligned) {
+                warn_of(&self.source.name(), &doubt);
+            }
         }
     }
 
     fn doubt(&self) -> Option<Doubt> {
-        self.meter.doubt(self.rig.as_ref(), self.range.clone())
+        let meter = &self.alignment.meter;
+        meter.doubt(self.rig.as_ref(), self.range.clone())
     }
+}
 
-    /// Measures the images of this pair with those of the one before, if pairs are misaligned.
-    fn measure_apart(&mut self, frame: &Frame) {
-        let is_off = self.meter.alignment().is_some_and(|found| found.is_off());
-        let Some((before, stamp_ns)) = self.before.take().filter(|_| is_off) else {
+/// Measures the alignment of pairs, and finds its cure.
+#[derive(Default)]
+pub struct PairAlignment {
+    pub meter: AlignmentMeter,
+    /// The same of the left images with the right ones of the pair after, and of that before.
+    apart: [AlignmentMeter; 2],
+    /// The pair before the next one that is added, and its time.
+    before: Option<(StereoPair, u64)>,
+    period_ns: u64,
+}
+
+impl PairAlignment {
+    /// Adds a pair; if pairs are misaligned, its images with those of the one before, too.
+    pub fn add(&mut self, frame: &Frame) {
+        self.meter.add(&frame.pair);
+        let Some((before, stamp_ns)) = self.before.take().filter(|_| self.is_off()) else {
             return;
         };
         self.period_ns = frame.stamp_ns.saturating_sub(stamp_ns);
@@ -121,19 +113,34 @@ impl<'a> AlignmentMonitor<'a> {
         }
     }
 
-    /// The cure, if the left images are aligned with the right ones of a pair after or before.
-    fn one_apart(&self) -> Option<String> {
-        let which = self
-            .apart
-            .iter()
-            .position(|apart| apart.is_better_than(&self.meter))?;
-        let (which, sign) = [("after", "-"), ("before", "")][which];
-        Some(format!(
-            "with the right image of the pair {which} they are aligned, so the cameras are a pair \
-             apart, which `--right-offset-ms {sign}{:.1}` corrects in a recording of another \
-             program",
-            self.period_ns as f64 / 1e6
-        ))
+    /// Keeps the pair before the next one that is added.
+    pub fn keep(&mut self, frame: Option<&Frame>) {
+        self.before = frame.map(|frame| (frame.pair.clone(), frame.stamp_ns));
+    }
+
+    /// True if the pairs are misaligned.
+    pub fn is_off(&self) -> bool {
+        self.meter.alignment().is_some_and(|found| found.is_off())
+    }
+
+    /// The doubt about the pairs that a source gives, if they are misaligned: that about their
+    /// rectification, if it is the cause.
+    pub fn doubt(&self, source: &dyn Source) -> Option<Doubt> {
+        let found = self.meter.alignment()?;
+        let is_aligned = |apart: &AlignmentMeter| apart.is_better_than(&self.meter);
+        let ms = self.period_ns as f64 / 1e6;
+        let cure = match (
+            self.apart.iter().position(is_aligned),
+            source.rectification(),
+        ) {
+            (Some(which), _) => AlignmentCure::PairApart {
+                right_ms: [-ms, ms][which],
+            },
+            (None, Some(_)) => AlignmentCure::Calibrate,
+            (None, None) => AlignmentCure::Rectify,
+        };
+        let by_rectifying = source.rectification().and_then(RectificationMeter::doubt);
+        by_rectifying.or_else(|| found.doubt(cure))
     }
 }
 
@@ -151,8 +158,9 @@ pub fn only_pair(source: Box<dyn Source>, range: RangeInclusive<i32>) -> Result<
     let frame = frame.ok_or_else(|| Error::Invalid("there is no pair".to_owned()))?;
     monitor.next()?;
     let name = monitor.name();
-    if monitor.meter.alignment().is_none() && monitor.doubt().is_none() {
-        let points = monitor.meter.matches().len();
+    let meter = &monitor.alignment.meter;
+    if meter.alignment().is_none() && monitor.doubt().is_none() {
+        let points = meter.matches().len();
         tracing::warn!("{name}: alignment not measured ({points} points)");
     }
     let skew_ns = frame.exposure.skew_ns.unwrap_or_default();
@@ -164,17 +172,6 @@ pub fn only_pair(source: Box<dyn Source>, range: RangeInclusive<i32>) -> Result<
         );
     }
     Ok(frame)
-}
-
-/// The cure for vertical misalignment of the pairs that a source gives.
-pub fn misalignment_cure(source: &dyn Source) -> &'static str {
-    match source.rectification().map(RectificationMeter::doubt) {
-        None => "rectify with --calib FILE, or synchronize the cameras if it comes with motion",
-        Some(None) => {
-            "the calibration is not, or no longer, that of these cameras: calibrate again"
-        }
-        Some(Some(_)) => "--calib none uses the images as they are",
-    }
 }
 
 impl Source for AlignmentMonitor<'_> {
@@ -192,6 +189,42 @@ mod tests {
     use super::*;
     use crate::source::frames::FromFn;
     use svl_core::stereo::Gray;
+
+    #[test]
+    fn cameras_a_pair_apart_are_named_with_the_offset_that_cures_them() {
+        // Each pair is shifted vertically against the one before.
+        let image = |x: usize, y: usize| {
+            let mixed = ((((x / 9) << 32) | (y / 9)) as u64).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            ((mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) >> 56) as u8
+        };
+        for (apart, right_ms) in [(0, None), (1, Some(100.0)), (-1, Some(-100.0))] {
+            let mut alignment = PairAlignment::default();
+            for i in 1..6_i32 {
+                let moved = |d: usize, i: i32| {
+                    let down = 6 * i as usize;
+                    Gray::from_fn(320, 240, |x, y| image(x + d, y + down)).unwrap()
+                };
+                let pair = StereoPair::new(moved(0, i), moved(8, i + apart)).unwrap();
+                let frame = Frame {
+                    stamp_ns: i as u64 * 100_000_000,
+                    ..Frame::new(pair, Geometry::Rectified(None))
+                };
+                alignment.add(&frame);
+                alignment.keep(Some(&frame));
+            }
+            let doubt = alignment.doubt(&*pairs(true, Geometry::Rectified(None)));
+            assert_eq!(doubt.is_some(), right_ms.is_some(), "{apart}");
+            let (Some(doubt), Some(right_ms)) = (doubt, right_ms) else {
+                continue;
+            };
+            assert!((doubt.value - 6.0).abs() < 0.2 && doubt.is_unusual());
+            let cure = AlignmentCure::PairApart { right_ms };
+            let json = serde_json::to_value(&doubt.cure).unwrap();
+            assert_eq!(json["cure"], serde_json::to_value(cure).unwrap());
+            let option = format!("`--right-offset-ms {right_ms:.1}`");
+            assert!(doubt.to_string().contains(&option), "{doubt}");
+        }
+    }
 
     /// Pairs without texture, or of squares.
     fn pairs(has_texture: bool, geometry: Geometry) -> Box<dyn Source> {
@@ -221,7 +254,10 @@ mod tests {
             let mut monitor = AlignmentMonitor::new(pairs(has_texture, geometry), 0);
             while monitor.next().unwrap().is_some() {}
             assert_eq!(monitor.measured, measured);
-            assert_eq!(monitor.meter.is_enough(), has_texture && measured > 0);
+            assert_eq!(
+                monitor.alignment.meter.is_enough(),
+                has_texture && measured > 0
+            );
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::sources::{open, open_recording};
 use crate::source::frames::Source;
 use crate::source::inputs::folder::map_files::MapFiles;
-use crate::source::layers::alignment_monitor::misalignment_cure;
+use crate::source::layers::alignment_monitor::PairAlignment;
 use crate::source::opened::calibration::Calib;
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::doubt::{CalibrationCheck, Doubt, PairCure, Subject};
 use svl_core::matcher::Algorithm;
-use svl_core::rectify::{Alignment, AlignmentMeter, RectificationMeter};
+use svl_core::rectify::{Alignment, RectificationMeter};
 use svl_core::statistics::{lower_median, nearest_rank};
 use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
 use svl_core::{Error, Result, counted};
@@ -25,10 +25,10 @@ use svl_score::scenario::SourceOptions;
 /// one is.
 const MAX_PAIRS: u64 = 20;
 const MAX_TIME: Duration = Duration::from_secs(2);
-/// Pairs are measured for vertical misalignment until that many points have matched.
+/// Pairs are measured for vertical misalignment until that many points have matched; misaligned
+/// ones, whose cause is sought, to that many at least.
 const MAX_POINTS: usize = 500;
-/// Largest misalignment of pairs that can be used: beyond it, windows of a few rows hardly match.
-const MAX_MISALIGNED_PX: f64 = 2.0;
+const MISALIGNED_PAIRS: usize = 5;
 /// Largest median skew of pairs that can be used, however far apart they are.
 const MAX_SKEW_NS: f64 = 100e6;
 
@@ -59,9 +59,6 @@ pub struct SourceFacts {
     /// Vertical misalignment of the first pairs, of raw pairs after rectification; none if too few
     /// points matched.
     pub vertical_misalignment: Option<Alignment>,
-    /// The cure, if that is too large to match the pairs.
-    #[serde(skip)]
-    pub misalignment_cure: Option<&'static str>,
     /// The same of raw pairs before rectification.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unrectified_misalignment: Option<Alignment>,
@@ -118,13 +115,15 @@ impl SourceFacts {
         let open = if is_recording { open_recording } else { open };
         let mut opened = open(request)?;
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
-        let (mut spread, mut meter) = (TruthSpread::default(), AlignmentMeter::new());
+        let (mut spread, mut pairs) = (TruthSpread::default(), PairAlignment::default());
         let (mut skews_ns, mut stamps_ns) = (Vec::new(), Vec::new());
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
-            if meter.matches().len() < MAX_POINTS {
-                meter.add(&frame.pair);
+            let is_sought = pairs.is_off() && stamps_ns.len() < MISALIGNED_PAIRS;
+            if pairs.meter.matches().len() < MAX_POINTS || is_sought {
+                pairs.add(&frame);
+                pairs.keep(Some(&frame));
             }
             skews_ns.extend(frame.exposure.skew_ns);
             stamps_ns.push(frame.stamp_ns);
@@ -156,18 +155,15 @@ impl SourceFacts {
             None => MapFiles::usual(Path::new(name)),
         };
         let rectification = opened.source.rectification();
-        let alignment = meter.alignment();
-        let px = alignment.as_ref().map_or(0.0, |found| found.median_abs_px);
-        let cure = misalignment_cure(&*opened.source);
         let checks = calibration_checks(&opened, &first);
         let doubts = checks.iter().filter_map(CalibrationCheck::doubt);
         let doubts = opened.facts.doubts.iter().cloned().chain(doubts);
         let doubts = skew_doubt(skews_ns, &stamps_ns).into_iter().chain(doubts);
-        let doubts = doubts.chain(rectification.and_then(RectificationMeter::doubt));
-        let doubts = doubts.chain(meter.doubt(rig.as_ref(), 0..=i32::MAX));
+        let doubts = doubts.chain(pairs.meter.doubt(rig.as_ref(), 0..=i32::MAX));
         // The user's word that the pairs are rectified.
         let is_assumed = request.calib() == Calib::None;
         let is_raw = rig.is_none() && first.geometry == Geometry::Raw && !is_assumed;
+        let misaligned = pairs.doubt(&*opened.source).filter(|_| !is_raw);
         Ok(Self {
             size_px: first.pair.size(),
             chain: opened.chain.clone(),
@@ -183,10 +179,9 @@ impl SourceFacts {
             },
             rig,
             is_constant,
-            misalignment_cure: (px > MAX_MISALIGNED_PX && !is_raw).then_some(cure),
-            vertical_misalignment: alignment,
+            vertical_misalignment: pairs.meter.alignment(),
             unrectified_misalignment: rectification.and_then(RectificationMeter::before),
-            doubts: doubts.collect(),
+            doubts: doubts.chain(misaligned).collect(),
             calibration_checks: checks,
             nearest: rig
                 .as_ref()

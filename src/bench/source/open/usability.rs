@@ -8,6 +8,9 @@ use svl_core::doubt::{Cure, Doubt, PairCure};
 use svl_core::{counted, joined};
 use svl_recording::PairGeometry;
 
+/// Largest misalignment of pairs that can be used: beyond it, windows of a few rows hardly match.
+const MAX_MISALIGNED_PX: f64 = 2.0;
+
 /// The answer for a source. Its text is one line.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Usability {
@@ -45,9 +48,7 @@ impl Usability {
         let truths = facts.truths.iter().filter(|truth| truth.has_pixels());
         let truths: Vec<_> = truths.map(|truth| truth.name().to_owned()).collect();
         Self {
-            is_usable: (is_rectified || is_calibrated)
-                && facts.misalignment_cure.is_none()
-                && !facts.doubts.iter().any(is_of_skew),
+            is_usable: (is_rectified || is_calibrated) && !facts.doubts.iter().any(denies_matches),
             pairs,
             geometry: facts.is_geometry_known.then_some(facts.geometry),
             distortion_model: facts.camera.distortion_model.clone(),
@@ -59,9 +60,14 @@ impl Usability {
     }
 }
 
-/// True for images of different moments.
-fn is_of_skew(doubt: &Doubt) -> bool {
-    matches!(doubt.cure, Cure::Pairs(PairCure::Skew { .. }))
+/// True for images of different moments, and for rows that do not correspond.
+fn denies_matches(doubt: &Doubt) -> bool {
+    use PairCure::{Misaligned, Skew, Vertical};
+    match doubt.cure {
+        Cure::Pairs(Skew { .. }) => true,
+        Cure::Pairs(Misaligned { .. } | Vertical { .. }) => doubt.value > MAX_MISALIGNED_PX,
+        _ => false,
+    }
 }
 
 /// The missing parts of a source with pairs, each with its cure.
@@ -81,10 +87,6 @@ fn missing(facts: &SourceFacts, is_rectified: bool, truths: &[String]) -> Vec<St
         } else {
             format!("{what}: {cure}, or --calib none if they are rectified")
         });
-    }
-    let alignment = facts.vertical_misalignment.as_ref();
-    if let (Some(found), Some(cure)) = (alignment, facts.misalignment_cure) {
-        missing.push(format!("no alignment ({}): {cure}", found.words()));
     }
     let unread = facts.truths.iter().filter(|truth| !truth.has_pixels());
     let unread: Vec<_> = unread.map(TruthFacts::name).collect();
@@ -154,6 +156,7 @@ impl Usability {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_core::doubt::{AlignmentCure, Misfit, Subject};
     use svl_core::stereo::Rig;
     use svl_recording::CameraFacts;
     use svl_score::plausibility::Spread;
@@ -180,7 +183,6 @@ mod tests {
             rig: Rig::new(300.0, (320.0, 240.0), 0.1, 0.0).ok(),
             is_constant: true,
             vertical_misalignment: None,
-            misalignment_cure: None,
             unrectified_misalignment: None,
             calibration_checks: Vec::new(),
             doubts: Vec::new(),
@@ -235,6 +237,33 @@ mod tests {
             &uncalibrated,
             &format!("usable: 3 rectified pairs, {cure}"),
         );
+    }
+
+    #[test]
+    fn misaligned_pairs_are_doubted_and_beyond_two_pixels_not_usable() {
+        let cure = AlignmentCure::Rectify;
+        for (px, answer) in [(1.2, "usable: "), (6.0, "not usable yet: ")] {
+            let cure = PairCure::Vertical {
+                median_abs_px: px,
+                median_px: px,
+                points: 90,
+                pairs: 3,
+                misfit: Misfit::Shift,
+                cure,
+            };
+            let mut facts = facts();
+            facts.doubts = vec![cure.doubt(Subject::Pairs, "rows_px", px, [0.0, 0.5])];
+            let usability = Usability::from_facts(Some(9), &facts);
+            let words = usability.to_string();
+            assert!(words.starts_with(answer), "{words}");
+            let misaligned = format!(
+                ", vertical misalignment of {px:.1} px (median of 90 points in 3 pairs; the right \
+                 image is {px:.1} px lower), which costs matches: rectify with --calib FILE"
+            );
+            assert!(words.contains(&misaligned), "{words}");
+            let json = serde_json::to_value(&usability).unwrap();
+            assert_eq!(json["doubts"][0]["cure"]["cure"]["kind"], "rectify");
+        }
     }
 
     #[test]

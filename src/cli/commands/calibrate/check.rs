@@ -8,10 +8,10 @@ use clap::builder::NonEmptyStringValueParser;
 use svl::Error;
 use svl::pass::report_losses;
 use svl::recording::warn_of;
-use svl::rectify::{Alignment, AlignmentMeter};
+use svl::rectify::Alignment;
 use svl::report::table::{NONE, Table};
 use svl::scenario::SourceOptions;
-use svl::source::{Request, misalignment_cure};
+use svl::source::{PairAlignment, Request};
 
 /// Measure how well the pairs of a recording are rectified, from the images alone
 ///
@@ -57,18 +57,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .pairs()
         .map_or(10, |pairs| pairs.div_ceil(MEASURED_PAIRS))
         .max(1);
-    let mut meter = AlignmentMeter::new();
+    let mut pairs = PairAlignment::default();
     let mut taken = 0;
     while let Some(frame) = source.next()? {
         if taken % step == 0 {
-            meter.add(&frame.pair);
+            pairs.add(&frame);
         }
         taken += 1;
+        pairs.keep(Some(&frame).filter(|_| taken % step == 0));
         if taken >= step * MEASURED_PAIRS {
             break;
         }
     }
-    let (name, cure) = (source.name(), misalignment_cure(&*source));
+    let (name, misaligned) = (source.name(), pairs.doubt(&*source));
+    let meter = &pairs.meter;
     report_losses(&name, &source.finish(taken));
     let doubt = meter.doubt(None, 0..=i32::MAX);
     let Some(alignment) = meter.alignment() else {
@@ -84,10 +86,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     doubt.iter().for_each(|doubt| warn_of(&name, doubt));
     print_value(args.json, &alignment, || text(&name, &alignment))?;
     // The report comes first; then the exit code says that the pairs are not rectified.
-    if alignment.is_off() {
-        bail!("{name}: {}; {cure}", alignment.words());
-    }
-    Ok(())
+    let misaligned = misaligned.filter(|_| alignment.is_off());
+    misaligned.map_or(Ok(()), |doubt| Err(Error::format(name, doubt).into()))
 }
 
 const FIELDS: &[DataField] = &[

@@ -4,12 +4,12 @@ mod files;
 mod report;
 
 use crate::cli::shared::usage;
-use anyhow::bail;
 use files::ImageFiles;
 use std::path::{Path, PathBuf};
+use svl::Error;
 use svl::files::{self as on_disk, MapScale};
 use svl::outputs::Outputs;
-use svl::plausibility::{map_doubt, without};
+use svl::plausibility::{map_doubt, sign_doubt, without};
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 
@@ -125,11 +125,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     )?;
     let columns = args.mask.len().max(1);
     let mut scores: Vec<Vec<(f64, Score)>> = vec![Vec::new(); columns];
+    let mut doubts = Vec::new();
     for files in &images {
         let loaded = Loaded::read(files, args)?;
         let name = files.disparity.display().to_string();
         if let Some(doubt) = map_doubt(&name, &loaded.estimate, &loaded.truth) {
             tracing::warn!("{doubt}");
+            doubts.push(doubt);
         }
         for (column, scores) in scores.iter_mut().enumerate() {
             let score = args.protocol.score(&loaded.image(column));
@@ -144,7 +146,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     outputs.commit()?;
-    report::print_scores(args, &images, &scores)
+    report::print_scores(args, &images, &scores, &doubts)
 }
 
 impl Args {
@@ -168,12 +170,11 @@ impl Args {
 /// ones, and in a truth those beyond the image.
 fn disparities(path: &Path, scale: MapScale, is_truth: bool) -> anyhow::Result<Plane<f32>> {
     let name = path.display();
-    let positive = without(on_disk::read_disparities(path, scale)?, |d| d < 0.0);
-    if is_truth && positive.is_err() {
-        let why = "of the opposite sign, multiply them by -1";
-        bail!("{name}: most disparities are negative: {why}");
+    let map = on_disk::read_disparities(path, scale)?;
+    if let Some(doubt) = sign_doubt(&name.to_string(), &map).filter(|_| is_truth) {
+        return Err(Error::other(doubt).into());
     }
-    let (map, negative) = positive.unwrap_or_else(|map| (map, 0));
+    let (map, negative) = without(map, |d| d < 0.0).unwrap_or_else(|map| (map, 0));
     let width = map.width() as f32;
     let may_be_beyond = is_truth && map.pixels().any(|d| d <= width);
     let within = without(map, |d| may_be_beyond && d > width);

@@ -4,6 +4,7 @@ use super::{Args, ImageFiles};
 use crate::cli::shared::terminal::{print, print_json, style};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use svl::doubt::Doubt;
 use svl::report::table::{NONE, Table};
 use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 
@@ -18,6 +19,9 @@ struct EvalReport<'a> {
     masks: Option<BTreeMap<&'a str, &'a Numbers>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     images: Option<BTreeMap<&'a str, Numbers>>,
+    /// Quantities of the maps that cannot be right.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    doubts: &'a [Doubt],
 }
 
 /// Prints the scores; `scores` has a row per column of the table, with an element per image.
@@ -25,6 +29,7 @@ pub(super) fn print_scores(
     args: &Args,
     images: &[ImageFiles],
     scores: &[Vec<(f64, Score)>],
+    doubts: &[Doubt],
 ) -> anyhow::Result<()> {
     let columns: Vec<Numbers> = scores.iter().map(|scores| Score::over(scores)).collect();
     let labels = labels(args);
@@ -57,6 +62,7 @@ pub(super) fn print_scores(
         numbers: &columns[0],
         masks,
         images,
+        doubts,
     })
 }
 

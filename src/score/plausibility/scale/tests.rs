@@ -35,6 +35,12 @@ fn estimate(algorithm: &str, px: impl Fn(usize, usize) -> f32) -> Estimate {
     }
 }
 
+/// The words of doubts, whose values are none of the usual ones.
+fn words(doubts: &[Doubt]) -> Vec<String> {
+    assert!(doubts.iter().all(Doubt::is_unusual), "{doubts:?}");
+    doubts.iter().map(Doubt::to_string).collect()
+}
+
 /// The doubt about a truth in a file, against two algorithms with an error of a pixel.
 fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Option<String> {
     let image = Gray::filled(SIZE.0, SIZE.1, 0).unwrap();
@@ -58,11 +64,7 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     estimates.extend(others);
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, estimates));
-    scales
-        .measured()
-        .doubts()
-        .pop()
-        .map(|doubt| doubt.to_string())
+    words(&scales.measured().doubts()).pop()
 }
 
 #[test]
@@ -86,6 +88,29 @@ fn a_constant_factor_is_named_with_the_unit_that_cures_it() {
     }
     let words = doubt("d/*.png", -1.0).unwrap();
     assert!(words.contains("the opposite sign"), "{words}");
+}
+
+#[test]
+fn distances_along_the_rays_are_doubted_by_their_error_as_depths() {
+    let scale = AlgorithmScale {
+        factor: Some(1.01),
+        inverse: None,
+        along_rays: Some(0.05),
+        recorded: None,
+        right: 0,
+        wrong: 0,
+    };
+    let by = |origin| MeasuredScales {
+        origin,
+        algorithms: BTreeMap::from([("v3".to_owned(), scale.clone())]),
+    };
+    let doubts = by(TruthOrigin::Sensor("/depth".into())).doubts();
+    assert!(words(&doubts)[0].contains("along the rays"), "{doubts:?}");
+    assert_eq!(
+        (&*doubts[0].name, doubts[0].value),
+        ("error_as_depths", 0.05)
+    );
+    assert_eq!(by(TruthOrigin::Exact).doubts(), []);
 }
 
 #[test]
@@ -119,11 +144,7 @@ fn doubt_of_files(options: &str, map: impl Fn(f32) -> f32) -> Option<String> {
     };
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, vec![estimate("net", map)]));
-    scales
-        .measured()
-        .doubts()
-        .pop()
-        .map(|doubt| doubt.to_string())
+    words(&scales.measured().doubts()).pop()
 }
 
 #[test]
@@ -178,14 +199,14 @@ fn doubts_of(
     let scale = AlgorithmScale {
         factor,
         inverse: None,
-        is_along_rays: false,
+        along_rays: None,
         recorded: (label == "map").then(|| "/estimate".to_owned()),
         right: cells[0],
         wrong: cells[1],
     };
     let algorithms = BTreeMap::from([(label.to_owned(), scale)]);
     let doubts = MeasuredScales { origin, algorithms }.doubts();
-    doubts.iter().map(Doubt::to_string).collect()
+    words(&doubts)
 }
 
 #[test]

@@ -14,8 +14,8 @@ use svl_core::doubt::TruthUnit;
 use svl_core::stereo::{Frame, MapDensity, Plane, Rig};
 use svl_core::{Error, Result, counted};
 use svl_files::{has_ending, no_depth, read_depth, read_disparity_steps, read_points};
-use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_once};
-use svl_score::plausibility::{is_better_match, split_unit, without};
+use svl_recording::{RawCamera, SensorRole, SensorSelection, disparities, warn_of, warn_once};
+use svl_score::plausibility::{is_better_match, sign_doubt, split_unit, without};
 
 /// Extensions of the files that are read.
 const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
@@ -76,6 +76,7 @@ const MAX_NAMED: u64 = 5;
 #[derive(Default)]
 struct Told {
     misfit: bool,
+    negative: bool,
     unreadable: u64,
     late: bool,
 }
@@ -353,16 +354,15 @@ impl MapFiles {
     }
 
     /// The map without negative values, which programs write for none, as OpenCV's matchers.
-    fn without_negative(&self, map: Plane<f32>) -> Plane<f32> {
+    fn without_negative(&mut self, map: Plane<f32>) -> Plane<f32> {
         if self.role == SensorRole::Truth {
             return map;
         }
-        let negated = |map| {
-            let why = "most disparities are negative: of the opposite sign, multiply them by -1";
-            warn_once(format!("{}: {why}", self.asked()));
-            map
-        };
-        without(map, |d| d < 0.0).map_or_else(negated, |(map, _)| map)
+        let (Ok((map, _)) | Err(map)) = without(map, |d| d < 0.0);
+        let doubt = sign_doubt(&self.asked(), &map).filter(|_| !self.told.negative);
+        self.told.negative |= doubt.is_some();
+        doubt.inspect(|doubt| warn_of(&self.folder.display().to_string(), doubt));
+        map
     }
 
     /// Learns the numbers of the source's pairs. The files have these, or count the pairs: from 1,
