@@ -58,6 +58,21 @@ impl SparseCell {
         }
     }
 
+    /// True if a part of the cell has no known pixel.
+    pub fn has_holes(truth: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> bool {
+        let parts = |side: &Range<usize>| {
+            let (start, length) = (side.start, side.len());
+            let edge = move |part: usize| start + (part * length).div_ceil(PARTS);
+            let parts = (0..PARTS).map(move |part| edge(part)..edge(part + 1));
+            parts.filter(|part| !part.is_empty())
+        };
+        let is_unknown = |y: usize, x: &Range<usize>| {
+            let mut row = truth.row(y)[x.clone()].iter();
+            !row.any(|d| *d < f32::INFINITY)
+        };
+        parts(rows).any(|y| parts(columns).any(|x| y.clone().all(|y| is_unknown(y, &x))))
+    }
+
     /// False for too few points to score the cell.
     pub fn is_enough(&self) -> bool {
         self.count >= MIN_POINTS
@@ -71,23 +86,33 @@ impl SparseCell {
         rule: CellRule,
         rig: Option<&Rig>,
     ) -> Option<CellDepth> {
-        let [far_px, near_px] = self.range(percent).filter(|_| self.is_enough())?;
-        let middle = CellDepth::at((far_px + near_px) / 2.0, rig);
-        let is_narrow = match rule.proportional_at(middle.median_px.into()) {
-            CellRule::Disparity { tolerance_px } => f64::from(near_px - far_px) <= tolerance_px,
-            _ if CellDepth::at(near_px, rig).is_far() => true,
-            CellRule::Distance { .. } => {
-                let depth_m = |px: f32| rig?.depth_m(px.into());
-                depth_m(far_px)? - depth_m(near_px)? <= rule.tolerance_at_m(middle.distance_m?)
-            }
-        };
+        let range = self.range(percent).filter(|_| self.is_enough())?;
+        let middle_px = (range[0] + range[1]) / 2.0;
+        let rule = rule.proportional_at(middle_px.into());
         let [p20_px, p80_px] =
             [20, 80].map(|percent| self.at_rank(percent as f64 / 100.0 * self.with_points as f64));
-        is_narrow.then_some(CellDepth {
+        is_narrow(range, rule, rig)?.then(|| CellDepth {
             p20_px,
             p80_px,
-            ..middle
+            ..CellDepth::at(middle_px, rig)
         })
+    }
+
+    /// True if the cell's median is the same by a rule, whatever the parts without points hold.
+    pub fn tells_median(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
+        let range = self.range(50);
+        range.is_some_and(|range| is_narrow(range, rule, rig) == Some(true))
+    }
+
+    /// Whether a function is true for a fraction of the cell, 0..=1, if that is so whatever the
+    /// parts without points hold.
+    pub fn tells_share(&self, least: f64, is: impl Fn(f32) -> bool) -> Option<bool> {
+        let among_points = self.share(is) * self.with_points as f64;
+        let without = (self.parts - self.with_points) as f64;
+        // Sums of weights are rounded.
+        let wanted = least * self.parts as f64 - 1e-9;
+        let [fewest, most] = [among_points, among_points + without].map(|parts| parts >= wanted);
+        (fewest == most).then_some(most)
     }
 
     /// The least and the greatest value of a percentile (by nearest rank) for any content of the
@@ -118,6 +143,20 @@ impl SparseCell {
         let weights = self.points.iter().filter(|(value, _)| is(*value));
         weights.map(|(_, weight)| weight).sum::<f64>() / self.with_points as f64
     }
+}
+
+/// Whether a range of disparities is as narrow as a rule's tolerance, or at infinity; `None` if its
+/// distances are unknown.
+fn is_narrow([far_px, near_px]: [f32; 2], rule: CellRule, rig: Option<&Rig>) -> Option<bool> {
+    let depth_m = |px: f32| rig?.depth_m(px.into());
+    Some(match rule {
+        CellRule::Disparity { tolerance_px } => f64::from(near_px - far_px) <= tolerance_px,
+        _ if CellDepth::at(near_px, rig).is_far() => true,
+        CellRule::Distance { .. } => {
+            let middle = CellDepth::at((far_px + near_px) / 2.0, rig);
+            depth_m(far_px)? - depth_m(near_px)? <= rule.tolerance_at_m(middle.distance_m?)
+        }
+    })
 }
 
 #[cfg(test)]

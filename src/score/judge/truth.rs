@@ -1,14 +1,16 @@
 //! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! Pixels with truth represent the cell if they are at least half of its pixels. Points of a
-//! sensor, and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is
-//! narrow. Floor is no obstacle: whether a pixel or point is floor is known before any quantile.
+//! Pixels with truth represent the cell if they are at least half of its pixels, and what its parts
+//! without any may hold cannot move the median. Points of a sensor, and fewer pixels, determine a
+//! range ([`SparseCell`]): the cell is scored if that is narrow. Floor is no obstacle: whether a
+//! pixel or point is floor is known before any quantile.
 
 use super::CellArea;
 use super::cells::{CellJudgement, NearJudgement, claimed, has_truth, is_within};
 use super::cells::{Verdict, judge_cell};
 use super::sparse::SparseCell;
 use std::borrow::Cow;
+use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
     Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, MapDensity, Plane, Rig, Surface, Truth,
@@ -21,6 +23,9 @@ const MIN_KNOWN: f64 = 0.5;
 /// Percentile of the true disparities that represents the nearest quarter: of n in ascending order
 /// the one of rank ⌊0.75 n⌋ + 1, so 3841 of 5120: the ⌈n / 4⌉-th nearest.
 const NEAR_PERCENT: usize = 75;
+
+/// Least fraction of a cell's parts, some of them without truth, that are near if a quarter is.
+const MIN_NEAR: f64 = 0.25;
 
 /// Greatest fraction of a cell that is not free if a report of something near is false.
 const MAX_OCCUPIED: f64 = 0.05;
@@ -51,6 +56,14 @@ struct TrueCell {
     area: Option<CellArea>,
     /// `None` if it is not known.
     quarter: Option<TrueQuarter>,
+}
+
+/// The pixels of a cell: those of all surfaces, and of those above the floor.
+struct CellMaps<'a> {
+    all: &'a Plane<f32>,
+    above: &'a Plane<f32>,
+    columns: Range<usize>,
+    rows: Range<usize>,
 }
 
 /// The nearest quarter of a cell.
@@ -107,31 +120,36 @@ impl TrueCells {
         let above = above_floor(truth);
         let true_cell = |(place, cell): ((usize, usize), &mut Cell)| {
             let (columns, rows) = shape.pixels(place, truth.disparity.size());
+            let maps = CellMaps {
+                all: &truth.disparity,
+                above: &above,
+                columns,
+                rows,
+            };
             let is_sparse = are_points || cell.depth.is_none() && !is_reference;
             if is_sparse && cell.valid_share > 0.0 {
-                let [points, above] =
-                    [&truth.disparity, &above].map(|map| SparseCell::new(map, &columns, &rows));
+                let [points, above] = [maps.all, maps.above].map(|map| maps.points(map));
                 cell.depth = points.percentile(50, rule, rig);
                 let floor = above.share(|d| d == FLOOR_PX);
-                TrueCell {
+                return TrueCell {
                     area: cell.depth.map(|depth| area(&depth, floor, rule)),
                     quarter: TrueQuarter::from_points(&points, &above, limits),
                     sparse: Some(points),
-                }
-            } else if let Some(depth) = cell.depth {
-                let [mut all, above] = [&truth.disparity, above.as_ref()].map(|map| {
-                    let values = rows.clone().flat_map(|y| &map.row(y)[columns.clone()]);
-                    values.copied().filter(is_known).collect::<Vec<_>>()
-                });
-                let floor = share(&above, |d| d == FLOOR_PX);
-                let is_scored = has_truth(&depth, rule);
-                TrueCell {
-                    area: Some(area(&depth, floor, rule)),
-                    quarter: is_scored.then(|| TrueQuarter::new(&mut all, &above, limits)),
-                    sparse: None,
-                }
-            } else {
-                TrueCell::default()
+                };
+            }
+            let Some(depth) = cell.depth else {
+                return TrueCell::default();
+            };
+            // A reference is unsure where it is unknown, and has no holes.
+            let can_have = !is_reference && cell.valid_share < 1.0 && has_truth(&depth, rule);
+            let has_holes = can_have && maps.have_holes();
+            if has_holes && !maps.points(maps.all).tells_median(rule, rig) {
+                cell.depth = None;
+            }
+            let known = TrueCell::from_pixels(&maps, depth, limits, has_holes);
+            TrueCell {
+                area: known.area.filter(|_| cell.depth.is_some()),
+                ..known
             }
         };
         let cells = shape.iter().zip(grid.cells_mut()).map(true_cell).collect();
@@ -230,6 +248,54 @@ impl TrueCells {
             }
         };
         named >= MIN_NAMED
+    }
+}
+
+impl CellMaps<'_> {
+    fn points(&self, map: &Plane<f32>) -> SparseCell {
+        SparseCell::new(map, &self.columns, &self.rows)
+    }
+
+    /// The known disparities.
+    fn known(&self, map: &Plane<f32>) -> Vec<f32> {
+        let rows = self.rows.clone();
+        let values = rows.flat_map(|y| &map.row(y)[self.columns.clone()]);
+        values.copied().filter(is_known).collect()
+    }
+
+    /// True if a part of the cell has no known pixel.
+    fn have_holes(&self) -> bool {
+        SparseCell::has_holes(self.all, &self.columns, &self.rows)
+    }
+}
+
+impl TrueCell {
+    /// That of a dense truth, whose known pixels have that median. Where the cell `has_holes`, only
+    /// what does not depend on them is known.
+    fn from_pixels(
+        maps: &CellMaps<'_>,
+        depth: CellDepth,
+        limits: NearLimits<'_>,
+        has_holes: bool,
+    ) -> Self {
+        let [mut all, above] = [maps.all, maps.above].map(|map| maps.known(map));
+        let floor = share(&above, |d| d == FLOOR_PX);
+        let is_scored = has_truth(&depth, limits.rule);
+        let quarter = is_scored.then(|| TrueQuarter::new(&mut all, &above, limits));
+        let is_decided = |quarter: &TrueQuarter| {
+            let [obstacle_px, ..] = limits.limits_px();
+            let is_near = |d: f32| f64::from(d) > obstacle_px;
+            let is_obstacle = Some(quarter.near.is_obstacle);
+            // Nothing is nearer than a limit at infinity.
+            !has_holes
+                || obstacle_px == f64::INFINITY
+                || maps.points(maps.above).tells_share(MIN_NEAR, is_near) == is_obstacle
+        };
+        Self {
+            area: Some(area(&depth, floor, limits.rule)),
+            quarter: quarter.filter(is_decided),
+            sparse: None,
+        }
     }
 }
 
@@ -483,6 +549,74 @@ mod tests {
             [MapDensity::Dense, MapDensity::Sparse].map(median),
             [4.0, 7.0]
         );
+    }
+
+    /// Whether median and obstacle are known in a cell of 16 x 16 pixels at 10 px/m with that truth
+    /// per row, and its median.
+    fn holes(px: impl Fn(usize, usize) -> f32, origin: TruthOrigin) -> (Option<f32>, Option<bool>) {
+        let kind = TruthKind {
+            density: MapDensity::Dense,
+            origin,
+        };
+        let mut frame = frame(Plane::from_fn(16, 16, px).unwrap(), kind);
+        frame.geometry = Geometry::Rectified(Some(rig()));
+        let cells = TrueCells::new(&frame, ONE_CELL, CellRule::default()).unwrap();
+        let (_, truth) = cells.truths().next().unwrap();
+        (
+            truth.median.map(|depth| depth.median_px),
+            truth.near.map(|near| near.is_obstacle),
+        )
+    }
+
+    #[test]
+    fn a_hole_that_could_move_the_median_is_no_truth() {
+        // Rows of unknown sky, of a wall at 5 m, and of an obstacle at 0.5 m less a bit.
+        let under_sky = |sky: usize, wall: usize| {
+            move |_: usize, y: usize| match y {
+                y if y < sky => f32::INFINITY,
+                y if y < sky + wall => 2.0,
+                _ => 21.0,
+            }
+        };
+        let known = |sky, wall| holes(under_sky(sky, wall), TruthOrigin::Exact);
+        // The sky could be far, with the wall half of the cell; 6 rows are an obstacle anyway.
+        assert_eq!(known(6, 4), (None, Some(true)));
+        // Whatever it is, half of the cell is the obstacle, or the wall.
+        assert_eq!(known(4, 2), (Some(21.0), Some(true)));
+        assert_eq!(known(2, 13), (Some(2.0), Some(false)));
+        // Four rows of sky or more decide about the nearest quarter.
+        assert_eq!(known(4, 12), (Some(2.0), None));
+        // Parts with a known pixel have no holes, and references none at all.
+        let few = |x, y| match under_sky(6, 4)(x, y) {
+            px if px.is_finite() => px,
+            _ if x % 2 + y % 2 == 0 => 2.0,
+            unknown => unknown,
+        };
+        assert_eq!(holes(few, TruthOrigin::Exact), (Some(21.0), Some(true)));
+        let reference = TruthOrigin::Reference("sgm".into());
+        assert_eq!(holes(under_sky(6, 4), reference), (Some(21.0), Some(true)));
+    }
+
+    #[test]
+    fn without_distances_nothing_is_near_in_a_hole() {
+        let below_sky = |_, y| if y < 8 { f32::INFINITY } else { 21.0 };
+        let frame = frame(
+            Plane::from_fn(16, 16, below_sky).unwrap(),
+            TruthKind::default(),
+        );
+        let cells = TrueCells::new(&frame, ONE_CELL, RULE).unwrap();
+        let (_, truth) = cells.truths().next().unwrap();
+        assert!(truth.median.is_some() && !truth.near.unwrap().is_obstacle);
+    }
+
+    #[test]
+    fn a_hole_beside_one_surface_changes_nothing() {
+        let surface =
+            |sky: usize| move |_: usize, y: usize| if y < sky { f32::INFINITY } else { 21.0 };
+        for sky in 0..=8 {
+            let (median, near) = holes(surface(sky), TruthOrigin::Exact);
+            assert_eq!((median, near), (Some(21.0), Some(true)), "{sky}");
+        }
     }
 
     /// The score of a map in the cell of a slanted surface of 40 rows, every fifth of which is
