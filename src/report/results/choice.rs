@@ -28,7 +28,7 @@ const LIMITS: [(TruthLevel, Unfit); 5] = [
 /// Fewest near obstacles of which a part has to be found.
 const MIN_NEAR: f64 = 10.0;
 /// Least part of the most right cells: one that answers easy cells alone is wrong in none.
-const MIN_SHARE_OF_MOST: f64 = 0.5;
+const MIN_RIGHT: f64 = 0.5;
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MAX_PRIOR: f64 = 0.8;
 
@@ -102,7 +102,7 @@ impl Results {
         let most = fit.iter().map(|own| own.1).fold(0.0, f64::max);
         let easy = fit
             .into_iter()
-            .filter(|own| own.1 < MIN_SHARE_OF_MOST * most);
+            .filter(|own| own.1 < MIN_RIGHT * most);
         let easy = easy.map(|(label, _)| (label, Unfit::Easy));
         self.unfit.extend(easy);
     }
