@@ -65,7 +65,9 @@ impl Comparison {
             }
             Conclusion::NoChange => format!("the results of {pairs} are equal to the bit"),
             Conclusion::NotToldApart => {
-                let metrics = counted(ranked.len(), "headline metric");
+                let is_few = |change: &Change| change.judgement == Judgement::TooFew;
+                let tested = ranked.iter().filter(|(_, change)| !is_few(change));
+                let metrics = counted(tested.count(), "headline metric");
                 format!("none of {metrics} is told from chance at {level} over {pairs}")
             }
             Conclusion::Better | Conclusion::Worse | Conclusion::Mixed => {

@@ -268,7 +268,9 @@ impl Results {
             }
         };
         let text = |number: String| TableCell::Text(number);
-        if is_all || self.has_own_pairs() {
+        let has_few =
+            |a: &AlgorithmSummary| a.pairs > 0 && self.basis.common.is_absent(&a.algorithm);
+        if is_all || self.has_own_pairs() || self.algorithms.iter().any(has_few) {
             let pairs = TableColumn::new("", "pairs");
             add(pairs, &|a| text(a.pairs.to_string()));
         }

@@ -19,7 +19,7 @@ impl Unfit {
             Self::Over(name, percent) => format!("over {percent} % {name}"),
             Self::Under(name, percent) => format!("under {percent} % {name}"),
             Self::Easy => "right in less than half of the most".to_owned(),
-            Self::BehindPrior => "not above the prior".to_owned(),
+            Self::BehindPrior => "not told above the prior".to_owned(),
             Self::TooFewPairs => "too few pairs to tell".to_owned(),
             Self::Absent => "less than half of the pairs answered".to_owned(),
             Self::NotCompared => "not compared".to_owned(),
@@ -77,6 +77,14 @@ impl Results {
         let best: Vec<_> = (self.best.iter())
             .filter(|best| best.metric.name != "time")
             .collect();
+        if is_any_fit && self.has_own_pairs() {
+            let (common, read) = (self.basis.common.common, self.basis.common.read);
+            let numbers = self.numbers();
+            return Some(format!(
+                "Only {common} of {read} pairs are common to all, so none is best{numbers}; `svl \
+                 compare` tests two on the pairs of both."
+            ));
+        }
         if best.is_empty() {
             return (!is_any_fit).then(|| {
                 let why = self.unfit_words(self.ranked_algorithms());
@@ -97,10 +105,10 @@ impl Results {
             Unfit::TooFewPairs if !self.references.is_empty() => {
                 format!("Too few pairs to tell {} from the prior", own.algorithm)
             }
-            Unfit::Over(..) | Unfit::Under(..) | Unfit::BehindPrior => {
+            Unfit::NotCompared | Unfit::TooFewPairs => return None,
+            _ => {
                 format!("It could not be best: {}", self.unfit_words([own]))
             }
-            _ => return None,
         };
         Some(format!("{why}; {}.", self.extent_words()))
     }
@@ -221,15 +229,12 @@ impl Results {
 
     /// The meanings of the marks, the order, and times that look apart and are not: footnotes.
     pub fn legend(&self) -> Vec<String> {
-        if self.has_one_algorithm() {
-            return Vec::new();
-        }
         let shown = self.shown.columns.metrics(self.kind());
         let marked = self.best.iter().filter(|best| shown.contains(&best.metric));
         let marks = marked.clone().flat_map(|best| &best.others);
         let marks = marks.map(|other| other.certainty.mark());
         let answers = answer_metrics(self.kind());
-        let has_marks = shown.iter().any(|own| answers.contains(own));
+        let has_marks = shown.iter().any(|own| answers.contains(own)) && !self.has_one_algorithm();
         let unfit = self.unfit.values().filter(|_| has_marks);
         let unfit = unfit.map(|own| own.mark());
         let seen: Vec<_> = marks.chain(unfit).collect();
@@ -286,7 +291,10 @@ impl Results {
     fn own_pairs_words(&self) -> Option<String> {
         let (common, read) = (self.basis.common.common, self.basis.common.read);
         self.has_own_pairs().then(|| {
-            format!("All have only {common} of {read} pairs, so numbers are of each one's own.")
+            format!(
+                "Numbers are of each one's own pairs: {common} of {read} are common to all that \
+                 answered half of them."
+            )
         })
     }
 }

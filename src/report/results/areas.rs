@@ -52,7 +52,7 @@ impl Results {
 
     /// The most cells of an area that an algorithm was scored on; `None` if there is none.
     pub(crate) fn most_cells(&self, area: AreaChoice) -> Option<u64> {
-        let algorithms = self.algorithms.iter();
+        let algorithms = self.algorithms.iter().chain(&self.references);
         let algorithms = algorithms.filter_map(|a: &AlgorithmSummary| a.cells_in(area));
         algorithms.max()
     }
@@ -86,7 +86,8 @@ impl Results {
 
     /// The most near obstacles of an algorithm.
     pub(crate) fn most_near(&self) -> Option<f64> {
-        let near = self.algorithms.iter().filter_map(|a| a.totals.get("near"));
+        let all = self.algorithms.iter().chain(&self.references);
+        let near = all.filter_map(|a| a.totals.get("near"));
         near.reduce(f64::max)
     }
 

@@ -9,6 +9,7 @@ use crate::rows::samples::{paired, runs};
 use crate::subjects::drives::{self, DriveRow};
 use crate::subjects::references::PRIOR;
 use std::cmp::Ordering;
+use svl_core::stereo::TruthOrigin;
 use svl_score::bootstrap::{METHOD, RunLengths, Sample};
 use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
 
@@ -82,7 +83,8 @@ impl Results {
         let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
         let time = Metric::find("time").filter(|_| is_timed);
         let metrics = answer_metrics(kind).into_iter().chain(time);
-        let metrics = metrics.filter(|_| !self.is_area_empty());
+        // Numbers of different pairs rank nobody.
+        let metrics = metrics.filter(|_| !self.is_area_empty() && !self.has_own_pairs());
         let best = metrics.filter_map(|metric| self.best_by(metric, rows, drives));
         self.best = best.collect();
     }
@@ -100,9 +102,7 @@ impl Results {
             .filter_map(|a| Some((a.algorithm.clone(), value(a)?)))
             .collect();
         let most = fit.iter().map(|own| own.1).fold(0.0, f64::max);
-        let easy = fit
-            .into_iter()
-            .filter(|own| own.1 < MIN_RIGHT * most);
+        let easy = fit.into_iter().filter(|own| own.1 < MIN_RIGHT * most);
         let easy = easy.map(|(label, _)| (label, Unfit::Easy));
         self.unfit.extend(easy);
     }
@@ -189,19 +189,12 @@ impl Results {
         let mut fit: Vec<_> = ranked.filter(|a| self.may_be_best(a)).collect();
         // Stable: the first of equal ones is the best.
         fit.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        // Numbers of own pairs may contradict a test, which is of the pairs of both: one that
-        // another one clearly beats is not the best.
-        let (place, certainties) = (0..fit.len()).find_map(|place| {
-            let own = &*fit[place].algorithm;
-            let others = fit
-                .iter()
-                .map(|a| &*a.algorithm)
-                .filter(|other| *other != own);
-            let all = others.map(|other| self.certainty(metric, [own, other], rows, drives));
-            Some((place, all.collect::<Option<Vec<_>>>()?))
-        })?;
-        let best = fit.remove(place);
-        let others = fit;
+        let (best, others) = fit.split_first()?;
+        let certainties = others.iter().map(|other| {
+            let labels = [&*best.algorithm, &*other.algorithm];
+            self.certainty(metric, labels, rows, drives)
+        });
+        let certainties: Vec<_> = certainties.collect();
         let is_lone = others.is_empty() && (metric.name == "time" || self.has_one_algorithm());
         let is_driven = self.kind() == TruthLevel::Courses;
         let is_ahead = || certainties.iter().all(|own| *own == Certainty::Clear);
@@ -225,14 +218,14 @@ impl Results {
         })
     }
 
-    /// The certainty that the second algorithm is worse than the first; `None` if it is better.
+    /// The certainty that the second algorithm is worse than the first.
     fn certainty(
         &self,
         metric: &'static Metric,
         labels: [&str; 2],
         rows: &RowsByAlgorithm<'_>,
         drives: &[DriveRow],
-    ) -> Option<Certainty> {
+    ) -> Certainty {
         let change = if self.kind() == TruthLevel::Courses {
             course_change(metric, labels, drives)
         } else {
@@ -247,11 +240,10 @@ impl Results {
         };
         let is_faster = |own: &Change| own.interval.is_some_and(|(low, _)| low > 1.0);
         match change {
-            Some(own) if own.judgement == Judgement::Better => None,
-            Some(own) if own.judgement == Judgement::Worse => Some(Certainty::Clear),
-            Some(own) if metric.name == "time" && is_faster(&own) => Some(Certainty::Clear),
-            Some(own) if own.interval.is_some() => Some(Certainty::NotToldApart),
-            _ => Some(Certainty::TooFew),
+            Some(own) if own.judgement == Judgement::Worse => Certainty::Clear,
+            Some(own) if metric.name == "time" && is_faster(&own) => Certainty::Clear,
+            Some(own) if own.interval.is_some() => Certainty::NotToldApart,
+            _ => Certainty::TooFew,
         }
     }
 
@@ -260,10 +252,13 @@ impl Results {
         !self.unfit.contains_key(&algorithm.algorithm)
     }
 
-    /// True for the truth and for `blind`.
+    /// True for the truth, for `blind`, and for an algorithm that is scored against itself.
     pub(crate) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
         let label = &algorithm.algorithm;
-        self.basis.perfect.contains(label) || label == "blind"
+        let origins = self.truth.iter().cloned().map(TruthOrigin::try_from);
+        let mut origins = origins.filter_map(Result::ok);
+        let is_truth = origins.any(|own| own == TruthOrigin::Reference(label.clone()));
+        is_truth || self.basis.perfect.contains(label) || label == "blind"
     }
 
     /// False for too little of the courses.
@@ -374,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_pairs_that_it_failed_on_make_none_the_best() {
+    fn numbers_of_different_pairs_make_none_the_best() {
         let is_easy = |i| i < 240;
         let easy = rows("easy", 240, |i| i % 20 != 0);
         let all = rows("all", 400, |i| is_easy(i) || i % 8 != 0);
@@ -385,9 +380,10 @@ mod tests {
             results.value(label, right, None).unwrap()
         });
         assert!(results.has_own_pairs() && easy == 0.95 && all == 0.95);
-        let best = results.best.iter().filter(|own| own.metric.name != "time");
-        let best: Vec<_> = best.map(|own| &*own.algorithm).collect();
-        assert_eq!(best, ["all"; 2]);
+        assert!(results.best.is_empty());
+        let answer = results.answer().join(" ");
+        let words = "Only 240 of 400 pairs are common to all, so none is best; right minus wrong: ";
+        assert!(answer.starts_with(words), "{answer}");
     }
 
     #[test]

@@ -441,6 +441,7 @@ impl Results {
         results.references = grouped(&references, |row| &row.algorithm, AlgorithmSummary::new);
         for own in &mut results.references {
             own.results_hash = None;
+            results.basis.scope.scored = results.basis.scope.scored.max(own.scored());
         }
         results.add_accuracy(&tables.accuracy);
         results.add_drives(&tables.drives, None);

@@ -88,7 +88,10 @@ impl Results {
         }
         let own = self.algorithms.iter();
         let own = own.filter(|a| labels.contains(&&*a.algorithm));
-        let fit = own.clone().filter(|a| self.may_be_best(a));
+        // Right minus wrong cells choose none of easy cells alone, whatever other algorithms are.
+        let is_easy = |a: &AlgorithmSummary| self.unfit.get(&a.algorithm) == Some(&Unfit::Easy);
+        let is_fit = |a: &&AlgorithmSummary| self.may_be_best(a) || is_merit && is_easy(a);
+        let fit = own.clone().filter(is_fit);
         let fit = fit.filter_map(|a| rows.get_key_value(a.algorithm.as_str()));
         let mut settings: SettingRows<'_> = fit.map(|(label, own)| (*label, own.clone())).collect();
         let Some((_, mut common)) = settings.first().cloned() else {
