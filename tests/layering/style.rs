@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14007),
-    ("report", 12946),
+    ("report", 12958),
     ("score", 7987),
     ("sim", 3534),
     ("thesis", 2877),
