@@ -97,6 +97,7 @@ const CURES: &[(&str, Cure)] = &[
         Run("calibrate convert cv.yml s.xml --unit squares=0.03"),
     ),
     ("svl columns metrics", Run("columns metrics")),
+    ("svl compare", Left("cli::compare runs it")),
     ("svl datasets --data {shown}", Run("datasets --data .")),
     ("svl help sources", Run("help sources")),
     ("svl info", Run("info a.mcap")),

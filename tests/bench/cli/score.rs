@@ -164,7 +164,8 @@ fn real_scenes_score_as_measured() {
     // detected.
     let cells =
         ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
-    assert_eq!(cells, [185, 22, 81]);
+    // Without a cell of Tsukuba, whose border without truth could hold half of another surface.
+    assert_eq!(cells, [184, 22, 81]);
     // Scored by disparities: obstacles are not measured, so the number of missed ones is not 0.
     assert!(v3["missed"].is_null() && v3["false"].is_null());
     let page = fixture

@@ -346,7 +346,7 @@ fn images_that_are_rectified_already_are_named_and_taken_as_they_are_by_an_optio
     assert_eq!(check.code, Some(1), "{}", check.stderr);
     assert_says(
         &check.stderr,
-        &["px higher); --calib none uses the images as they are"],
+        &["if the images are rectified already, --calib none uses them as they are"],
     );
     fixture.run("calibrate check bag.mcap --calib none");
 

@@ -113,7 +113,12 @@ fn names_that_contradict_a_measurement_are_named_and_nothing_is_exchanged() {
     write(&fixture, infos(-14.432, 0.0), images);
     let ran = fixture.svl("info bag.mcap");
     let words = ran.stdout.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert_says(&words, &["no calibration", "-0.044", "--left and --right"]);
+    let parts = [
+        "no calibration",
+        "0.0440 m to the left",
+        "--left and --right",
+    ];
+    assert_says(&words, &parts);
     // Frames alone.
     let mut first = infos(0.0, -14.432);
     first.push(tf("/tf_static", &[("l", "r", [-0.044, 0.0, 0.0])]));

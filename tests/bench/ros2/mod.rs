@@ -201,7 +201,7 @@ fn info_says_what_is_published_and_why_there_are_no_pairs() {
     }
     let robot = Robot::start(6, Fault::Swapped);
     let ran = fixture.svl(&format!("info {}", robot.source("")));
-    assert_says(&ran.stderr, &["swap the two"]);
+    assert_says(&ran.stderr, &["0.1000 m to the left", "--left and --right"]);
 }
 
 #[test]
