@@ -25,8 +25,8 @@ pub(crate) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
 /// negative depth has a disparity beyond infinity.
 pub fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
-        // Both are false for NaN, which is invalid.
-        if z > 0.0 || z < 0.0 {
+        // That is false for NaN, which is invalid.
+        if z.abs() > 0.0 {
             rig.disparity_px(z.into()) as f32
         } else {
             f32::INFINITY
