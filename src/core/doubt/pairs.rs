@@ -115,7 +115,7 @@ pub enum Misfit {
 }
 
 impl Misfit {
-    /// What a misalignment with that median looks like.
+    /// The look of a misalignment with that median.
     fn words(self, median_px: f64) -> String {
         match self {
             Self::Shift => {

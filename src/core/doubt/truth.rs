@@ -134,8 +134,10 @@ causes! {
 pub fn are_most(map: &Plane<f32>, is_such: impl Fn(f32) -> bool) -> bool {
     let known = || map.pixels().filter(|d| d.is_finite() && *d != 0.0);
     let such = || known().filter(|d| is_such(*d));
-    let first = such().next();
-    such().any(|d| Some(d) != first) && 4 * such().count() >= 3 * known().count()
+    let are_several = such()
+        .next()
+        .is_some_and(|first| such().any(|d| d != first));
+    are_several && 4 * such().count() >= 3 * known().count()
 }
 
 /// The distances that a map is compared with.

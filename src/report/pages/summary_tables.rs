@@ -501,7 +501,7 @@ fn metric_cell(metric: &Metric, value: Option<f64>, mark: &str) -> TableCell {
         return TableCell::Text(NONE.to_owned() + mark.trim_end());
     };
     let shown = number(metric.unit, value) + mark;
-    if metric.name == "wrong" && value > MAX_WRONG {
+    if metric.name == "wrong" && 100.0 * value > MAX_WRONG.into() {
         TableCell::Alert(shown)
     } else {
         TableCell::Text(shown)

@@ -106,9 +106,7 @@ impl Results {
                 format!("Too few pairs to tell {} from the prior", own.algorithm)
             }
             Unfit::NotCompared | Unfit::TooFewPairs => return None,
-            _ => {
-                format!("It could not be best: {}", self.unfit_words([own]))
-            }
+            _ => format!("It could not be best: {}", self.unfit_words([own])),
         };
         Some(format!("{why}; {}.", self.extent_words()))
     }
@@ -283,7 +281,7 @@ impl Results {
     /// True if the numbers are of each algorithm's own pairs, as too few are common.
     pub(crate) fn has_own_pairs(&self) -> bool {
         let common = &self.basis.common;
-        let is_any = self.has_answers() && self.drives.is_empty();
+        let is_any = !self.has_one_algorithm() && self.drives.is_empty();
         is_any && !common.is_shown() && !common.partial.is_empty()
     }
 

@@ -13,14 +13,14 @@ use svl_core::stereo::TruthOrigin;
 use svl_score::bootstrap::{METHOD, RunLengths, Sample};
 use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
 
-/// The largest fraction of wrong cells of an algorithm that may be called best.
-pub(crate) const MAX_WRONG: f64 = 0.1;
+/// The largest per cent of wrong cells of an algorithm that may be called best.
+pub(crate) const MAX_WRONG: u32 = 10;
 
 /// The limits of an algorithm that may be called best: of cells where distances are scored, of
 /// pixels where disparities are. An algorithm that answers nothing misses nothing, so right and
 /// found cells, and coverage, have limits, too.
 const LIMITS: [(TruthLevel, Unfit); 5] = [
-    (TruthLevel::Distances, Unfit::Over("wrong", 10)),
+    (TruthLevel::Distances, Unfit::Over("wrong", MAX_WRONG)),
     (TruthLevel::Distances, Unfit::Under("right", 10)),
     (TruthLevel::Distances, Unfit::Under("found", 50)),
     (TruthLevel::Disparities, Unfit::Over("bad2", 20)),
@@ -83,7 +83,7 @@ impl Results {
         let is_timed = kind != TruthLevel::Courses && self.has_comparable_times();
         let time = Metric::find("time").filter(|_| is_timed);
         let metrics = answer_metrics(kind).into_iter().chain(time);
-        // Numbers of different pairs rank nobody.
+        // Numbers of different pairs cannot be compared.
         let metrics = metrics.filter(|_| !self.is_area_empty() && !self.has_own_pairs());
         let best = metrics.filter_map(|metric| self.best_by(metric, rows, drives));
         self.best = best.collect();
@@ -331,6 +331,7 @@ fn course_change(metric: &'static Metric, labels: [&str; 2], rows: &[DriveRow]) 
 mod tests {
     use super::super::summary::{ReportTables, ResultParts, Shown};
     use super::*;
+    use crate::rows::records::FailureRow;
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
 
@@ -384,6 +385,45 @@ mod tests {
         let answer = results.answer().join(" ");
         let words = "Only 240 of 400 pairs are common to all, so none is best; right minus wrong: ";
         assert!(answer.starts_with(words), "{answer}");
+    }
+
+    #[test]
+    fn one_algorithm_that_answers_few_pairs_or_none_has_its_sentence() {
+        let answers = |pairs| {
+            let failed = |sequence| FailureRow {
+                scenario: String::new(),
+                run: None,
+                seed: Some(1),
+                sequence,
+                algorithm: "own".into(),
+                reason: String::new(),
+                stress: None,
+            };
+            let tables = ReportTables {
+                rows: rows("own", pairs, |_| true),
+                failures: (pairs..200).map(failed).collect(),
+                references: rows(PRIOR, 200, |i| i.is_multiple_of(2)),
+                ..ReportTables::default()
+            };
+            let own = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();
+            [own.answer(), own.legend()].map(|lines| lines.join(" "))
+        };
+        let few = "It could not be best: less than half of the pairs answered (own); 60 pairs.";
+        assert_eq!(answers(60), [few, "! own failed on 140 of 200 pairs."]);
+        assert_eq!(answers(0)[0], "No algorithm answered any of 200 pairs.");
+        assert_eq!(answers(200), ["", ""]);
+    }
+
+    #[test]
+    fn a_reference_is_not_best_against_itself() {
+        let mut own = rows("sgm", 200, |_| true);
+        own.extend(rows("v3", 200, |i| !i.is_multiple_of(20)));
+        for row in &mut own {
+            row.truth = Some(TruthOrigin::Reference("sgm".into()).to_string());
+        }
+        let results = results([own], Vec::new());
+        assert_eq!(results.unfit["sgm"], Unfit::NotCompared);
+        assert!(results.best.iter().all(|own| own.algorithm == "v3"));
     }
 
     #[test]

@@ -104,8 +104,8 @@ impl SparseCell {
         range.is_some_and(|range| is_narrow(range, rule, rig) == Some(true))
     }
 
-    /// Whether a function is true for a fraction of the cell, 0..=1, if that is so whatever the
-    /// parts without points hold.
+    /// True if a function is so for a fraction of the cell, 0..=1; `None` if that depends on the
+    /// parts without points.
     pub fn tells_share(&self, least: f64, is: impl Fn(f32) -> bool) -> Option<bool> {
         let among_points = self.share(is) * self.with_points as f64;
         let without = (self.parts - self.with_points) as f64;
@@ -145,7 +145,7 @@ impl SparseCell {
     }
 }
 
-/// Whether a range of disparities is as narrow as a rule's tolerance, or at infinity; `None` if its
+/// True for a range of disparities as narrow as a rule's tolerance, or at infinity; `None` if its
 /// distances are unknown.
 fn is_narrow([far_px, near_px]: [f32; 2], rule: CellRule, rig: Option<&Rig>) -> Option<bool> {
     let depth_m = |px: f32| rig?.depth_m(px.into());

@@ -25,7 +25,7 @@ const MIN_KNOWN: f64 = 0.5;
 const NEAR_PERCENT: usize = 75;
 
 /// Least fraction of a cell's parts, some of them without truth, that are near if a quarter is.
-const MIN_NEAR: f64 = 0.25;
+const MIN_NEAR: f64 = 1.0 - NEAR_PERCENT as f64 / 100.0;
 
 /// Greatest fraction of a cell that is not free if a report of something near is false.
 const MAX_OCCUPIED: f64 = 0.05;
@@ -551,8 +551,8 @@ mod tests {
         );
     }
 
-    /// Whether median and obstacle are known in a cell of 16 x 16 pixels at 10 px/m with that truth
-    /// per row, and its median.
+    /// The median and the obstacle, if known, of a cell of 16 x 16 pixels at 10 px/m with that
+    /// truth.
     fn holes(px: impl Fn(usize, usize) -> f32, origin: TruthOrigin) -> (Option<f32>, Option<bool>) {
         let kind = TruthKind {
             density: MapDensity::Dense,

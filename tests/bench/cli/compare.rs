@@ -212,6 +212,20 @@ fn pairs_that_fail_anew_are_worse() {
         let failed = json[0]["algorithms"][0]["newly_failed"].to_string();
         assert!(pairs.starts_with(&failed), "{json}");
     }
+    // Losses of an algorithm refuse no gate of another one.
+    fixture.write("program.sh", refusing(3));
+    let line = "score pairs -q --rerun none -o lossy --algo"
+        .split(' ')
+        .collect();
+    let lossy = [line, vec!["some=exec:command=sh program.sh"], bm.to_vec()].concat();
+    fixture
+        .svl(&lossy)
+        .failed(4, &["some failed on 1 of 5 pairs"]);
+    let gate = |label: &str| format!("compare a#{label} lossy#{label} --fail-on worse:unrivalled");
+    fixture.run(&gate("bm:max_disparity=8"));
+    fixture
+        .svl(&gate("some"))
+        .failed(3, &["lossy#some: is incomplete"]);
     // The reverse is not worse: the common pairs are equal.
     fixture.run("compare b a --fail-on worse");
     // Having nothing to compare does not count as equal.
