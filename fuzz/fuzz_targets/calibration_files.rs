@@ -27,6 +27,7 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
         unit: Some(FileUnit::Metres(1.0)),
         size: Some((640, 480)),
         model: Some(DistortionModel::Equidistant),
+        ..Hints::default()
     };
     for hints in [Hints::default(), hints] {
         let Ok(found) = files::read_with(named.as_ref(), &hints) else {
@@ -43,7 +44,7 @@ fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
             };
             let path = name(names);
             // `c,d` is two files where none is called so.
-            if files::write_as(path.as_ref(), format, &c).is_ok() {
+            if files::write_as(path.as_ref(), format, &c, Path::to_owned).is_ok() {
                 let size = Some((640, 480)).filter(|_| format.name == "kitti");
                 let again = files::read_with(
                     path.as_ref(),
