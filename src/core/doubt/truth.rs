@@ -28,6 +28,18 @@ causes! {
         "{wrong} of {cells} cells that {algorithm} knows in the first pairs are wrong by it; the \
          truth, a calibration or the times may not belong to the images: svl info shows their \
          measurements")
+    /// It fits as the depths of a camera elsewhere on the baseline.
+    Place { ratio: f64, baselines: f64, aside_m: Option<f64> } => (
+        "as depths of {} it explains the images better, with {ratio:.2} of the differences: name \
+         the left camera's depths with --truth, or correct frame_id or /tf_static and record again",
+        place_words(*baselines, *aside_m))
+    /// It fits the images of another pair.
+    Moment { ratio: f64, apart_s: f64 } => (
+        "it is {:.3} s {} the images: that of {} pairs explains them better, with {ratio:.2} of \
+         the differences: correct its stamps and record again",
+        apart_s.abs(),
+        if *apart_s > 0.0 { "behind" } else { "ahead of" },
+        if *apart_s > 0.0 { "later" } else { "earlier" })
     OppositeSign { algorithms: Vec<String> } => (
         "its disparities have the opposite sign of those of every algorithm ({}): left and right \
          may be swapped",
@@ -39,6 +51,18 @@ causes! {
     Unit { algorithms: Vec<String>, cure: UnitCure } => (
         "its distances are {} times those of every algorithm ({}); {cure}",
         rounded(1.0 / cure.factor), joined(algorithms))
+    /// Disparities have an offset, and `factor` besides or instead.
+    Offset { algorithms: Vec<String>, px: f64, factor: Option<f64>, is_either: bool } => (
+        "its disparities are {}{} px {} than those of every algorithm ({}): the principal points \
+         of one camera are wrong{}: --calib FILE",
+        match (factor, is_either) {
+            (Some(factor), true) => format!("{factor:.2} times those, or "),
+            (Some(factor), false) => format!("{factor:.2} times those and "),
+            (None, _) => String::new(),
+        },
+        rounded((10.0 * px).round().abs() / 10.0), if *px > 0.0 { "more" } else { "less" },
+        joined(algorithms),
+        if factor.is_some() { ", or the unit, the image size or the baseline" } else { "" })
     /// Values are disparities, and read as depths.
     Disparities { algorithms: Vec<String>, option: Option<UnitOption> } => (
         "its values are proportional to the disparities of every algorithm ({}), not to distances; \
@@ -53,6 +77,18 @@ impl TruthCure {
     /// True if no pixel of the truth can be used.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Negative { .. } | Self::Impossible { .. })
+    }
+}
+
+fn place_words(baselines: f64, aside_m: Option<f64>) -> String {
+    let side = if baselines > 0.0 { "right" } else { "left" };
+    match aside_m {
+        _ if baselines == 1.0 => "the right camera".to_owned(),
+        Some(metres) => format!("a camera {} m farther {side}", rounded(metres.abs())),
+        None => format!(
+            "a camera {} baselines farther {side}",
+            rounded(baselines.abs())
+        ),
     }
 }
 

@@ -4,11 +4,13 @@
 mod map;
 mod pictures;
 mod pixels;
+mod place;
 mod scale;
 mod unit;
 
 pub use map::{map_doubt, sign_doubt, without};
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
+pub use place::PlaceWatch;
 pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};
 pub use unit::split_unit;

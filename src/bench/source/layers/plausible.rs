@@ -8,7 +8,7 @@ use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_recording::warn_of;
 use svl_score::losses::Losses;
-use svl_score::plausibility::remove_impossible;
+use svl_score::plausibility::{PlaceWatch, remove_impossible};
 
 /// Impossible truths at the start that refuse all of them: a single one may be damaged.
 const MAX_REFUSALS: u64 = 3;
@@ -29,6 +29,7 @@ pub struct PlausibleSource<'a> {
     /// The doubt for which the source failed.
     failed: Option<Doubt>,
     repeats: RepeatWatch,
+    places: PlaceWatch,
 }
 
 impl<'a> PlausibleSource<'a> {
@@ -41,6 +42,7 @@ impl<'a> PlausibleSource<'a> {
             pixels: 0,
             failed: None,
             repeats: RepeatWatch::default(),
+            places: PlaceWatch::default(),
         }
     }
 
@@ -87,6 +89,10 @@ impl<'a> PlausibleSource<'a> {
         Ok(self.ahead.pop_front())
     }
 
+    fn tell(&self, doubt: &Doubt) {
+        warn_of(&self.source.name(), doubt);
+    }
+
     fn warn(&self, doubt: &Doubt) {
         let value: &(dyn std::error::Error + 'static) = doubt;
         let name = self.source.name();
@@ -121,8 +127,9 @@ impl Source for PlausibleSource<'_> {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.next_checked()?;
-        if let Some(stuck) = frame.as_ref().and_then(|frame| self.repeats.take_in(frame)) {
-            warn_of(&self.source.name(), &stuck);
+        if let Some(frame) = &frame {
+            let found = [self.repeats.take_in(frame), self.places.take_in(frame)];
+            found.iter().flatten().for_each(|doubt| self.tell(doubt));
         }
         Ok(frame)
     }
@@ -131,11 +138,15 @@ impl Source for PlausibleSource<'_> {
         let sought = self.source.seek(index)?;
         if sought {
             self.ahead.clear();
+            // Only the first pairs decide.
+            drop((index > 0).then(|| self.places.decide()));
         }
         Ok(sought)
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
+        let misplaced = self.places.decide();
+        misplaced.iter().for_each(|doubt| self.tell(doubt));
         let losses = self.source.finish(taken);
         Losses {
             without_truth: losses.without_truth + self.refused,
