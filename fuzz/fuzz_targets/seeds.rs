@@ -193,7 +193,7 @@ fn calibrations() -> Result<(), Box<dyn std::error::Error>> {
         } else {
             one
         };
-        files::write_as(path.as_ref(), format, &calibration)?;
+        files::write_as(path.as_ref(), format, &calibration, Path::to_owned)?;
         let texts = path
             .split(',')
             .map(std::fs::read)

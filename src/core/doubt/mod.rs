@@ -217,6 +217,17 @@ mod tests {
                 algorithms: vec!["v3".to_owned()],
             }
             .doubt(Subject::TruthOrMaps, "scale", 2.0, [f64::MIN, 1.5]),
+            TruthCure::Place {
+                ratio: 0.5,
+                baselines: 1.0,
+                aside_m: None,
+            }
+            .doubt(Subject::Truth, "differences", 0.5, [0.88, f64::MAX]),
+            TruthCure::Moment {
+                ratio: 0.5,
+                apart_s: 0.2,
+            }
+            .doubt(Subject::Truth, "differences", 0.5, [0.88, f64::MAX]),
             MapCure::OppositeSign.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
             MapCure::Files { unit }.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
         ]
@@ -251,7 +262,15 @@ mod tests {
                 6,
                 "the truth is doubtful: its disparities have the opposite sign",
             ),
-            (7, "the map of z is doubtful: its disparities are negative"),
+            (
+                7,
+                "the truth is doubtful: as depths of the right camera it explains the images",
+            ),
+            (
+                8,
+                "the truth is doubtful: it is 0.200 s behind the images: that of later pairs",
+            ),
+            (9, "the map of z is doubtful: its disparities are negative"),
         ] {
             assert!(said[place].starts_with(begin), "{}", said[place]);
         }

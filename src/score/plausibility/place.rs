@@ -7,9 +7,11 @@ use std::collections::{BTreeMap, VecDeque};
 use svl_core::doubt::{Doubt, Subject, TruthCure};
 use svl_core::stereo::{Frame, Geometry, Gray, MapDensity, Plane, StereoPair};
 
-/// Pixels of a truth that are looked at; of these, points that are compared.
+/// Pixels of a truth that are looked at; of these, those whose surroundings are, and points that
+/// are compared.
 const LATTICE: f64 = 3000.0;
-const MAX_POINTS: usize = 600;
+const MAX_TRIED: usize = 1500;
+const MAX_POINTS: usize = 450;
 const MIN_POINTS: u64 = 200;
 /// Pairs that are compared, each a few after the last.
 const PAIRS: u64 = 24;
@@ -162,25 +164,6 @@ impl PlaceWatch {
     }
 }
 
-// PROOF
-impl PlaceWatch {
-    pub fn best(&self, moments: bool) -> Option<(String, f64)> {
-        let named = self.errors.iter().filter(|(m, sums)| {
-            let differ = (sums.better + sums.worse) as f64;
-            let is_better = sums.better > 0 && sums.better as f64 >= MIN_BETTER * differ;
-            moments == matches!(m, Meaning::Moment(_))
-                && is_better
-                && 2 * sums.pairs >= self.compared
-        });
-        let (meaning, sums) = named.min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()))?;
-        Some((format!("{meaning:?}"), sums.ratio()))
-    }
-    pub fn compared(&self) -> u64 {
-        self.compared
-    }
-}
-// END
-
 impl MeaningErrors {
     fn ratio(&self) -> f64 {
         self.own as f64 / self.told as f64
@@ -202,9 +185,10 @@ impl MeaningErrors {
 impl WatchedPair {
     fn new(frame: &Frame, truth: &WatchedTruth, map: &Plane<f32>) -> Self {
         let images = frame.pair.clone();
-        let known = truth.values.iter().copied().filter(|d| d.is_finite());
-        let nearest_px = known.fold(0.0, f32::max);
         let places = sampled_places(images.size(), LATTICE).zip(&truth.values);
+        let known = places.enumerate().filter(|(_, (_, d))| d.is_finite());
+        let known = thinned(known.collect(), MAX_TRIED);
+        let nearest_px = known.iter().map(|(_, (_, d))| **d).fold(0.0, f32::max);
         let point = |(place, (at, d)): (usize, ((usize, usize), &f32))| {
             let left = textured(images.left(), at, 0.0)?;
             let right = census(images.right(), at, -d)?;
@@ -216,12 +200,11 @@ impl WatchedPair {
                 told,
             })
         };
-        let points: Vec<_> = places.enumerate().filter_map(point).collect();
-        let step = points.len().div_ceil(MAX_POINTS).max(1);
+        let points = known.into_iter().filter_map(point).collect();
         Self {
             number: truth.number,
             stamp_ns: truth.stamp_ns,
-            points: points.into_iter().step_by(step).collect(),
+            points: thinned(points, MAX_POINTS),
             images,
         }
     }
@@ -269,6 +252,12 @@ impl WatchedPair {
             sums.add([own, told], count, apart_s);
         }
     }
+}
+
+/// At most so many of the items, all over them.
+fn thinned<T>(items: Vec<T>, most: usize) -> Vec<T> {
+    let step = items.len().div_ceil(most).max(1);
+    items.into_iter().step_by(step).collect()
 }
 
 /// True if nothing of a truth hides a pixel from the right camera.

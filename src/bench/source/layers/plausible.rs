@@ -138,15 +138,18 @@ impl Source for PlausibleSource<'_> {
         let sought = self.source.seek(index)?;
         if sought {
             self.ahead.clear();
-            // Only the first pairs decide.
-            drop((index > 0).then(|| self.places.decide()));
+            if index > 0 {
+                // Only the first pairs of the source decide.
+                drop(self.places.decide());
+            }
         }
         Ok(sought)
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        let misplaced = self.places.decide();
-        misplaced.iter().for_each(|doubt| self.tell(doubt));
+        if let Some(misplaced) = self.places.decide() {
+            self.tell(&misplaced);
+        }
         let losses = self.source.finish(taken);
         Losses {
             without_truth: losses.without_truth + self.refused,
