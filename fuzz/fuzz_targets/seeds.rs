@@ -4,7 +4,7 @@
 
 use image::{DynamicImage, ImageFormat};
 use std::io::Cursor;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, FORMATS, Hints};
 use svl::filter::{Features, FilterKind, FilterModel, ModelFacts, Network, Scaling};
 use svl::{recording, stereo};

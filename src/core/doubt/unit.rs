@@ -59,7 +59,7 @@ const LENGTHS: [(f64, &str); 4] = [
     (1000.0, "millimetres"),
 ];
 /// A factor that differs less from a usual one is that.
-const SAME: f64 = 0.06;
+const SAME: f64 = 0.015;
 /// Factors that a wrong calibration explains too.
 const CAUSES: [(f64, &str); 5] = [
     (
@@ -121,8 +121,9 @@ impl Display for UnitOption {
 /// The usual factor that is near, else the factor to two digits.
 pub fn usual(factor: f64) -> f64 {
     let known = USUAL.into_iter().flat_map(|usual| [usual, 1.0 / usual]);
-    let mut near = known.filter(|known| (factor.abs() / known - 1.0).abs() < SAME);
-    let size = near.next().unwrap_or_else(|| {
+    let apart = |known: &f64| (factor.abs() / known - 1.0).abs();
+    let near = known.min_by(|a, b| apart(a).total_cmp(&apart(b)));
+    let size = near.filter(|near| apart(near) < SAME).unwrap_or_else(|| {
         let digit = 10f64.powf(factor.abs().log10().floor() - 1.0);
         (factor.abs() / digit).round() * digit
     });
@@ -152,17 +153,20 @@ mod tests {
     #[test]
     fn factors_are_the_usual_ones_where_they_are_near() {
         for (factor, known) in [
-            (251.0, 256.0),
-            (0.00021, 0.0002),
-            (-0.98e-3, -1e-3),
+            (253.0, 256.0),
+            (251.0, 250.0),
+            (0.000202, 0.0002),
+            (-0.99e-3, -1e-3),
+            (0.00392, 1.0 / 256.0),
+            (0.0041, 0.0041),
             (3.7, 3.7),
             (1.234e-5, 1.2e-5),
         ] {
             assert!((usual(factor) / known - 1.0).abs() < 1e-9, "{factor}");
         }
         assert_eq!(
-            [256.0, 0.0002, 1.5e-6].map(rounded),
-            ["256", "0.0002", "0.0000015"]
+            [256.0, 0.0002, 1.5e-6, usual(0.00388)].map(rounded),
+            ["256", "0.0002", "0.0000015", "0.00390625"]
         );
         assert_eq!(rounded(-0.0), "0");
     }

@@ -1,4 +1,5 @@
-//! A constant factor between a truth and every algorithm of a run: the sign of a wrong unit.
+//! A constant factor between a truth and every algorithm of a run, the sign of a wrong unit, or an
+//! offset, that of wrong principal points.
 //!
 //! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs. v5
 //! leaves unknown what it is not sure of: a truth that denies most of its cells is doubtful, too.
@@ -7,8 +8,9 @@ use super::unit::{disparity_cure, near, other_kind, times, unit_cure, unit_of_fi
 use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual};
-use svl_core::statistics::upper_median;
+use svl_core::statistics::{nearest_rank, upper_median};
 use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
 
 /// Frames of a run that are compared, and pixels of each.
@@ -23,7 +25,15 @@ const CONSTANT: f64 = 0.1;
 /// Median error of a truth as depths from which on it may have distances along the rays.
 const MIN_RAY_ERROR: f64 = 0.02;
 /// The quantity that is constant for depths that are disparities, which none is.
+const OFFSET: (&str, [f64; 2]) = ("offset_px", [-0.5, 0.5]);
 const PER_PX: (&str, [f64; 2]) = ("metres_per_px", [0.0; 2]);
+/// Pairs of points of which the slope of a line is the median.
+const SLOPES: usize = 40_000;
+/// Factors of disparities in place of which an offset may be meant.
+const OFFSET_FACTORS: RangeInclusive<f64> = 0.1..=10.0;
+/// Median errors along a line: less says nothing, and more is no line.
+const MIN_REST_PX: f64 = 0.25;
+const MAX_REST_PX: f64 = 1.5;
 /// Factors of this range are errors of algorithms.
 pub(super) const USUAL: [f64; 2] = [1.0 / 1.5, 1.5];
 /// The algorithm whose known cells are hardly ever wrong, and the fewest of them that tell.
@@ -47,6 +57,8 @@ struct Ratios {
     inverse: Vec<f64>,
     /// The factors, if the truth measures along the rays.
     along_rays: Vec<f64>,
+    /// Both disparities, in excess of those of infinity.
+    points: Vec<[f64; 2]>,
     /// Pixels that are those of a recorded map, by its source.
     recorded: BTreeMap<String, usize>,
     right: u64,
@@ -79,6 +91,7 @@ impl TruthScales {
             inverse: constant(&ratios.inverse),
             along_rays: ratios.along_rays(),
             recorded: ratios.recorded(),
+            line: ScaleLine::new(&ratios.points),
             right: ratios.right,
             wrong: ratios.wrong,
         };
@@ -111,9 +124,77 @@ pub struct AlgorithmScale {
     along_rays: Option<f64>,
     /// Source of a map of others, which may have a wrong unit as a truth may.
     recorded: Option<String>,
+    #[serde(default)]
+    line: Option<ScaleLine>,
     /// Cells, of all areas.
     right: u64,
     wrong: u64,
+}
+
+/// The line through the disparities of a truth over those of an algorithm, and what of it explains
+/// the truth: a factor, an offset, both together, or each alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct ScaleLine {
+    /// Median error along it, pixels.
+    rest_px: f64,
+    factor: Option<f64>,
+    offset_px: Option<f64>,
+    is_either: bool,
+}
+
+impl ScaleLine {
+    /// The line through disparities of the truth and of an algorithm; `None` where none rises.
+    fn new(points: &[[f64; 2]]) -> Option<Self> {
+        let median = |value: &dyn Fn([f64; 2]) -> f64| {
+            upper_median(points.iter().copied().map(value)).unwrap_or_default()
+        };
+        let rest_px = |s: f64, o: f64| median(&|[d, e]| ((d - o) / s - e).abs());
+        let slope = slope(points)?;
+        let offset_px = median(&|[d, e]| d - slope * e);
+        let least_px = rest_px(slope, offset_px);
+        let line = |factor, offset_px, is_either| Self {
+            rest_px: least_px,
+            factor,
+            offset_px,
+            is_either,
+        };
+        let base_px = least_px.max(MIN_REST_PX);
+        if rest_px(1.0, 0.0) <= 2.0 * base_px + 2.0 * MIN_REST_PX {
+            return Some(line(None, None, false));
+        }
+        let fits = |s, o| rest_px(s, o) <= 1.5 * base_px + MIN_REST_PX;
+        let (factor, px) = (median(&|[d, e]| d / e), median(&|[d, e]| d - e));
+        let is_factor = fits(factor, 0.0);
+        // Units differ by that, and principal points do not.
+        let is_unit = is_factor && !OFFSET_FACTORS.contains(&factor);
+        Some(match (is_factor, fits(1.0, px) && !is_unit) {
+            (false, false) if least_px <= MAX_REST_PX => line(Some(slope), Some(offset_px), false),
+            (is_factor, is_offset) => line(
+                is_factor.then_some(factor),
+                is_offset.then_some(px),
+                is_factor && is_offset,
+            ),
+        })
+    }
+}
+
+/// The slope of the truth's disparities over the others: the median of many pairs of points; 1 for
+/// those of one distance, of which a factor and an offset are the same. `None` if it falls.
+fn slope(points: &[[f64; 2]]) -> Option<f64> {
+    let mut sorted: Vec<_> = points.iter().map(|point| point[1]).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |share| nearest_rank(&sorted, share);
+    let (range, middle) = (at(0.9)? - at(0.1)?, at(0.5)?);
+    if range < (0.2 * middle).max(MIN_PX) {
+        return Some(1.0);
+    }
+    let mut random = fastrand::Rng::with_seed(1);
+    let slopes = (0..SLOPES).filter_map(|_| {
+        let [a, b] = [0; 2].map(|_| points[random.usize(..points.len())]);
+        let is_apart = (a[1] - b[1]).abs() > (0.25 * range).max(2.0);
+        is_apart.then(|| (a[0] - b[0]) / (a[1] - b[1]))
+    });
+    upper_median(slopes).filter(|slope| *slope > 0.0)
 }
 
 impl MeasuredScales {
@@ -196,6 +277,23 @@ impl MeasuredScales {
             Some(cure.doubt(Subject::Truth, name, value, usual))
         };
         let scale = ("scale", USUAL);
+        let lines = self.algorithms.values().filter_map(|own| own.line);
+        let line = lines.min_by(|a, b| a.rest_px.total_cmp(&b.rest_px));
+        if let Some(ScaleLine {
+            factor,
+            offset_px: Some(px),
+            is_either,
+            ..
+        }) = line
+        {
+            let cure = TruthCure::Offset {
+                algorithms,
+                px,
+                factor,
+                is_either,
+            };
+            return doubt(OFFSET, px, cure);
+        }
         match of_all(|scale| scale.factor) {
             Some(factor) if factor < 0.0 => {
                 doubt(scale, factor, TruthCure::OppositeSign { algorithms })
@@ -279,6 +377,7 @@ impl Ratios {
             }
             let factor = (true_px + doffs_px) / (px + doffs_px);
             self.factors.push(factor);
+            self.points.push([true_px + doffs_px, px + doffs_px]);
             self.along_rays.extend(frame.rig().map(|rig| {
                 let (cx, cy) = rig.center_px();
                 let f = rig.focal_px();

@@ -84,7 +84,7 @@ pub(super) fn unit_cure(origin: &TruthOrigin, factor: f64) -> UnitCure {
             match unit.or_else(|| usual_unit(name)) {
                 Some(unit) => UnitOption::Unit {
                     name: name.to_owned(),
-                    unit: times(unit, factor),
+                    unit: near(times(unit, factor)),
                 },
                 None if name.contains('*') => UnitOption::Longer {
                     pattern: name.to_owned(),
@@ -180,6 +180,7 @@ mod tests {
                 0.001,
                 "likely --truth 'd/*.png:unit=0.001'",
             ),
+            ("d/*.png", 3.9, "likely --truth 'd/*.png:unit=0.00390625'"),
             (
                 "d/*.png:disparity=1",
                 256.0,
@@ -193,7 +194,7 @@ mod tests {
         ] {
             assert_eq!(unit_cure(&sensor(name), factor).option.to_string(), words);
         }
-        for (factor, name) in [(0.3, "feet"), (0.0254, "inches"), (0.01, "centimetres")] {
+        for (factor, name) in [(0.305, "feet"), (0.0254, "inches"), (0.01, "centimetres")] {
             let words = unit_cure(&sensor("/depth"), usual(factor)).to_string();
             assert!(
                 words.contains(&format!(", as they are in {name}")),

@@ -97,6 +97,7 @@ fn distances_along_the_rays_are_doubted_by_their_error_as_depths() {
         inverse: None,
         along_rays: Some(0.05),
         recorded: None,
+        line: None,
         right: 0,
         wrong: 0,
     };
@@ -111,6 +112,43 @@ fn distances_along_the_rays_are_doubted_by_their_error_as_depths() {
         ("error_as_depths", 0.05)
     );
     assert_eq!(by(TruthOrigin::Exact).doubts(), []);
+}
+
+#[test]
+fn an_offset_is_no_factor() {
+    let doubt = |truth: fn(f32) -> f32| doubt("d/*.png", truth, Vec::new()).unwrap_or_default();
+    for (truth, words) in [
+        (
+            (|d| d + 8.0) as fn(f32) -> f32,
+            "its disparities are 7.9 px more than those",
+        ),
+        (|d| d - 5.5, "its disparities are 5.6 px less than those"),
+        (
+            |d| 0.58 * d + 8.0,
+            "its disparities are 0.58 times those and 7.9 px more than those",
+        ),
+    ] {
+        let said = doubt(truth);
+        assert!(
+            said.contains(words) && said.contains("principal points"),
+            "{said}"
+        );
+    }
+    for factor in [0.5, 2.0, 3.0] {
+        let said = self::doubt("d/*.png", |d| d / factor, Vec::new()).unwrap();
+        assert!(said.contains("its distances are"), "{said}");
+    }
+    assert_eq!(doubt(|d| d + 0.5), "");
+}
+
+#[test]
+fn one_distance_tells_no_factor_from_an_offset() {
+    let points: Vec<_> = (0..300)
+        .map(|i| [14.0, 6.0 + 0.001 * f64::from(i)])
+        .collect();
+    let line = ScaleLine::new(&points).unwrap();
+    assert!(line.is_either && line.factor.is_some() && line.offset_px.is_some());
+    assert_eq!(ScaleLine::new(&[]), None);
 }
 
 #[test]
@@ -201,6 +239,7 @@ fn doubts_of(
         inverse: None,
         along_rays: None,
         recorded: (label == "map").then(|| "/estimate".to_owned()),
+        line: None,
         right: cells[0],
         wrong: cells[1],
     };
