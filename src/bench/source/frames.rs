@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
-use svl_core::stereo::Frame;
+use svl_core::stereo::{FloorPlane, Frame};
 use svl_recording::warn_of;
 use svl_score::judge::Judged;
 use svl_score::losses::Losses;
@@ -82,6 +82,18 @@ pub trait Source: Send {
     /// The misalignment before and after rectification; none of pairs that are not rectified here.
     fn rectification(&self) -> Option<&RectificationMeter> {
         self.wrapped()?.rectification()
+    }
+
+    /// The floor in the frame of the left camera, if the source tells it of the truth of its last
+    /// frame.
+    fn floor(&self) -> Option<FloorPlane> {
+        self.wrapped()?.floor()
+    }
+
+    /// Whether the truth shows the floor that is told; none if none is told, and before that is
+    /// decided.
+    fn sees_floor(&self) -> Option<bool> {
+        self.wrapped()?.sees_floor()
     }
 
     /// Ends the source and returns its losses. `taken`: frames that were used.

@@ -82,6 +82,8 @@ pub enum Subject {
     /// The topic of a clock, or of a depth camera.
     Topic(String),
     Truth,
+    /// The plane that a recording or an option tells.
+    Floor,
     /// The truth and every recorded map agree on nothing: either may be wrong.
     TruthOrMaps,
     /// A map of disparities, by its algorithm.
@@ -132,7 +134,7 @@ impl Display for Doubt {
         let cure = &self.cure;
         match (&self.subject, cure) {
             (Subject::Truth, Cure::Truth(truth)) if truth.is_refusal() => write!(f, "{cure}"),
-            (Subject::Calibration | Subject::Pairs, _) => write!(f, "{cure}"),
+            (Subject::Calibration | Subject::Pairs | Subject::Floor, _) => write!(f, "{cure}"),
             (Subject::Topic(name) | Subject::File(name), _) => write!(f, "{name}: {cure}"),
             (Subject::Truth, _) => write!(f, "the truth is doubtful: {cure}"),
             (Subject::TruthOrMaps, _) => write!(
@@ -228,6 +230,13 @@ mod tests {
                 apart_s: 0.2,
             }
             .doubt(Subject::Truth, "differences", 0.5, [0.88, f64::MAX]),
+            TruthCure::Floor {
+                told_m: 0.5,
+                fitted_m: 0.25,
+                tilt_deg: 0.3,
+                is_level: true,
+            }
+            .doubt(Subject::Floor, "off_m", 0.25, [0.0, 0.05]),
             MapCure::OppositeSign.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
             MapCure::Files { unit }.doubt(Subject::Map("z".to_owned()), "scale", 2.0, [0.5, 1.5]),
         ]
@@ -270,7 +279,8 @@ mod tests {
                 8,
                 "the truth is doubtful: it is 0.200 s behind the images: that of later pairs",
             ),
-            (9, "the map of z is doubtful: its disparities are negative"),
+            (9, "the floor is not 0.5 m below the camera by the truth"),
+            (10, "the map of z is doubtful: its disparities are negative"),
         ] {
             assert!(said[place].starts_with(begin), "{}", said[place]);
         }

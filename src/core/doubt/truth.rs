@@ -40,6 +40,18 @@ causes! {
         apart_s.abs(),
         if *apart_s > 0.0 { "behind" } else { "ahead of" },
         if *apart_s > 0.0 { "later" } else { "earlier" })
+    /// Its largest level surface is not the floor that is told.
+    Floor { told_m: f64, fitted_m: f64, tilt_deg: f64, is_level: bool } => (
+        "the floor is not {} m below the camera by the truth, whose largest level surface is \
+         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told: no cell is of the \
+         floor; {}",
+        rounded(*told_m),
+        if *is_level {
+            format!("likely --camera-height {}", rounded((1e3 * fitted_m).round() / 1e3))
+        } else {
+            "the transform from base_footprint to the camera in /tf_static tells a tilted one"
+                .to_owned()
+        })
     OppositeSign { algorithms: Vec<String> } => (
         "its disparities have the opposite sign of those of every algorithm ({}): left and right \
          may be swapped",

@@ -20,12 +20,17 @@ impl FloorPlane {
     /// Heights of a camera, metres.
     pub const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-    /// The floor below a level camera of that height, metres.
-    pub fn level(camera_height_m: f64) -> Self {
+    /// The floor below a camera of that height, metres, whose normal points up.
+    pub fn new(up: UnitVector3<f64>, camera_height_m: f64) -> Self {
         Self {
-            up: -Vector3::y_axis(),
+            up,
             camera_height_m,
         }
+    }
+
+    /// The floor below a level camera of that height, metres.
+    pub fn level(camera_height_m: f64) -> Self {
+        Self::new(-Vector3::y_axis(), camera_height_m)
     }
 
     /// The floor through the origin of a frame whose z is up, as `base_footprint` (REP 105, 120),
@@ -48,24 +53,37 @@ impl FloorPlane {
         }
     }
 
+    /// The normal, away from the floor.
+    pub fn up(&self) -> UnitVector3<f64> {
+        self.up
+    }
+
     /// Height of the camera above the floor, metres.
     pub fn camera_height_m(&self) -> f64 {
         self.camera_height_m
     }
 
+    /// Height of a point above the floor, metres.
+    pub fn height_m(&self, point: &Vector3<f64>) -> f64 {
+        self.camera_height_m + self.up.dot(point)
+    }
+
+    /// Height above which a point is no floor, metres.
+    pub fn limit_m(&self) -> f64 {
+        MAX_ABOVE_M.min(MAX_FRACTION * self.camera_height_m)
+    }
+
     /// Per pixel of true disparities whether it is floor; all else is unknown.
     pub fn surfaces(&self, disparity: &Plane<f32>, rig: &Rig) -> Plane<Surface> {
-        let limit_m = MAX_ABOVE_M.min(MAX_FRACTION * self.camera_height_m);
+        let limit_m = self.limit_m();
         let mut surfaces = disparity.map(|_| Surface::Unknown);
         for y in 0..disparity.height() {
             let pixels = surfaces.row_mut(y).iter_mut().zip(disparity.row(y));
             for (x, (surface, &d)) in pixels.enumerate() {
                 let depth_m = Some(d).filter(|d| d.is_finite());
                 let depth_m = depth_m.and_then(|d| rig.depth_m(d.into()));
-                let height_m = depth_m.map(|z| {
-                    let point = Vector3::from(rig.point_m((x as f64, y as f64), z));
-                    self.camera_height_m + self.up.dot(&point)
-                });
+                let height_m =
+                    depth_m.map(|z| self.height_m(&rig.point_m((x as f64, y as f64), z).into()));
                 if height_m.is_some_and(|height_m| height_m < limit_m) {
                     *surface = Surface::Floor;
                 }

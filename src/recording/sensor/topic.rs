@@ -270,8 +270,20 @@ impl SensorTopic {
         Ok(found.ok())
     }
 
-    /// The surfaces of a truth that was measured for the frame: those that the recording has of the
-    /// same pixels, else the floor by its static transforms; `None` if neither tells it.
+    /// True if static transforms tell the floor.
+    pub fn has_floor(&self) -> bool {
+        self.floor.is_some()
+    }
+
+    /// The floor by static transforms, in the rectified left camera of a frame.
+    pub fn floor(&self, frame: &Frame) -> Option<FloorPlane> {
+        let camera = self.setup.pair_camera(frame, *frame.rig()?, frame.stamp_ns);
+        let rotation = self.setup.rotation(&camera);
+        self.floor.map(|floor| floor.rotated(&rotation))
+    }
+
+    /// The surfaces of a truth that was measured for the frame, if the recording has them of the
+    /// same pixels.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -293,8 +305,7 @@ impl SensorTopic {
         {
             return Ok(Some(codes.map(|code| Surface::from_code(code as u8))));
         }
-        let floor = self.floor.map(|floor| floor.rotated(&rotation));
-        Ok(floor.map(|floor| floor.surfaces(disparity, &rig)))
+        Ok(None)
     }
 
     /// The motion of points of a static world, from the rectified left camera at the measurement's

@@ -2,7 +2,7 @@
 
 use super::alignment_monitor::AlignmentMonitor;
 use super::distinct::DistinctSource;
-use super::floored::LevelCamera;
+use super::floored::{FlooredSource, ToldFloor};
 use super::limited::{FirstPairs, Limited};
 use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
@@ -84,7 +84,7 @@ chain! {
     /// The truth is what these algorithms agree on.
     reference(algorithms: Vec<Algorithm>), |source| ReferenceSource::new(source, &algorithms)?;
     /// The truth tells floor from obstacles.
-    floor(camera: LevelCamera), |source| Mapped { source, change: camera.floor() };
+    floor(told: ToldFloor), |source| FlooredSource::new(source, told);
     /// Copies of pairs of other runs are dropped.
     register(run: Registration), |source| RegisteredSource::new(source, run);
     /// Pairs are perturbed.

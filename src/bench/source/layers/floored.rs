@@ -1,38 +1,167 @@
 //! Truth that tells floor from obstacles by a plane below the camera.
 
-use crate::source::frames::Source;
-use svl_core::stereo::{FloorPlane, Frame};
+use crate::source::frames::{Source, wraps};
+use std::collections::VecDeque;
+use svl_core::stereo::{FloorPlane, Frame, Truth};
 use svl_core::{Error, Result};
+use svl_recording::warn_of;
+use svl_score::plausibility::{FloorPoints, FloorSeen};
 
-/// A level camera.
+/// Frames that are read ahead, from the first with a truth on, to see the floor.
+const MAX_AHEAD: usize = 24;
+
+/// Where the plane is told.
+#[derive(Clone, Copy)]
+pub struct ToldFloor {
+    /// A level camera; else the source tells it.
+    pub level: Option<LevelCamera>,
+    /// True for a source that cannot be read ahead.
+    pub is_live: bool,
+}
+
+#[derive(Clone, Copy)]
 pub struct LevelCamera {
     pub height_m: f64,
     /// True if the user named its height: the floor takes the place of the truth's own surfaces.
     pub is_named: bool,
 }
 
-impl LevelCamera {
-    /// Marks what of the truth of frames is floor.
-    pub fn floor(self) -> impl FnMut(Frame, &dyn Source) -> Result<Frame> {
-        let floor = FloorPlane::level(self.height_m);
-        move |mut frame, source| {
-            let rig = frame.rig().copied();
-            if let Some(truth) = &mut frame.truth
-                && (self.is_named || truth.surface.is_none())
-            {
-                match rig {
-                    Some(rig) => truth.surface = Some(floor.surfaces(&truth.disparity, &rig)),
-                    None if self.is_named => {
-                        return Err(Error::Usage(format!(
-                            "--camera-height: pairs of {} have no calibration, so no distances; \
-                             omit it, or name one with --calib FILE",
-                            source.name()
-                        )));
-                    }
-                    None => {}
-                }
-            }
-            Ok(frame)
+/// A source whose truths have surfaces by a plane, unless the truths of the first pairs show
+/// another one.
+pub struct FlooredSource<'a> {
+    source: Box<dyn Source + 'a>,
+    told: ToldFloor,
+    ahead: VecDeque<Result<Frame>>,
+    points: FloorPoints,
+    seen: Option<FloorSeen>,
+}
+
+impl<'a> FlooredSource<'a> {
+    pub fn new(source: Box<dyn Source + 'a>, told: ToldFloor) -> Self {
+        Self {
+            source,
+            told,
+            ahead: VecDeque::new(),
+            points: FloorPoints::default(),
+            seen: None,
         }
+    }
+
+    fn is_named(&self) -> bool {
+        self.told.level.is_some_and(|level| level.is_named)
+    }
+
+    /// The plane that is told, where it counts.
+    fn plane(&self, truth: &Truth) -> Option<FloorPlane> {
+        let level = || {
+            let level = self.told.level.as_ref();
+            level.map(|level| FloorPlane::level(level.height_m))
+        };
+        match truth.surface {
+            _ if self.is_named() => level(),
+            Some(_) => None,
+            None => self.source.floor().or_else(level),
+        }
+    }
+
+    /// Adds the truth of a frame to what decides.
+    fn look(&mut self, frame: &Frame) {
+        let told = frame.truth.as_ref().zip(frame.rig());
+        let told = told.and_then(|(truth, rig)| Some((self.plane(truth)?, truth, rig)));
+        let Some((plane, truth, rig)) = told.filter(|_| self.seen.is_none()) else {
+            return;
+        };
+        self.points.add(truth, rig);
+        if self.points.are_enough() {
+            self.decide(&plane);
+        }
+    }
+
+    fn decide(&mut self, plane: &FloorPlane) {
+        let seen = self.points.seen(plane);
+        if let FloorSeen::Another(doubt) = &seen {
+            warn_of(&self.source.name(), doubt);
+        }
+        self.seen = Some(seen);
+    }
+
+    /// Reads on until the first truths have decided.
+    fn look_ahead(&mut self, first: Frame) -> Result<Option<Frame>> {
+        let plane = first.truth.as_ref().and_then(|truth| self.plane(truth));
+        self.look(&first);
+        self.ahead.push_back(Ok(first));
+        while self.seen.is_none() && self.ahead.len() < MAX_AHEAD {
+            let Some(next) = self.source.next().transpose() else {
+                break;
+            };
+            let is_last = next.as_ref().map(|frame| self.look(frame)).is_err();
+            self.ahead.push_back(next);
+            if is_last {
+                break;
+            }
+        }
+        if let Some(plane) = plane.filter(|_| self.seen.is_none()) {
+            self.decide(&plane);
+        }
+        self.ahead.pop_front().transpose()
+    }
+
+    fn next_seen(&mut self) -> Result<Option<Frame>> {
+        if let Some(frame) = self.ahead.pop_front() {
+            return frame.map(Some);
+        }
+        let Some(frame) = self.source.next()? else {
+            return Ok(None);
+        };
+        let truth = frame.truth.as_ref().filter(|_| self.seen.is_none());
+        let is_told = truth.is_some_and(|truth| self.plane(truth).is_some());
+        match (is_told && frame.rig().is_some(), self.told.is_live) {
+            (false, _) => Ok(Some(frame)),
+            (true, true) => {
+                self.look(&frame);
+                Ok(Some(frame))
+            }
+            (true, false) => self.look_ahead(frame),
+        }
+    }
+}
+
+impl Source for FlooredSource<'_> {
+    wraps!();
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let Some(mut frame) = self.next_seen()? else {
+            return Ok(None);
+        };
+        let rig = frame.rig().copied();
+        let is_named = self.is_named();
+        let Some(truth) = &mut frame.truth else {
+            return Ok(Some(frame));
+        };
+        let plane = self.plane(truth);
+        if rig.is_none() && is_named {
+            return Err(Error::Usage(format!(
+                "--camera-height: pairs of {} have no calibration, so no distances; omit it, or \
+                 name one with --calib FILE",
+                self.name()
+            )));
+        }
+        let is_denied = matches!(self.seen, Some(FloorSeen::Another(_)));
+        if let Some((plane, rig)) = plane.zip(rig).filter(|_| !is_denied) {
+            truth.surface = Some(plane.surfaces(&truth.disparity, &rig));
+        }
+        Ok(Some(frame))
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        let sought = self.source.seek(index)?;
+        if sought {
+            self.ahead.clear();
+        }
+        Ok(sought)
+    }
+
+    fn sees_floor(&self) -> Option<bool> {
+        self.seen.as_ref().map(|seen| *seen == FloorSeen::Told)
     }
 }

@@ -4,7 +4,7 @@ use crate::source::frames::{Source, wraps};
 use crate::source::inputs::folder::map_files::MapFiles;
 use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
-use svl_core::stereo::{Frame, MapDensity, Plane, RecordedMap, Surface, Truth};
+use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, RecordedMap, Surface, Truth};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
 use svl_report::TopicDelay;
@@ -25,7 +25,15 @@ impl MeasuredMaps {
         }
     }
 
-    /// The surfaces of a truth that was measured, if something tells them.
+    /// The floor of a truth that was measured, if something tells it.
+    fn floor(&self, frame: &Frame) -> Option<FloorPlane> {
+        match self {
+            Self::Topic(topic) => topic.floor(frame),
+            Self::Files(_) => None,
+        }
+    }
+
+    /// The surfaces of a truth that was measured, if the recording has them.
     fn surfaces(
         &mut self,
         frame: &Frame,
@@ -35,6 +43,11 @@ impl MeasuredMaps {
             Self::Topic(topic) => topic.surfaces(frame, disparity),
             Self::Files(_) => Ok(None),
         }
+    }
+
+    /// True if something tells the floor.
+    pub fn has_floor(&self) -> bool {
+        matches!(self, Self::Topic(topic) if topic.has_floor())
     }
 
     /// The topic, or the files.
@@ -164,6 +177,8 @@ impl SourceMaps {
 pub struct MeasuredSource<'a> {
     source: Box<dyn Source + 'a>,
     measured: SourceMaps,
+    /// The floor of the last truth.
+    floor: Option<FloorPlane>,
 }
 
 impl<'a> MeasuredSource<'a> {
@@ -173,7 +188,11 @@ impl<'a> MeasuredSource<'a> {
                 files.count_pairs(source.numbers());
             }
         }
-        Self { source, measured }
+        Self {
+            source,
+            measured,
+            floor: None,
+        }
     }
 }
 
@@ -192,6 +211,7 @@ impl Source for MeasuredSource<'_> {
                     Some(own) => Some(own),
                     None => truth.surfaces(&frame, &disparity)?,
                 };
+                self.floor = truth.floor(&frame);
                 frame.truth = Some(Truth {
                     surface,
                     ..Truth::from_sensor(disparity, density, &truth.name())
@@ -208,6 +228,10 @@ impl Source for MeasuredSource<'_> {
             }
         }
         Ok(Some(frame))
+    }
+
+    fn floor(&self) -> Option<FloorPlane> {
+        self.floor
     }
 
     fn finish(&mut self, taken: u64) -> Losses {

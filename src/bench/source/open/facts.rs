@@ -101,6 +101,9 @@ pub struct TruthFacts {
     pub distance_m: Option<Spread>,
     /// Pixels that are impossible, or zeros in place of none, and not used.
     pub impossible_pixels: u64,
+    /// False if the floor that is told is not to be seen in it; none if none is told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shows_floor: Option<bool>,
     /// Reason why it cannot be a truth.
     pub error: Option<String>,
 }
@@ -335,6 +338,7 @@ impl TruthFacts {
     /// are none.
     fn summarize(&mut self, spread: &TruthSpread, source: &mut dyn Source) {
         [self.disparity_px, self.distance_m] = spread.spreads();
+        self.shows_floor = source.sees_floor();
         self.impossible_pixels = source.finish(self.pairs).impossible;
         let pairs = counted(self.pairs, "pair");
         self.error = match (self.measured_pairs, self.disparity_px) {

@@ -5,8 +5,8 @@ use super::calibration::{Calib, CalibrationFiles};
 use super::request::Request;
 use crate::source::frames::Source;
 use crate::source::layers::chain::Chain;
-use crate::source::layers::floored::LevelCamera;
-use crate::source::layers::measured::{SourceMaps, delays};
+use crate::source::layers::floored::{LevelCamera, ToldFloor};
+use crate::source::layers::measured::{MeasuredMaps, SourceMaps, delays};
 use crate::source::layers::rectified::AppliedCalibration;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use svl_recording::{
 };
 use svl_report::TopicDelay;
 use svl_score::manifest::{InputRecord, Manifest, hash, hash_bytes};
-use svl_score::scenario::Scenario;
+use svl_score::scenario::{Scenario, SourceOptions};
 use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
@@ -115,18 +115,32 @@ impl Opened {
             warn_of(&self.source.name(), &doubt);
         }
         let options = Chain::for_options(&request.options, request.raw)?;
+        let floor = self.told_floor(&request.options);
         let chain = Chain {
             distinct: options.distinct.filter(|()| !self.is_live),
             rectify,
             declare,
             measure: std::mem::take(&mut self.measured).with_files(&request.maps)?,
-            floor: self.header.camera_height_m.map(|height_m| LevelCamera {
-                height_m,
-                is_named: named_m.is_some(),
-            }),
+            floor,
             ..options
         };
         self.over(chain)
+    }
+
+    /// Where the floor is told, if it is.
+    fn told_floor(&self, options: &SourceOptions) -> Option<ToldFloor> {
+        let level = self.header.camera_height_m.map(|height_m| LevelCamera {
+            height_m,
+            is_named: options.camera_height_m.is_some(),
+        });
+        let truth = self.measured.truth.as_ref();
+        // References replace the truth.
+        let truth = truth.filter(|_| options.reference.is_empty());
+        let has_floor = truth.is_some_and(MeasuredMaps::has_floor);
+        (level.is_some() || has_floor).then_some(ToldFloor {
+            level,
+            is_live: self.is_live,
+        })
     }
 
     /// The same, with what its pairs say of their images.
