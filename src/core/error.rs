@@ -137,7 +137,9 @@ impl Error {
     /// The failure that another package knows, if it is an `E`.
     pub fn downcast_ref<E: std::error::Error + 'static>(&self) -> Option<&E> {
         match self {
-            Self::Other(failure) => failure.downcast_ref(),
+            Self::Other(cause)
+            | Self::Format { reason: cause, .. }
+            | Self::Damaged { reason: cause, .. } => cause.downcast_ref(),
             _ => None,
         }
     }

@@ -5,6 +5,8 @@ use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::source::hidden;
 use crate::cli::shared::terminal::{print_value, width, wrapped};
 use std::path::{Path, PathBuf};
+use svl::doubt::Cure;
+use svl::notice::NoticeLog;
 use svl::recording::{Recording, RecordingSummary, is_bag};
 use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Heard, OnePicture, Request, SourceFacts, SourceKind, Usability};
@@ -88,6 +90,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         }
         Err(error) => return Err(error.into()),
     };
+    // Layers told of truths while they gave the first pairs.
+    let told = NoticeLog::current().doubts().into_iter();
+    let told = told.filter(|doubt| matches!(doubt.cure, Cure::Truth(_)));
+    let told = told.filter(|doubt| !usability.doubts.contains(doubt));
+    let told: Vec<_> = told.collect();
+    usability.doubts.extend(told);
     let is_intact = summary.as_ref().map(RecordingSummary::is_intact);
     let cure = (is_intact == Some(false)).then(|| format!("svl recover {name} -o OUT.mcap"));
     if let Some(cure) = &cure {

@@ -388,6 +388,11 @@ pub(crate) fn is_near(info: &str, image: &str) -> bool {
     format!("{image}/").starts_with(namespace(info))
 }
 
+/// True if a topic is in the namespace of an image topic itself, or below it.
+pub(crate) fn is_beside(info: &str, image: &str) -> bool {
+    namespace(info) == namespace(image) || info.starts_with(&format!("{image}/"))
+}
+
 /// The name of a topic up to its last part.
 fn namespace(topic: &str) -> &str {
     &topic[..topic.rfind('/').map_or(0, |slash| slash + 1)]

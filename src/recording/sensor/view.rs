@@ -82,6 +82,8 @@ struct Found {
     left: CameraTrack,
     frame: Option<MessageResult<String>>,
     own: CameraTrack,
+    /// The frame that the calibrations of depth images name.
+    own_frame: Option<String>,
     unit_m: Option<f32>,
     transforms: Transforms,
     /// All transforms including those that may move, which only an error names.
@@ -125,7 +127,7 @@ impl SensorSetup {
         let names = channels.iter().map(|channel| &channel.topic);
         let mut units = names.filter(|unit| realsense::is_unit_topic(unit, topic));
         let unit = units.next().cloned();
-        let wanted = SoughtTopics {
+        let mut wanted = SoughtTopics {
             left,
             topic,
             kind,
@@ -150,6 +152,15 @@ impl SensorSetup {
         }
         if let Some(Err(reason)) = found.frame.take_if(|frame| frame.is_err()) {
             return Ok(Err(reason));
+        }
+        if let Some(info) = wanted.infos[1].take_if(|info| found.is_of_another(info, topic)) {
+            tracing::warn!(
+                "{}: {info} is of frame '{}', {topic} of another: it is not used; record the \
+                 camera_info of {topic} beside it, with its frame_id",
+                recording.path().display(),
+                found.own_frame.take().unwrap_or_default()
+            );
+            found.own = CameraTrack::default();
         }
         Ok(found.pose().map(|left_from_sensor| Self {
             left_from_sensor,
@@ -371,6 +382,7 @@ impl Found {
         }
         if is_on(own_info) {
             self.own.read(channel, log_time, data);
+            self.own_frame = head::head(channel, data).ok().map(|head| head.1);
         }
         if is_on(&wanted.unit) && self.unit_m.is_none() {
             self.unit_m = realsense::unit_m(channel, data);
@@ -382,6 +394,18 @@ impl Found {
             drop(self.with_moving.add(channel, data));
         }
         Ok(())
+    }
+
+    /// True if a calibration in a wider namespace names another frame than the measurements: it is
+    /// that of another camera.
+    fn is_of_another(&self, info: &str, topic: &str) -> bool {
+        let named = |frame: Option<&String>| {
+            let frame = plain(frame?);
+            (!frame.is_empty()).then(|| frame.to_owned())
+        };
+        let frame = self.frame.as_ref().and_then(|frame| frame.as_ref().ok());
+        let frames = named(self.own_frame.as_ref()).zip(named(frame));
+        !topics::is_beside(info, topic) && frames.is_some_and(|(own, frame)| own != frame)
     }
 
     /// The pose of the sensor in the left camera's frame.

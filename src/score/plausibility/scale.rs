@@ -124,7 +124,7 @@ pub struct AlgorithmScale {
     along_rays: Option<f64>,
     /// Source of a map of others, which may have a wrong unit as a truth may.
     recorded: Option<String>,
-    #[serde(default)]
+    /// The line through both disparities; none where none rises.
     line: Option<ScaleLine>,
     /// Cells, of all areas.
     right: u64,

@@ -106,6 +106,9 @@ pub struct TruthFacts {
     pub shows_floor: Option<bool>,
     /// Reason why it cannot be a truth.
     pub error: Option<String>,
+    /// The same, where its pixels are impossible.
+    #[serde(skip)]
+    pub doubt: Option<Doubt>,
 }
 
 impl SourceFacts {
@@ -203,6 +206,14 @@ impl SourceFacts {
                     .collect()
             },
         })
+    }
+}
+
+impl SourceFacts {
+    /// The contradictions of calibration, pairs and truths.
+    pub(super) fn all_doubts(&self) -> impl Iterator<Item = &Doubt> {
+        let truths = self.truths.iter().filter_map(|truth| truth.doubt.as_ref());
+        self.doubts.iter().chain(truths)
     }
 }
 
@@ -330,6 +341,7 @@ impl TruthFacts {
         });
         if let Err(error) = looked {
             facts.error = Some(error.to_string());
+            facts.doubt = error.downcast_ref().cloned();
         }
         facts
     }

@@ -54,7 +54,7 @@ impl Usability {
             distortion_model: facts.camera.distortion_model.clone(),
             is_calibrated,
             missing: missing(facts, is_rectified, &truths),
-            doubts: facts.doubts.clone(),
+            doubts: facts.all_doubts().cloned().collect(),
             truths,
         }
     }
