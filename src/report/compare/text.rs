@@ -48,7 +48,7 @@ impl Comparison {
                 let failed = self.algorithms.iter();
                 let failed = failed
                     .filter_map(|own| Some(format!("; {} {}", own.labels(), own.failures()?)));
-                let things = if self.is_driven() { "course" } else { "pair" };
+                let things = self.things();
                 format!("no {things} of both{}", failed.collect::<String>())
             }
             Conclusion::NotComparable | Conclusion::FewInCommon => {
@@ -122,9 +122,17 @@ impl Comparison {
             let pairs = counted(own.unmatched, own.things());
             format!("{pairs} of {} in one report alone", own.labels())
         });
+        let absent = self.algorithms.iter().filter(|own| own.pairs == 0);
+        let absent = joined(absent.map(AlgorithmChange::labels));
+        let absent = (self.has_pairs() && !absent.is_empty()).then(|| {
+            format!(
+                "{absent}, of which no {} has results in both",
+                self.things()
+            )
+        });
         let are_both = !self.only_in_base.is_empty() && !self.only_in_other.is_empty();
         let parts = alone.chain(are_both.then(|| MAP.to_owned()));
-        let parts = parts.chain(left_out);
+        let parts = parts.chain(left_out).chain(absent);
         let parts = parts.chain(cells).chain(checkpoints).chain(unmatched);
         let mut parts: Vec<_> = parts.collect();
         parts.dedup();
@@ -272,11 +280,14 @@ impl Comparison {
         } else {
             "frames"
         };
+        let table = match &changes[..] {
+            [] => String::new(),
+            changes => change_table(changes).markdown() + "\n",
+        };
         format!(
-            "{}\n\n{}\n{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
+            "{}\n\n{table}{}, `{}` → `{}`: {} better and {} worse of {} metrics; `-o FILE.html` \
              shows {things}{}\n",
             said.join("  \n"),
-            change_table(&changes).markdown(),
             escape(&self.scenario),
             self.base.display(),
             self.other.display(),
@@ -309,11 +320,17 @@ impl Comparison {
         algorithms.all(|own| own.equal_results == own.pairs)
     }
 
-    /// The numbers of pairs of the algorithms.
+    /// The things that are compared.
+    fn things(&self) -> &'static str {
+        if self.is_driven() { "course" } else { "pair" }
+    }
+
+    /// The numbers of pairs of the algorithms that have some.
     fn pairs_words(&self) -> String {
         let pairs = || self.algorithms.iter().map(|own| own.pairs);
+        let pairs = || pairs().filter(|pairs| *pairs > 0);
         let (fewest, most) = (pairs().min().unwrap_or(0), pairs().max().unwrap_or(0));
-        let things = if self.is_driven() { "course" } else { "pair" };
+        let things = self.things();
         if fewest == most {
             counted(most, things)
         } else {

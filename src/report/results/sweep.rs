@@ -192,13 +192,20 @@ mod tests {
 
     /// 280 pairs in 20 blocks by 40 settings; `right`: cells of 100 that a setting has in a block.
     fn chosen(right: impl Fn(usize, usize) -> f64) -> (SweepChoice, String) {
-        let (choices, words) = chosen_by(Shown::default(), right);
+        let (choices, words) = chosen_by(Shown::default(), settings(), right);
         (choices[0].clone(), words)
     }
 
-    /// The same, by what is shown; each pair has a false near obstacle.
-    fn chosen_by(shown: Shown, right: impl Fn(usize, usize) -> f64) -> (Vec<SweepChoice>, String) {
-        let labels: Vec<_> = (0..40).map(|i| format!("bm:uniqueness={i}")).collect();
+    fn settings() -> Vec<String> {
+        (0..40).map(|i| format!("bm:uniqueness={i}")).collect()
+    }
+
+    /// The same among these, by what is shown; each pair has a false near obstacle.
+    fn chosen_by(
+        shown: Shown,
+        labels: Vec<String>,
+        right: impl Fn(usize, usize) -> f64,
+    ) -> (Vec<SweepChoice>, String) {
         let rows = labels.iter().enumerate().flat_map(|(setting, label)| {
             let right = &right;
             (0..280).map(move |sequence| {
@@ -272,11 +279,21 @@ mod tests {
             sort: Metric::find("near"),
             ..Shown::default()
         };
-        let (_, words) = chosen_by(shown, |_, _| 50.0);
+        let (_, words) = chosen_by(shown, settings(), |_, _| 50.0);
         assert!(
             words.contains("none is chosen: near has no better direction"),
             "{words}"
         );
+    }
+
+    #[test]
+    fn another_algorithm_changes_no_choice_among_settings() {
+        let right = |setting: usize, _: usize| [30.0, 40.0, 95.0][setting.saturating_sub(38)];
+        let (alone, _) = chosen(right);
+        let labels = settings().into_iter().chain(["sgm".to_owned()]).collect();
+        let (beside, _) = chosen_by(Shown::default(), labels, right);
+        assert_eq!(alone.setting.as_ref().unwrap().label, "bm:uniqueness=39");
+        assert_eq!(beside, [alone]);
     }
 
     #[test]

@@ -5,7 +5,9 @@
 use super::scale::sampled_places;
 use std::collections::{BTreeMap, VecDeque};
 use svl_core::doubt::{Doubt, Subject, TruthCure};
-use svl_core::stereo::{Frame, Geometry, Gray, MapDensity, Plane, StereoPair};
+use svl_core::stereo::{
+    Frame, Geometry, Gray, MapDensity, Plane, StereoPair, TruthKind, TruthOrigin,
+};
 
 /// Pixels of a truth that are looked at; of these, those whose surroundings are, and points that
 /// are compared.
@@ -18,6 +20,8 @@ const PAIRS: u64 = 24;
 const EVERY: u64 = 5;
 /// Places of a camera, quarters of the baseline to the right of the left one.
 const QUARTERS: std::ops::RangeInclusive<i64> = -4..=6;
+/// Offsets of disparities, pixels, which wrong principal points make.
+const OFFSETS_PX: std::ops::RangeInclusive<i64> = -8..=8;
 /// Time by which a truth may be of another pair.
 const MOMENT_NS: u64 = 500_000_000;
 /// Distance of a point from the edges of both images, and the least variance around it.
@@ -55,6 +59,8 @@ enum Meaning {
     Place(i64),
     /// It is that of so many pairs later.
     Moment(i64),
+    /// Its disparities are so many pixels too small: no fault of place or moment.
+    Offset(i64),
 }
 
 /// Sums of the errors of another meaning of the truth, and of the truth as told in these points.
@@ -120,10 +126,10 @@ impl PlaceWatch {
         if number.is_multiple_of(EVERY) && self.compared < PAIRS {
             let pair = WatchedPair::new(frame, &truth_here, &truth.disparity);
             self.compared += u64::from(pair.points.len() as u64 >= MIN_POINTS);
-            // Points of a sensor were moved into the left camera.
-            if truth.kind.density == MapDensity::Dense {
+            if !is_projected(&truth.kind) {
                 pair.compare_places(&mut self.errors, &truth_here);
             }
+            pair.compare_offsets(&mut self.errors, &truth_here);
             for other in &self.truths {
                 pair.compare_moment(&mut self.errors, other);
             }
@@ -147,6 +153,7 @@ impl PlaceWatch {
         let (meaning, sums) = named.min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()))?;
         let ratio = sums.ratio();
         let cure = match *meaning {
+            Meaning::Offset(_) => return None,
             Meaning::Moment(_) => TruthCure::Moment {
                 ratio,
                 apart_s: sums.apart_s / sums.pairs as f64,
@@ -221,6 +228,16 @@ impl WatchedPair {
         }
     }
 
+    /// Adds the errors of its truth with other disparities of infinity.
+    fn compare_offsets(&self, errors: &mut BTreeMap<Meaning, MeaningErrors>, truth: &WatchedTruth) {
+        for px in OFFSETS_PX.filter(|px| *px != 0) {
+            self.compare(errors, Meaning::Offset(px), 0.0, |point| {
+                let d = truth.values[point.place] + px as f32;
+                Some(point.left ^ census(self.images.right(), point.at, -d)?)
+            });
+        }
+    }
+
     /// Adds the errors of the truth of another pair.
     fn compare_moment(&self, errors: &mut BTreeMap<Meaning, MeaningErrors>, truth: &WatchedTruth) {
         let later = truth.number.cast_signed() - self.number.cast_signed();
@@ -252,6 +269,12 @@ impl WatchedPair {
             sums.add([own, told], count, apart_s);
         }
     }
+}
+
+/// True for the points of a topic, which were moved into the left camera; files have its pixels.
+fn is_projected(kind: &TruthKind) -> bool {
+    let is_topic = matches!(&kind.origin, TruthOrigin::Sensor(name) if !name.contains('*'));
+    is_topic && kind.density == MapDensity::Sparse
 }
 
 /// At most so many of the items, all over them.
@@ -326,6 +349,8 @@ mod tests {
         aside: f64,
         /// It knows only every so manyth pixel, as points.
         every: usize,
+        /// Its disparities are too large.
+        offset_px: f32,
         are_pillars: bool,
     }
 
@@ -366,8 +391,12 @@ mod tests {
                 if is_known { px as f32 } else { f32::INFINITY }
             });
             let mut truth = Truth::exact(truth.unwrap(), None);
+            truth.disparity = truth.disparity.map(|d| d + self.offset_px);
             if self.every > 1 {
-                truth.kind.density = MapDensity::Sparse;
+                truth.kind = TruthKind {
+                    density: MapDensity::Sparse,
+                    origin: TruthOrigin::Sensor("/points".to_owned()),
+                };
             }
             let rig = Rig::new(100.0, (80.0, 60.0), 0.1, 0.0).unwrap();
             Frame {
@@ -452,6 +481,19 @@ mod tests {
             ..Scene::default()
         };
         assert_eq!(points.named(), None);
+    }
+
+    #[test]
+    fn an_offset_is_no_fault_of_place_or_moment() {
+        for offset_px in [4.0, -3.0] {
+            let scene = Scene {
+                speed: 3,
+                noise: 23,
+                offset_px,
+                ..Scene::default()
+            };
+            assert_eq!(scene.named(), None, "{offset_px}");
+        }
     }
 
     #[test]

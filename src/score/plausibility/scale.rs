@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual};
+use svl_core::matcher::Algorithm;
 use svl_core::statistics::{nearest_rank, upper_median};
 use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
 
@@ -59,6 +60,9 @@ struct Ratios {
     along_rays: Vec<f64>,
     /// Both disparities, in excess of those of infinity.
     points: Vec<[f64; 2]>,
+    /// The greatest disparity that the algorithm searches, if it is known: a truth beyond it is
+    /// none of its points.
+    max_px: Option<f64>,
     /// Pixels that are those of a recorded map, by its source.
     recorded: BTreeMap<String, usize>,
     right: u64,
@@ -77,7 +81,8 @@ impl TruthScales {
         self.origin = truth.kind.origin.clone();
         for scored in &judged.estimates {
             let label = scored.estimate.algorithm.clone();
-            let ratios = self.algorithms.entry(label).or_default();
+            let ratios = self.algorithms.entry(label);
+            let ratios = ratios.or_insert_with_key(|label| Ratios::new(label));
             ratios.add(&judged.frame, truth, &scored.estimate);
             ratios.count(scored);
         }
@@ -145,6 +150,9 @@ struct ScaleLine {
 impl ScaleLine {
     /// The line through disparities of the truth and of an algorithm; `None` where none rises.
     fn new(points: &[[f64; 2]]) -> Option<Self> {
+        if points.len() < MIN_PIXELS {
+            return None;
+        }
         let median = |value: &dyn Fn([f64; 2]) -> f64| {
             upper_median(points.iter().copied().map(value)).unwrap_or_default()
         };
@@ -353,6 +361,15 @@ impl AlgorithmScale {
 }
 
 impl Ratios {
+    fn new(label: &str) -> Self {
+        let algorithm = label.parse().ok();
+        let max_px = algorithm.and_then(|own: Algorithm| own.max_disparity());
+        Self {
+            max_px: max_px.map(f64::from),
+            ..Self::default()
+        }
+    }
+
     fn add(&mut self, frame: &Frame, truth: &Truth, estimate: &Estimate) {
         let (width, height) = truth.disparity.size();
         let map = estimate.disparity.disparity();
@@ -377,7 +394,9 @@ impl Ratios {
             }
             let factor = (true_px + doffs_px) / (px + doffs_px);
             self.factors.push(factor);
-            self.points.push([true_px + doffs_px, px + doffs_px]);
+            if self.max_px.is_none_or(|max_px| true_px <= max_px) {
+                self.points.push([true_px + doffs_px, px + doffs_px]);
+            }
             self.along_rays.extend(frame.rig().map(|rig| {
                 let (cx, cy) = rig.center_px();
                 let f = rig.focal_px();

@@ -165,3 +165,64 @@ impl Source for FlooredSource<'_> {
         self.seen.as_ref().map(|seen| *seen == FloorSeen::Told)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::frames::FromFn;
+    use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair};
+
+    /// Pairs over a floor 0.5 m below the camera, some of them without a truth.
+    fn pairs(count: usize) -> Box<dyn Source> {
+        let mut numbers = 0..count;
+        Box::new(FromFn(move || {
+            let Some(number) = numbers.next() else {
+                return Ok(None);
+            };
+            let rig = Rig::new(60.0, (32.0, 24.0), 0.1, 0.0)?;
+            let floor_m = |y: usize| 0.5 * 60.0 / (y as f64 - 24.0).max(5.0);
+            let truth = Plane::from_fn(64, 48, |_, y| rig.disparity_px(floor_m(y)) as f32)?;
+            let image = Gray::filled(64, 48, 0)?;
+            let pair = StereoPair::new(image.clone(), image)?;
+            Ok(Some(Frame {
+                sequence: number as u64,
+                truth: (number % 3 > 0).then(|| Truth::exact(truth, None)),
+                ..Frame::new(pair, Geometry::Rectified(Some(rig)))
+            }))
+        }))
+    }
+
+    /// The pairs that are given, those of them with surfaces, and whether the floor is seen.
+    fn read(count: usize, height_m: f64, is_live: bool) -> (Vec<u64>, usize, Option<bool>) {
+        let level = Some(LevelCamera {
+            height_m,
+            is_named: true,
+        });
+        let mut source = FlooredSource::new(pairs(count), ToldFloor { level, is_live });
+        let (mut numbers, mut floored) = (Vec::new(), 0);
+        while let Some(frame) = source.next().unwrap() {
+            numbers.push(frame.sequence);
+            floored += usize::from(frame.truth.is_some_and(|truth| truth.surface.is_some()));
+        }
+        (numbers, floored, source.sees_floor())
+    }
+
+    #[test]
+    fn a_floor_counts_that_the_truth_shows() {
+        for count in [1, 2, 40] {
+            let (numbers, floored, seen) = read(count, 0.5, false);
+            let with_truth = count - count.div_ceil(3);
+            assert_eq!(numbers, (0..count as u64).collect::<Vec<_>>());
+            assert_eq!((floored, seen), (with_truth, (count > 1).then_some(true)));
+        }
+    }
+
+    #[test]
+    fn no_truth_has_a_floor_that_it_denies() {
+        let (numbers, floored, seen) = read(40, 1.0, false);
+        assert_eq!((numbers.len(), floored, seen), (40, 0, Some(false)));
+        // A live source decides by its first pairs: those before it have the told floor.
+        let (numbers, floored, seen) = read(40, 1.0, true);
+        assert_eq!((numbers.len(), floored, seen), (40, 11, Some(false)));
+    }
+}
