@@ -96,7 +96,7 @@ fn place_words(baselines: f64, aside_m: Option<f64>) -> String {
     let side = if baselines > 0.0 { "right" } else { "left" };
     match aside_m {
         _ if baselines == 1.0 => "the right camera".to_owned(),
-        Some(metres) => format!("a camera {} m farther {side}", rounded(metres.abs())),
+        Some(metres) => format!("a camera {:.3} m farther {side}", metres.abs()),
         None => format!(
             "a camera {} baselines farther {side}",
             rounded(baselines.abs())

@@ -248,7 +248,7 @@ mod tests {
         for tilt in [5.0, -4.0] {
             let room = room(0.5, tilt, 4.0);
             let (fitted_m, tilt_deg, is_level) = another(&room, &FloorPlane::level(0.5)).unwrap();
-            assert!((fitted_m / 0.5 - 1.0).abs() < 0.03, "{fitted_m}");
+            assert!((fitted_m / 0.5 - 1.0).abs() < 0.05, "{fitted_m}");
             assert!(
                 (tilt_deg - tilt.abs()).abs() < 0.5 && !is_level,
                 "{tilt_deg}"

@@ -37,6 +37,8 @@ const LEAST_ERROR: u64 = 3;
 const MAX_RATIO: f64 = 0.88;
 const MIN_BETTER: f64 = 0.8;
 const DIFFERENT: f64 = 0.01;
+/// Difference of ratios that tells no place from another.
+const SAME_RATIO: f64 = 0.05;
 
 /// Compares the images of the first pairs where their truth says that they match.
 #[derive(Default)]
@@ -150,9 +152,19 @@ impl PlaceWatch {
             let is_better = sums.better > 0 && sums.better as f64 >= MIN_BETTER * differ;
             is_better && 2 * sums.pairs >= self.compared && sums.ratio() < MAX_RATIO
         });
-        let (meaning, sums) = named.min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()))?;
+        let named: Vec<_> = named.collect();
+        let best = named
+            .iter()
+            .min_by(|a, b| a.1.ratio().total_cmp(&b.1.ratio()))?;
+        // The right camera is likelier than one beside it.
+        let is_right = |own: &(&Meaning, &MeaningErrors)| {
+            *own.0 == Meaning::Place(4) && own.1.ratio() <= best.1.ratio() + SAME_RATIO
+        };
+        let is_place = matches!(best.0, Meaning::Place(_));
+        let right = named.iter().find(|own| is_place && is_right(own));
+        let (meaning, sums) = right.unwrap_or(best);
         let ratio = sums.ratio();
-        let cure = match *meaning {
+        let cure = match **meaning {
             Meaning::Offset(_) => return None,
             Meaning::Moment(_) => TruthCure::Moment {
                 ratio,

@@ -12,7 +12,7 @@ use std::ops::RangeInclusive;
 use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual};
 use svl_core::matcher::Algorithm;
 use svl_core::statistics::{nearest_rank, upper_median};
-use svl_core::stereo::{Estimate, Frame, RecordedMap, Truth, TruthOrigin};
+use svl_core::stereo::{Frame, Plane, RecordedMap, Truth, TruthOrigin};
 
 /// Frames of a run that are compared, and pixels of each.
 pub const SCALE_FRAMES: u64 = 20;
@@ -49,8 +49,9 @@ pub struct TruthScales {
     algorithms: BTreeMap<String, Ratios>,
 }
 
+/// Both disparities of an algorithm's pixels.
 #[derive(Default)]
-struct Ratios {
+pub struct Ratios {
     /// Disparity of the truth divided by that of the algorithm: the factor that its distances lack.
     factors: Vec<f64>,
     /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
@@ -58,10 +59,11 @@ struct Ratios {
     inverse: Vec<f64>,
     /// The factors, if the truth measures along the rays.
     along_rays: Vec<f64>,
-    /// Both disparities, in excess of those of infinity.
-    points: Vec<[f64; 2]>,
-    /// The greatest disparity that the algorithm searches, if it is known: a truth beyond it is
-    /// none of its points.
+    /// Both disparities, in excess of those of infinity, where the algorithm searches the truth's,
+    /// and where it does not: by the truth, these are no matches.
+    within: Vec<[f64; 2]>,
+    beyond: Vec<[f64; 2]>,
+    /// The greatest disparity that the algorithm searches, if it is known.
     max_px: Option<f64>,
     /// Pixels that are those of a recorded map, by its source.
     recorded: BTreeMap<String, usize>,
@@ -71,32 +73,38 @@ struct Ratios {
 
 impl TruthScales {
     pub fn observe(&mut self, judged: &Judged) {
-        let Some(truth) = &judged.frame.truth else {
-            return;
-        };
         if self.frames == SCALE_FRAMES || judged.estimates.is_empty() {
             return;
         }
-        self.frames += 1;
-        self.origin = truth.kind.origin.clone();
+        self.frames += u64::from(judged.frame.truth.is_some());
         for scored in &judged.estimates {
-            let label = scored.estimate.algorithm.clone();
-            let ratios = self.algorithms.entry(label);
-            let ratios = ratios.or_insert_with_key(|label| Ratios::new(label));
-            ratios.add(&judged.frame, truth, &scored.estimate);
-            ratios.count(scored);
+            let estimate = &scored.estimate;
+            let map = estimate.disparity.disparity();
+            if let Some(ratios) = self.compare(&judged.frame, &estimate.algorithm, map) {
+                ratios.count(scored);
+            }
         }
+    }
+
+    /// Adds the disparities of an algorithm on a frame, if this has a truth.
+    pub fn compare(&mut self, frame: &Frame, label: &str, map: &Plane<f32>) -> Option<&mut Ratios> {
+        let truth = frame.truth.as_ref()?;
+        self.origin = truth.kind.origin.clone();
+        let ratios = self.algorithms.entry(label.to_owned());
+        let ratios = ratios.or_insert_with_key(|label| Ratios::new(label));
+        ratios.add(frame, truth, map);
+        Some(ratios)
     }
 
     /// What was measured of each algorithm that has enough pixels.
     pub fn measured(&self) -> MeasuredScales {
         let asked = self.algorithms.iter().filter(|own| own.1.is_asked());
         let scale = |ratios: &Ratios| AlgorithmScale {
-            factor: constant(&ratios.factors),
+            factor: ratios.factor(),
             inverse: constant(&ratios.inverse),
             along_rays: ratios.along_rays(),
             recorded: ratios.recorded(),
-            line: ScaleLine::new(&ratios.points),
+            line: ScaleLine::new(&ratios.within),
             right: ratios.right,
             wrong: ratios.wrong,
         };
@@ -370,9 +378,8 @@ impl Ratios {
         }
     }
 
-    fn add(&mut self, frame: &Frame, truth: &Truth, estimate: &Estimate) {
+    fn add(&mut self, frame: &Frame, truth: &Truth, map: &Plane<f32>) {
         let (width, height) = truth.disparity.size();
-        let map = estimate.disparity.disparity();
         if map.size() != (width, height) {
             return;
         }
@@ -394,9 +401,13 @@ impl Ratios {
             }
             let factor = (true_px + doffs_px) / (px + doffs_px);
             self.factors.push(factor);
-            if self.max_px.is_none_or(|max_px| true_px <= max_px) {
-                self.points.push([true_px + doffs_px, px + doffs_px]);
-            }
+            let is_within = self.max_px.is_none_or(|max_px| true_px <= max_px);
+            let points = if is_within {
+                &mut self.within
+            } else {
+                &mut self.beyond
+            };
+            points.push([true_px + doffs_px, px + doffs_px]);
             self.along_rays.extend(frame.rig().map(|rig| {
                 let (cx, cy) = rig.center_px();
                 let f = rig.focal_px();
@@ -413,6 +424,17 @@ impl Ratios {
             self.right += u64::from(cell.verdict == Verdict::Right);
             self.wrong += u64::from(cell.verdict == Verdict::Wrong);
         }
+    }
+
+    /// The constant factor. Where the truth is beyond what the algorithm searches, as by a wrong
+    /// unit, an offset must not explain it as well: repeated patterns match at one.
+    fn factor(&self) -> Option<f64> {
+        let is_factor = || {
+            let line = ScaleLine::new(&self.beyond);
+            line.is_some_and(|line| line.factor.is_some() && line.offset_px.is_none())
+        };
+        let is_beyond = self.beyond.len() > self.within.len();
+        constant(&self.factors).filter(|_| !is_beyond || is_factor())
     }
 
     /// Source of the map whose pixels are most of these.

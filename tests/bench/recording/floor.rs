@@ -173,10 +173,12 @@ fn a_named_height_is_that_of_a_level_camera() {
     };
     let below: Vec<_> = (9..SIZE.1).collect();
     assert_eq!(rows(Some(0.5), &[]).unwrap(), Some(below));
-    assert_eq!(rows(Some(3.0), &[]).unwrap(), Some(Vec::new()));
+    // One that the truth denies: its largest level surface is 0.5 m below.
+    assert_eq!(rows(Some(3.0), &[]).unwrap(), None);
+    assert_eq!(rows(Some(0.54), &[]).unwrap(), Some((9..SIZE.1).collect()));
     // It takes the place of a frame on the floor.
     let above = ("base_footprint", "cam", [0.0, 0.0, 0.5], OPTICAL);
-    assert_eq!(rows(Some(3.0), &[above]).unwrap(), Some(Vec::new()));
+    assert_eq!(rows(Some(3.0), &[above]).unwrap(), None);
     let refused = rows(Some(0.0), &[]).unwrap_err().to_string();
     assert!(
         refused.contains("--camera-height: 0.01 to 100"),

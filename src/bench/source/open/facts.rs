@@ -10,15 +10,16 @@ use crate::source::opened::request::Request;
 use serde::Serialize;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use svl_core::depth::GridSettings;
 use svl_core::doubt::{CalibrationCheck, Doubt, PairCure, Subject};
-use svl_core::matcher::Algorithm;
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::rectify::{Alignment, RectificationMeter};
 use svl_core::statistics::{lower_median, nearest_rank};
-use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, Rig};
+use svl_core::stereo::{CellRule, Frame, Geometry, GridShape, Intrinsics, RectifiedPair, Rig};
 use svl_core::{Error, Result, counted};
 use svl_recording::{CameraFacts, PairGeometry, RawCamera, truth_topics};
 use svl_score::judge::TrueCells;
-use svl_score::plausibility::{Spread, TruthSpread};
+use svl_score::plausibility::{Spread, TruthScales, TruthSpread};
 use svl_score::scenario::SourceOptions;
 
 /// Largest number of pairs that are read for each truth, and the time after which no further
@@ -29,6 +30,9 @@ const MAX_TIME: Duration = Duration::from_secs(2);
 /// ones, whose cause is sought, to that many at least.
 const MAX_POINTS: usize = 500;
 const MISALIGNED_PAIRS: usize = 5;
+/// The matcher whose disparities a truth is compared with, and the pairs that it matches.
+const MATCHER: &str = "bm";
+const MATCHED_PAIRS: u64 = 8;
 /// Largest median skew of pairs that can be used, however far apart they are.
 const MAX_SKEW_NS: f64 = 100e6;
 
@@ -106,9 +110,9 @@ pub struct TruthFacts {
     pub shows_floor: Option<bool>,
     /// Reason why it cannot be a truth.
     pub error: Option<String>,
-    /// The same, where its pixels are impossible.
+    /// The same, where its pixels are impossible, and what a matcher says of it.
     #[serde(skip)]
-    pub doubt: Option<Doubt>,
+    pub doubts: Vec<Doubt>,
 }
 
 impl SourceFacts {
@@ -120,8 +124,8 @@ impl SourceFacts {
         let name = request.name;
         let open = if is_recording { open_recording } else { open };
         let mut opened = open(request)?;
-        let (mut own, mut has_truth) = (TruthFacts::default(), false);
-        let (mut spread, mut pairs) = (TruthSpread::default(), PairAlignment::default());
+        let (mut own, mut has_truth) = (TruthLook::new()?, false);
+        let mut pairs = PairAlignment::default();
         let (mut skews_ns, mut stamps_ns) = (Vec::new(), Vec::new());
         let mut first: Option<(Frame, bool)> = None;
         // Damage of later pairs is reported with the recording.
@@ -133,13 +137,12 @@ impl SourceFacts {
             }
             skews_ns.extend(frame.exposure.skew_ns);
             stamps_ns.push(frame.stamp_ns);
-            own.count(&frame);
-            spread.add(&frame);
+            own.add(&frame);
             has_truth |= frame.truth.is_some();
             let (first, is_constant) = first.get_or_insert_with(|| (frame.clone(), true));
             *is_constant &= first.pair.size() == frame.pair.size() && first.rig() == frame.rig();
         })?;
-        own.summarize(&spread, &mut *opened.source);
+        let mut own = own.facts(TruthFacts::default(), &mut *opened.source);
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
@@ -212,7 +215,7 @@ impl SourceFacts {
 impl SourceFacts {
     /// The contradictions of calibration, pairs and truths.
     pub(super) fn all_doubts(&self) -> impl Iterator<Item = &Doubt> {
-        let truths = self.truths.iter().filter_map(|truth| truth.doubt.as_ref());
+        let truths = self.truths.iter().flat_map(|truth| &truth.doubts);
         self.doubts.iter().chain(truths)
     }
 }
@@ -330,30 +333,55 @@ impl TruthFacts {
         };
         let open = if is_recording { open_recording } else { open };
         let looked = open(&request).and_then(|mut opened| {
-            let mut spread = TruthSpread::default();
-            let later = look(&mut *opened.source, |frame| {
-                facts.count(&frame);
-                spread.add(&frame);
-            })?;
-            facts.summarize(&spread, &mut *opened.source);
+            let mut truth = TruthLook::new()?;
+            let later = look(&mut *opened.source, |frame| truth.add(&frame))?;
+            facts = truth.facts(std::mem::take(&mut facts), &mut *opened.source);
             // Damage of a recording is reported with it.
             later.filter(|_| !is_recording).map_or(Ok(()), Err)
         });
         if let Err(error) = looked {
             facts.error = Some(error.to_string());
-            facts.doubt = error.downcast_ref().cloned();
+            facts.doubts = error.downcast_ref().cloned().into_iter().collect();
         }
         facts
     }
+}
 
-    /// Adds the spread of the values, and the pixels that the source dropped; the reason if there
-    /// are none.
-    fn summarize(&mut self, spread: &TruthSpread, source: &mut dyn Source) {
-        [self.disparity_px, self.distance_m] = spread.spreads();
-        self.shows_floor = source.sees_floor();
-        self.impossible_pixels = source.finish(self.pairs).impossible;
+/// What the first pairs show of a truth.
+struct TruthLook {
+    pairs: u64,
+    scored_pairs: u64,
+    measured_pairs: u64,
+    cells: u64,
+    scored_cells: u64,
+    spread: TruthSpread,
+    scales: TruthScales,
+    matcher: Box<dyn Matcher>,
+    output: MatchOutput,
+}
+
+impl TruthLook {
+    fn new() -> Result<Self> {
+        Ok(Self {
+            pairs: 0,
+            scored_pairs: 0,
+            measured_pairs: 0,
+            cells: 0,
+            scored_cells: 0,
+            spread: TruthSpread::default(),
+            scales: TruthScales::default(),
+            matcher: MATCHER.parse::<Algorithm>()?.build()?,
+            output: MatchOutput::new()?,
+        })
+    }
+
+    /// The facts, with the pixels that the source dropped; the reason if there are none.
+    fn facts(self, named: TruthFacts, source: &mut dyn Source) -> TruthFacts {
+        let [disparity_px, distance_m] = self.spread.spreads();
+        let shows_floor = source.sees_floor();
+        let impossible_pixels = source.finish(self.pairs).impossible;
         let pairs = counted(self.pairs, "pair");
-        self.error = match (self.measured_pairs, self.disparity_px) {
+        let error = match (self.measured_pairs, disparity_px) {
             (_, Some(_)) => None,
             (0, None) => Some(format!(
                 "none of its measurements is of the time of the first {pairs}: its clock is another"
@@ -363,9 +391,33 @@ impl TruthFacts {
                  are none"
             )),
         };
+        let doubts = self.scales.measured().doubts().into_iter();
+        let doubts = doubts.map(|doubt| match &named.topic {
+            Some(topic) => Doubt {
+                subject: Subject::Topic(topic.clone()),
+                ..doubt
+            },
+            None => doubt,
+        });
+        TruthFacts {
+            pairs: self.pairs,
+            scored_pairs: self.scored_pairs,
+            measured_pairs: self.measured_pairs,
+            cells: self.cells,
+            scored_cells: self.scored_cells,
+            disparity_px,
+            distance_m,
+            impossible_pixels,
+            shows_floor,
+            doubts: doubts.collect(),
+            error,
+            ..named
+        }
     }
 
-    fn count(&mut self, frame: &Frame) {
+    fn add(&mut self, frame: &Frame) {
+        self.spread.add(frame);
+        self.compare(frame);
         let shape = GridShape::default();
         self.pairs += 1;
         self.measured_pairs += u64::from(frame.truth.is_some());
@@ -378,5 +430,20 @@ impl TruthFacts {
         });
         self.scored_pairs += u64::from(known > 0);
         self.scored_cells += known;
+    }
+
+    /// Compares the truth with the disparities of a matcher.
+    fn compare(&mut self, frame: &Frame) {
+        let is_rectified = matches!(frame.geometry, Geometry::Rectified(_));
+        if frame.truth.is_none() || !is_rectified || self.measured_pairs >= MATCHED_PAIRS {
+            return;
+        }
+        let context = MatchContext::for_frame(frame, GridSettings::default(), CellRule::default());
+        let pair = RectifiedPair::assume(&frame.pair);
+        self.output.begin();
+        if (self.matcher.compute(pair, &context, &mut self.output)).is_ok() {
+            let map = self.output.disparity.disparity();
+            self.scales.compare(frame, MATCHER, map);
+        }
     }
 }

@@ -2,8 +2,8 @@ use super::*;
 use crate::judge::Judge;
 use svl_core::depth;
 use svl_core::stereo::{
-    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, RecordedMap, Rig,
-    StereoPair,
+    DisparityMap, Estimate, ExtraPlanes, Geometry, Gray, GridShape, MapDensity, Plane, RecordedMap,
+    Rig, StereoPair,
 };
 
 const SIZE: (usize, usize) = (64, 64);
@@ -139,6 +139,23 @@ fn an_offset_is_no_factor() {
         assert!(said.contains("its distances are"), "{said}");
     }
     assert_eq!(doubt(|d| d + 0.5), "");
+}
+
+#[test]
+fn a_pattern_that_repeats_beyond_the_search_is_no_factor() {
+    // A tilted board whose squares match 50 px off, beyond the 64 px that are searched.
+    let mut ratios = Ratios::new("sgm:max_disparity=64");
+    let truth = |x: usize, y: usize| 90.0 + (x + 2 * y) as f32 / 10.0;
+    let image = Gray::filled(SIZE.0, SIZE.1, 0).unwrap();
+    let pair = StereoPair::new(image.clone(), image).unwrap();
+    let frame = Frame::new(pair, Geometry::Rectified(Some(rig())));
+    let map = |px: fn(f32) -> f32| Plane::from_fn(SIZE.0, SIZE.1, |x, y| px(truth(x, y))).unwrap();
+    let exact = Truth::exact(map(|d| d), None);
+    ratios.add(&frame, &exact, &map(|d| d - 50.0));
+    assert_eq!((ratios.within.len(), ratios.factor()), (0, None));
+    let mut ratios = Ratios::new("sgm:max_disparity=64");
+    ratios.add(&frame, &exact, &map(|d| d / 2.0));
+    assert_eq!(ratios.factor(), Some(2.0));
 }
 
 #[test]
