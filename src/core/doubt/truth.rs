@@ -40,7 +40,7 @@ causes! {
         apart_s.abs(),
         if *apart_s > 0.0 { "behind" } else { "ahead of" },
         if *apart_s > 0.0 { "later" } else { "earlier" })
-    /// Its largest level surface is not the floor that is told.
+    /// The largest level surface is not the floor that is told.
     Floor { told_m: f64, fitted_m: f64, tilt_deg: f64, is_level: bool } => (
         "the floor is not {} m below the camera by the truth, whose largest level surface is \
          {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told: no cell is of the \

@@ -243,7 +243,7 @@ mod tests {
             let (fitted_m, tilt_deg, is_level) = another(&room, &FloorPlane::level(told_m))
                 .unwrap_or_else(|| panic!("{height_m} {told_m}"));
             assert!((fitted_m / height_m - 1.0).abs() < 0.02, "{fitted_m}");
-            assert!(tilt_deg < 0.5 && is_level, "{tilt_deg}");
+            assert!(tilt_deg < 0.8 && is_level, "{tilt_deg}");
         }
         for tilt in [5.0, -4.0] {
             let room = room(0.5, tilt, 4.0);

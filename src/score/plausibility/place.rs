@@ -31,7 +31,7 @@ const PIXELS: f64 = 63.0;
 const MIN_VARIANCE: f64 = 9.0;
 /// Error of a point, of 63, below which images without noise say nothing: at the edges of what
 /// hides it.
-const LEAST_ERROR: u64 = 3;
+const MIN_ERROR: u64 = 3;
 /// Another meaning is named if its errors are less than this fraction of those of the truth as
 /// told, and in that fraction of the pairs whose errors differ by more than the last.
 const MAX_RATIO: f64 = 0.88;
@@ -61,7 +61,7 @@ enum Meaning {
     Place(i64),
     /// It is that of so many pairs later.
     Moment(i64),
-    /// Its disparities are so many pixels too small: no fault of place or moment.
+    /// Disparities are so many pixels too small: no fault of place or moment.
     Offset(i64),
 }
 
@@ -190,7 +190,7 @@ impl MeaningErrors {
 
     /// Adds the errors of a pair in `count` points.
     fn add(&mut self, [own, told]: [u64; 2], count: u64, apart_s: f64) {
-        let [own, told] = [own, told].map(|error| error.max(LEAST_ERROR * count));
+        let [own, told] = [own, told].map(|error| error.max(MIN_ERROR * count));
         let differs = own.abs_diff(told) as f64 > DIFFERENT * told as f64;
         self.better += u64::from(differs && own < told);
         self.worse += u64::from(differs && own > told);
@@ -361,7 +361,7 @@ mod tests {
         aside: f64,
         /// It knows only every so manyth pixel, as points.
         every: usize,
-        /// Its disparities are too large.
+        /// Error of all disparities.
         offset_px: f32,
         are_pillars: bool,
     }

@@ -124,7 +124,7 @@ impl SourceFacts {
         let name = request.name;
         let open = if is_recording { open_recording } else { open };
         let mut opened = open(request)?;
-        let (mut own, mut has_truth) = (TruthLook::new()?, false);
+        let (mut own, mut has_truth) = (TruthLook::new(TruthFacts::default())?, false);
         let mut pairs = PairAlignment::default();
         let (mut skews_ns, mut stamps_ns) = (Vec::new(), Vec::new());
         let mut first: Option<(Frame, bool)> = None;
@@ -142,7 +142,7 @@ impl SourceFacts {
             let (first, is_constant) = first.get_or_insert_with(|| (frame.clone(), true));
             *is_constant &= first.pair.size() == frame.pair.size() && first.rig() == frame.rig();
         })?;
-        let mut own = own.facts(TruthFacts::default(), &mut *opened.source);
+        let mut own = own.facts(&mut *opened.source);
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
@@ -313,35 +313,42 @@ impl TruthFacts {
 
     /// The truth of another sensor of a recording or a folder.
     fn from_topic(request: &Request<'_>, topic: String, has_rig: bool, is_recording: bool) -> Self {
-        let mut facts = Self {
+        let named = Self {
             topic: Some(topic.clone()),
             is_asked_for: true,
             ..Self::default()
         };
+        let refused = |reason: String, doubts| Self {
+            error: Some(reason),
+            doubts,
+            ..named.clone()
+        };
         // Disparities in the files of a folder need no calibration.
         if !has_rig && is_recording {
             let cure = "needs a calibration of the pairs: --calib FILE";
-            facts.error = Some(cure.to_owned());
-            return facts;
+            return refused(cure.to_owned(), Vec::new());
         }
         let request = Request {
             options: SourceOptions {
-                truth: Some(topic),
+                truth: Some(topic.clone()),
                 ..request.options.clone()
             },
             ..request.clone()
         };
         let open = if is_recording { open_recording } else { open };
         let looked = open(&request).and_then(|mut opened| {
-            let mut truth = TruthLook::new()?;
+            let mut truth = TruthLook::new(named.clone())?;
             let later = look(&mut *opened.source, |frame| truth.add(&frame))?;
-            facts = truth.facts(std::mem::take(&mut facts), &mut *opened.source);
             // Damage of a recording is reported with it.
-            later.filter(|_| !is_recording).map_or(Ok(()), Err)
+            let later = later.filter(|_| !is_recording);
+            later.map_or_else(|| Ok(truth.facts(&mut *opened.source)), Err)
         });
-        if let Err(error) = looked {
-            facts.error = Some(error.to_string());
-            facts.doubts = error.downcast_ref().cloned().into_iter().collect();
+        let mut facts = looked.unwrap_or_else(|error| {
+            let doubt = error.downcast_ref().cloned();
+            refused(error.to_string(), doubt.into_iter().collect())
+        });
+        for doubt in &mut facts.doubts {
+            doubt.subject = Subject::Topic(topic.clone());
         }
         facts
     }
@@ -349,11 +356,7 @@ impl TruthFacts {
 
 /// What the first pairs show of a truth.
 struct TruthLook {
-    pairs: u64,
-    scored_pairs: u64,
-    measured_pairs: u64,
-    cells: u64,
-    scored_cells: u64,
+    facts: TruthFacts,
     spread: TruthSpread,
     scales: TruthScales,
     matcher: Box<dyn Matcher>,
@@ -361,13 +364,9 @@ struct TruthLook {
 }
 
 impl TruthLook {
-    fn new() -> Result<Self> {
+    fn new(facts: TruthFacts) -> Result<Self> {
         Ok(Self {
-            pairs: 0,
-            scored_pairs: 0,
-            measured_pairs: 0,
-            cells: 0,
-            scored_cells: 0,
+            facts,
             spread: TruthSpread::default(),
             scales: TruthScales::default(),
             matcher: MATCHER.parse::<Algorithm>()?.build()?,
@@ -376,12 +375,14 @@ impl TruthLook {
     }
 
     /// The facts, with the pixels that the source dropped; the reason if there are none.
-    fn facts(self, named: TruthFacts, source: &mut dyn Source) -> TruthFacts {
-        let [disparity_px, distance_m] = self.spread.spreads();
-        let shows_floor = source.sees_floor();
-        let impossible_pixels = source.finish(self.pairs).impossible;
-        let pairs = counted(self.pairs, "pair");
-        let error = match (self.measured_pairs, disparity_px) {
+    fn facts(self, source: &mut dyn Source) -> TruthFacts {
+        let mut facts = self.facts;
+        [facts.disparity_px, facts.distance_m] = self.spread.spreads();
+        facts.shows_floor = source.sees_floor();
+        facts.impossible_pixels = source.finish(facts.pairs).impossible;
+        facts.doubts = self.scales.measured().doubts();
+        let pairs = counted(facts.pairs, "pair");
+        facts.error = match (facts.measured_pairs, facts.disparity_px) {
             (_, Some(_)) => None,
             (0, None) => Some(format!(
                 "none of its measurements is of the time of the first {pairs}: its clock is another"
@@ -391,51 +392,31 @@ impl TruthLook {
                  are none"
             )),
         };
-        let doubts = self.scales.measured().doubts().into_iter();
-        let doubts = doubts.map(|doubt| match &named.topic {
-            Some(topic) => Doubt {
-                subject: Subject::Topic(topic.clone()),
-                ..doubt
-            },
-            None => doubt,
-        });
-        TruthFacts {
-            pairs: self.pairs,
-            scored_pairs: self.scored_pairs,
-            measured_pairs: self.measured_pairs,
-            cells: self.cells,
-            scored_cells: self.scored_cells,
-            disparity_px,
-            distance_m,
-            impossible_pixels,
-            shows_floor,
-            doubts: doubts.collect(),
-            error,
-            ..named
-        }
+        facts
     }
 
     fn add(&mut self, frame: &Frame) {
         self.spread.add(frame);
         self.compare(frame);
         let shape = GridShape::default();
-        self.pairs += 1;
-        self.measured_pairs += u64::from(frame.truth.is_some());
-        self.cells += shape.cells() as u64;
+        let facts = &mut self.facts;
+        facts.pairs += 1;
+        facts.measured_pairs += u64::from(frame.truth.is_some());
+        facts.cells += shape.cells() as u64;
         let rule = CellRule::default().for_rig(frame.rig().is_some());
         let truth = TrueCells::new(frame, shape, rule);
         let known = truth.map_or(0, |truth| {
             let cells = truth.grid().iter();
             cells.filter(|(_, cell)| cell.depth.is_some()).count() as u64
         });
-        self.scored_pairs += u64::from(known > 0);
-        self.scored_cells += known;
+        facts.scored_pairs += u64::from(known > 0);
+        facts.scored_cells += known;
     }
 
     /// Compares the truth with the disparities of a matcher.
     fn compare(&mut self, frame: &Frame) {
         let is_rectified = matches!(frame.geometry, Geometry::Rectified(_));
-        if frame.truth.is_none() || !is_rectified || self.measured_pairs >= MATCHED_PAIRS {
+        if frame.truth.is_none() || !is_rectified || self.facts.measured_pairs >= MATCHED_PAIRS {
             return;
         }
         let context = MatchContext::for_frame(frame, GridSettings::default(), CellRule::default());

@@ -145,7 +145,7 @@ fn an_offset_is_no_factor() {
 fn a_pattern_that_repeats_beyond_the_search_is_no_factor() {
     // A tilted board whose squares match 50 px off, beyond the 64 px that are searched.
     let mut ratios = Ratios::new("sgm:max_disparity=64");
-    let truth = |x: usize, y: usize| 90.0 + (x + 2 * y) as f32 / 10.0;
+    let truth = |x: usize, y: usize| 90.0 + (x + 2 * y) as f32 / 2.0;
     let image = Gray::filled(SIZE.0, SIZE.1, 0).unwrap();
     let pair = StereoPair::new(image.clone(), image).unwrap();
     let frame = Frame::new(pair, Geometry::Rectified(Some(rig())));
