@@ -65,8 +65,8 @@ causes! {
         rounded(1.0 / cure.factor), joined(algorithms))
     /// Disparities have an offset, and `factor` besides or instead.
     Offset { algorithms: Vec<String>, px: f64, factor: Option<f64>, is_either: bool } => (
-        "its disparities are {}{} px {} than those of every algorithm ({}): the principal points \
-         of one camera are wrong{}: --calib FILE",
+        "its disparities are {}{} px {} than those of {}: the principal points of one camera are \
+         wrong{}: --calib FILE",
         match (factor, is_either) {
             (Some(factor), true) => format!("{factor:.2} times those, or "),
             (Some(factor), false) => format!("{factor:.2} times those and "),

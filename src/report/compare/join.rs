@@ -193,6 +193,8 @@ fn add_namesakes<'a>(manifests: [&'a Manifest; 2], both: &mut Vec<[&'a str; 2]>)
             kin.map(|other| other.label.as_str()).collect::<Vec<_>>()
         });
         match (&ours[..], &theirs[..]) {
+            // A map names its namesake, which `left_out` tells.
+            (_, []) if manifests[1].labels().any(|label| label == own.label) => {}
             (_, []) => ambiguous.push(format!(
                 "{} was not compared: the second report has no {}",
                 own.label, own.name

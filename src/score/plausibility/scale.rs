@@ -150,6 +150,8 @@ pub struct AlgorithmScale {
 struct ScaleLine {
     /// Median error along it, pixels.
     rest_px: f64,
+    /// True if the disparities are equal but for that.
+    is_equal: bool,
     factor: Option<f64>,
     offset_px: Option<f64>,
     is_either: bool,
@@ -168,14 +170,17 @@ impl ScaleLine {
         let slope = slope(points)?;
         let offset_px = median(&|[d, e]| d - slope * e);
         let least_px = rest_px(slope, offset_px);
+        let base_px = least_px.max(MIN_REST_PX);
+        let is_line = least_px <= MAX_REST_PX;
+        let is_equal = is_line && rest_px(1.0, 0.0) <= 2.0 * base_px + 2.0 * MIN_REST_PX;
         let line = |factor, offset_px, is_either| Self {
             rest_px: least_px,
+            is_equal,
             factor,
             offset_px,
             is_either,
         };
-        let base_px = least_px.max(MIN_REST_PX);
-        if rest_px(1.0, 0.0) <= 2.0 * base_px + 2.0 * MIN_REST_PX {
+        if is_equal || !is_line {
             return Some(line(None, None, false));
         }
         let fits = |s, o| rest_px(s, o) <= 1.5 * base_px + MIN_REST_PX;
@@ -184,7 +189,7 @@ impl ScaleLine {
         // Units differ by that, and principal points do not.
         let is_unit = is_factor && !OFFSET_FACTORS.contains(&factor);
         Some(match (is_factor, fits(1.0, px) && !is_unit) {
-            (false, false) if least_px <= MAX_REST_PX => line(Some(slope), Some(offset_px), false),
+            (false, false) => line(Some(slope), Some(offset_px), false),
             (is_factor, is_offset) => line(
                 is_factor.then_some(factor),
                 is_offset.then_some(px),
@@ -293,8 +298,9 @@ impl MeasuredScales {
             Some(cure.doubt(Subject::Truth, name, value, usual))
         };
         let scale = ("scale", USUAL);
-        let lines = self.algorithms.values().filter_map(|own| own.line);
-        let line = lines.min_by(|a, b| a.rest_px.total_cmp(&b.rest_px));
+        let lines = || self.algorithms.values().filter_map(|own| own.line);
+        let line = lines().min_by(|a, b| a.rest_px.total_cmp(&b.rest_px));
+        let line = line.filter(|_| !lines().any(|line| line.is_equal));
         if let Some(ScaleLine {
             factor,
             offset_px: Some(px),
@@ -302,6 +308,9 @@ impl MeasuredScales {
             ..
         }) = line
         {
+            let has_offset = |own: &AlgorithmScale| own.line.is_some_and(|l| l.offset_px.is_some());
+            let algorithms = self.algorithms.iter().filter(|(_, own)| has_offset(own));
+            let algorithms = algorithms.map(|(label, _)| label.clone()).collect();
             let cure = TruthCure::Offset {
                 algorithms,
                 px,

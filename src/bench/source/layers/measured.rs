@@ -179,6 +179,8 @@ pub struct MeasuredSource<'a> {
     measured: SourceMaps,
     /// The floor of the last truth.
     floor: Option<FloorPlane>,
+    /// True once all pairs were read.
+    has_ended: bool,
 }
 
 impl<'a> MeasuredSource<'a> {
@@ -192,6 +194,7 @@ impl<'a> MeasuredSource<'a> {
             source,
             measured,
             floor: None,
+            has_ended: false,
         }
     }
 }
@@ -201,6 +204,7 @@ impl Source for MeasuredSource<'_> {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let Some(mut frame) = self.source.next()? else {
+            self.has_ended = true;
             return Ok(None);
         };
         if let Some(truth) = &mut self.measured.truth {
@@ -235,8 +239,11 @@ impl Source for MeasuredSource<'_> {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
+        let is_whole = self.has_ended;
         for map in self.measured.all() {
-            if let MeasuredMaps::Files(files) = map {
+            if let MeasuredMaps::Files(files) = map
+                && is_whole
+            {
                 files.warn_of_unused();
             }
         }

@@ -110,7 +110,8 @@ impl SizeArgs {
             };
         };
         if let Some(near_m) = self.near {
-            *clear_m *= near_m / *obstacle_m;
+            // To the micrometre: reports show it.
+            *clear_m = (*clear_m * near_m / *obstacle_m * 1e6).round() / 1e6;
             *obstacle_m = near_m;
         }
         if self.beyond.is_some() {

@@ -139,6 +139,14 @@ fn an_offset_is_no_factor() {
         assert!(said.contains("its distances are"), "{said}");
     }
     assert_eq!(doubt(|d| d + 0.5), "");
+    // An algorithm with the truth's own disparities denies it; one without any line does not.
+    let beside = |other: fn(f32) -> f32| {
+        let other = estimate("v5", |x, y| other(true_px(x, y)) + (x % 2) as f32 / 10.0);
+        self::doubt("d/*.png", |d| d + 8.0, vec![other]).unwrap_or_default()
+    };
+    assert_eq!(beside(|d| d + 8.0), "");
+    let said = beside(|d| 8.0 + 37.0 * d % 23.0);
+    assert!(said.contains("7.9 px more than those of bm, v3:"), "{said}");
 }
 
 #[test]
