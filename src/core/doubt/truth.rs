@@ -43,13 +43,12 @@ causes! {
     /// The largest level surface is not the floor that is told.
     Floor { told_m: f64, fitted_m: f64, tilt_deg: f64, is_level: bool } => (
         "the floor is not {} m below the camera by the truth, whose largest level surface is \
-         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told: no cell is of the \
-         floor; {}",
+         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told, which is not used: {}",
         rounded(*told_m),
         if *is_level {
             format!("likely --camera-height {}", rounded((1e3 * fitted_m).round() / 1e3))
         } else {
-            "the transform from base_footprint to the camera in /tf_static tells a tilted one"
+            "a transform from base_footprint to the camera in /tf_static tells a tilted one"
                 .to_owned()
         })
     OppositeSign { algorithms: Vec<String> } => (

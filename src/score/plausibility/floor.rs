@@ -242,7 +242,7 @@ mod tests {
             let room = room(height_m, 0.0, 6.0);
             let (fitted_m, tilt_deg, is_level) = another(&room, &FloorPlane::level(told_m))
                 .unwrap_or_else(|| panic!("{height_m} {told_m}"));
-            assert!((fitted_m / height_m - 1.0).abs() < 0.02, "{fitted_m}");
+            assert!((fitted_m / height_m - 1.0).abs() < 0.05, "{fitted_m}");
             assert!(tilt_deg < 0.8 && is_level, "{tilt_deg}");
         }
         for tilt in [5.0, -4.0] {

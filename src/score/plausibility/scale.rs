@@ -163,12 +163,9 @@ impl ScaleLine {
         if points.len() < MIN_PIXELS {
             return None;
         }
-        let median = |value: &dyn Fn([f64; 2]) -> f64| {
-            upper_median(points.iter().copied().map(value)).unwrap_or_default()
-        };
-        let rest_px = |s: f64, o: f64| median(&|[d, e]| ((d - o) / s - e).abs());
+        let rest_px = |s: f64, o: f64| rest_px(points, s, o);
         let slope = slope(points)?;
-        let offset_px = median(&|[d, e]| d - slope * e);
+        let offset_px = median(points, |[d, e]| d - slope * e);
         let least_px = rest_px(slope, offset_px);
         let base_px = least_px.max(MIN_REST_PX);
         let is_line = least_px <= MAX_REST_PX;
@@ -184,7 +181,10 @@ impl ScaleLine {
             return Some(line(None, None, false));
         }
         let fits = |s, o| rest_px(s, o) <= 1.5 * base_px + MIN_REST_PX;
-        let (factor, px) = (median(&|[d, e]| d / e), median(&|[d, e]| d - e));
+        let [factor, px] = [
+            median(points, |[d, e]| d / e),
+            median(points, |[d, e]| d - e),
+        ];
         let is_factor = fits(factor, 0.0);
         // Units differ by that, and principal points do not.
         let is_unit = is_factor && !OFFSET_FACTORS.contains(&factor);
@@ -197,6 +197,15 @@ impl ScaleLine {
             ),
         })
     }
+}
+
+fn median(points: &[[f64; 2]], value: impl Fn([f64; 2]) -> f64) -> f64 {
+    upper_median(points.iter().copied().map(value)).unwrap_or_default()
+}
+
+/// Median error of the disparities `e` of an algorithm where the truth has `s · e + o`.
+fn rest_px(points: &[[f64; 2]], s: f64, o: f64) -> f64 {
+    median(points, |[d, e]| ((d - o) / s - e).abs())
 }
 
 /// The slope of the truth's disparities over the others: the median of many pairs of points; 1 for
@@ -436,14 +445,14 @@ impl Ratios {
     }
 
     /// The constant factor. Where the truth is beyond what the algorithm searches, as by a wrong
-    /// unit, an offset must not explain it as well: repeated patterns match at one.
+    /// unit, it has to explain it clearly better than an offset: repeated patterns match at one.
     fn factor(&self) -> Option<f64> {
-        let is_factor = || {
-            let line = ScaleLine::new(&self.beyond);
-            line.is_some_and(|line| line.factor.is_some() && line.offset_px.is_none())
+        let is_better = |factor: f64| {
+            let px = median(&self.beyond, |[d, e]| d - e);
+            rest_px(&self.beyond, factor, 0.0) < 0.5 * rest_px(&self.beyond, 1.0, px)
         };
         let is_beyond = self.beyond.len() > self.within.len();
-        constant(&self.factors).filter(|_| !is_beyond || is_factor())
+        constant(&self.factors).filter(|factor| !is_beyond || is_better(*factor))
     }
 
     /// Source of the map whose pixels are most of these.

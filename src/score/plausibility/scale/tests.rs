@@ -146,7 +146,7 @@ fn an_offset_is_no_factor() {
     };
     assert_eq!(beside(|d| d + 8.0), "");
     let said = beside(|d| 8.0 + 37.0 * d % 23.0);
-    assert!(said.contains("7.9 px more than those of bm, v3:"), "{said}");
+    assert!(said.contains("7.9 px more than those of v3:"), "{said}");
 }
 
 #[test]
