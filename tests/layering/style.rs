@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13117),
+    ("bench", 13123),
     ("c", 470),
     ("calibrate", 4981),
     ("cli", 11204),
@@ -78,8 +78,8 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14037),
-    ("report", 12971),
-    ("score", 8528),
+    ("report", 12972),
+    ("score", 8542),
     ("sim", 3534),
     ("thesis", 2877),
     ("train", 3401),

@@ -331,6 +331,39 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     assert_eq!(topics.unwrap(), ["/disparity"]);
 }
 
+#[test]
+fn a_camera_info_of_a_wider_namespace_is_used_for_its_own_frame_alone() {
+    let image = |i| Message {
+        topic: "/rgbd/depth/image",
+        ..depth32(i, SIZE, |x, _| 0.5 + x as f32 / 10.0)
+    };
+    let info = |topic, frame| {
+        let (k, p) = ([164.0, 12.0, 8.0], [164.0, 12.0, 8.0]);
+        let camera = Camera {
+            frame,
+            k,
+            p,
+            ..CAMERA
+        };
+        camera_info_of(topic, stamp(0), &camera)
+    };
+    let [alone, other, own, beside] = [
+        None,
+        Some(info("/rgbd/camera_info", "other")),
+        Some(info("/rgbd/camera_info", "cam")),
+        Some(info("/rgbd/depth/camera_info", "other")),
+    ]
+    .map(|info| {
+        let messages = info.into_iter().chain([image(0), image(1)]);
+        let (truths, _) = truths(messages, "/rgbd/depth/image");
+        truths[0].clone().unwrap().disparity
+    });
+    // The pixels of the left camera, or those of one of half its focal length.
+    assert_eq!(other, alone);
+    assert_ne!(own, alone);
+    assert_eq!(beside, own);
+}
+
 /// A matcher may halve its images first: a camera_info says whose pixels these are.
 #[test]
 fn a_disparity_image_of_half_the_size_is_refused_or_has_its_camera() {
