@@ -90,8 +90,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         }
         Err(error) => return Err(error.into()),
     };
-    // Layers told of truths while they gave the first pairs.
+    // Layers told of truths while they gave the first pairs, in words.
     let told = NoticeLog::current().doubts().into_iter();
+    let told = told.filter(|_| args.json);
     let told = told.filter(|doubt| matches!(doubt.cure, Cure::Truth(_)));
     let told = told.filter(|doubt| !usability.doubts.contains(doubt));
     let told: Vec<_> = told.collect();

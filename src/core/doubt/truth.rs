@@ -48,7 +48,8 @@ causes! {
         if *is_level {
             format!("likely --camera-height {}", rounded((1e3 * fitted_m).round() / 1e3))
         } else {
-            "a transform from base_footprint to the camera in /tf_static tells a tilted one"
+            "correct the transform from base_footprint to the camera in /tf_static, or add it for a \
+             tilted camera"
                 .to_owned()
         })
     OppositeSign { algorithms: Vec<String> } => (
@@ -64,16 +65,10 @@ causes! {
         rounded(1.0 / cure.factor), joined(algorithms))
     /// Disparities have an offset, and `factor` besides or instead.
     Offset { algorithms: Vec<String>, px: f64, factor: Option<f64>, is_either: bool } => (
-        "its disparities are {}{} px {} than those of {}: the principal points of one camera are \
-         wrong{}: --calib FILE",
-        match (factor, is_either) {
-            (Some(factor), true) => format!("{factor:.2} times those, or "),
-            (Some(factor), false) => format!("{factor:.2} times those and "),
-            (None, _) => String::new(),
-        },
-        rounded((10.0 * px).round().abs() / 10.0), if *px > 0.0 { "more" } else { "less" },
-        joined(algorithms),
-        if factor.is_some() { ", or the unit, the image size or the baseline" } else { "" })
+        "its disparities are {}: the principal points of one camera are wrong, or the cameras are \
+         not synchronized{}: --calib FILE",
+        offset_words(&joined(algorithms), *px, *factor, *is_either),
+        if factor.is_some() { ", or the unit, the image size or the baseline is wrong" } else { "" })
     /// Values are disparities, and read as depths.
     Disparities { algorithms: Vec<String>, option: Option<UnitOption> } => (
         "its values are proportional to the disparities of every algorithm ({}), not to distances; \
@@ -88,6 +83,20 @@ impl TruthCure {
     /// True if no pixel of the truth can be used.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Negative { .. } | Self::Impossible { .. })
+    }
+}
+
+fn offset_words(algorithms: &str, px: f64, factor: Option<f64>, is_either: bool) -> String {
+    let side = if px > 0.0 { "more" } else { "less" };
+    let px = rounded((10.0 * px).round().abs() / 10.0);
+    match (factor, is_either) {
+        (Some(factor), true) => {
+            format!("{factor:.2} times those of {algorithms}, or {px} px {side}")
+        }
+        (Some(factor), false) => {
+            format!("{factor:.2} times those of {algorithms}, and {px} px {side}")
+        }
+        (None, _) => format!("{px} px {side} than those of {algorithms}"),
     }
 }
 

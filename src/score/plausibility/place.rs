@@ -15,8 +15,10 @@ const LATTICE: f64 = 3000.0;
 const MAX_TRIED: usize = 1500;
 const MAX_POINTS: usize = 450;
 const MIN_POINTS: u64 = 200;
-/// Pairs that are compared, each a few after the last.
+/// Pairs that are compared: the first ones, as a run may be short, and then each a few after the
+/// last.
 const PAIRS: u64 = 24;
+const FIRST_PAIRS: u64 = 8;
 const EVERY: u64 = 5;
 /// Places of a camera, quarters of the baseline to the right of the left one.
 const QUARTERS: std::ops::RangeInclusive<i64> = -4..=6;
@@ -125,7 +127,8 @@ impl PlaceWatch {
         for pair in &self.pairs {
             pair.compare_moment(&mut self.errors, &truth_here);
         }
-        if number.is_multiple_of(EVERY) && self.compared < PAIRS {
+        let is_compared = number < FIRST_PAIRS || number.is_multiple_of(EVERY);
+        if is_compared && self.compared < PAIRS {
             let pair = WatchedPair::new(frame, &truth_here, &truth.disparity);
             self.compared += u64::from(pair.points.len() as u64 >= MIN_POINTS);
             if !is_projected(&truth.kind) {

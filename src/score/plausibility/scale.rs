@@ -9,7 +9,7 @@ use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
-use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual};
+use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, is_usual, usual};
 use svl_core::matcher::Algorithm;
 use svl_core::statistics::{nearest_rank, upper_median};
 use svl_core::stereo::{Frame, Plane, RecordedMap, Truth, TruthOrigin};
@@ -310,6 +310,8 @@ impl MeasuredScales {
         let lines = || self.algorithms.values().filter_map(|own| own.line);
         let line = lines().min_by(|a, b| a.rest_px.total_cmp(&b.rest_px));
         let line = line.filter(|_| !lines().any(|line| line.is_equal));
+        // A wall alone does not tell them apart: a unit that is in use is likelier.
+        let line = line.filter(|line| !(line.is_either && line.factor.is_some_and(is_usual)));
         if let Some(ScaleLine {
             factor,
             offset_px: Some(px),
@@ -449,7 +451,8 @@ impl Ratios {
     fn factor(&self) -> Option<f64> {
         let is_better = |factor: f64| {
             let px = median(&self.beyond, |[d, e]| d - e);
-            rest_px(&self.beyond, factor, 0.0) < 0.5 * rest_px(&self.beyond, 1.0, px)
+            let offset_px = rest_px(&self.beyond, 1.0, px);
+            offset_px > MAX_REST_PX && rest_px(&self.beyond, factor, 0.0) < 0.5 * offset_px
         };
         let is_beyond = self.beyond.len() > self.within.len();
         constant(&self.factors).filter(|factor| !is_beyond || is_better(*factor))

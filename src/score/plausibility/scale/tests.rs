@@ -125,7 +125,7 @@ fn an_offset_is_no_factor() {
         (|d| d - 5.5, "its disparities are 5.6 px less than those"),
         (
             |d| 0.58 * d + 8.0,
-            "its disparities are 0.58 times those and 7.9 px more than those",
+            "its disparities are 0.58 times those of v3, and 7.9 px more",
         ),
     ] {
         let said = doubt(truth);
