@@ -43,7 +43,8 @@ causes! {
     /// The largest level surface is not the floor that is told.
     Floor { told_m: f64, fitted_m: f64, tilt_deg: f64, is_level: bool } => (
         "the floor is not {} m below the camera by the truth, whose largest level surface is \
-         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told, which is not used: {}",
+         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told, which is not used: \
+         {}",
         rounded(*told_m),
         if *is_level {
             format!("likely --camera-height {}", rounded((1e3 * fitted_m).round() / 1e3))
@@ -68,7 +69,7 @@ causes! {
         "its disparities are {}: the principal points of one camera are wrong, or the cameras are \
          not synchronized{}: --calib FILE",
         offset_words(&joined(algorithms), *px, *factor, *is_either),
-        if factor.is_some() { ", or the unit, the image size or the baseline is wrong" } else { "" })
+        if factor.is_some() { ", or the unit, image size or baseline is wrong" } else { "" })
     /// Values are disparities, and read as depths.
     Disparities { algorithms: Vec<String>, option: Option<UnitOption> } => (
         "its values are proportional to the disparities of every algorithm ({}), not to distances; \

@@ -47,7 +47,7 @@ pub enum FloorSeen {
     Told,
     /// Neither that one nor another.
     Nothing,
-    Another(Doubt),
+    Another(Box<Doubt>),
 }
 
 impl FloorPoints {
@@ -102,7 +102,12 @@ impl FloorPoints {
                     tilt_deg: degrees(told.up()),
                     is_level: is_told_level && degrees(told.up()) <= LEVEL_DEG,
                 };
-                FloorSeen::Another(cure.doubt(Subject::Floor, "off_m", off_m, [0.0, limit_m]))
+                FloorSeen::Another(Box::new(cure.doubt(
+                    Subject::Floor,
+                    "off_m",
+                    off_m,
+                    [0.0, limit_m],
+                )))
             }
         }
     }
@@ -274,8 +279,8 @@ mod tests {
 
     #[test]
     fn a_floor_beside_a_drop_is_seen() {
-        let mut points = room(0.5, 0.0, 6.0);
-        points.points.extend(room(1.0, 0.0, 6.0).points);
+        let mut points = room(0.5, 0.0, 20.0);
+        points.points.extend(room(1.0, 0.0, 20.0).points);
         let below = points.share(|point| FloorPlane::level(0.5).height_m(point) < -0.2);
         assert!(below > MAX_BELOW, "{below}");
         assert_eq!(points.seen(&FloorPlane::level(0.5)), FloorSeen::Told);
