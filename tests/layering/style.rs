@@ -72,7 +72,7 @@ const LINES: [(&str, usize); 16] = [
     ("c", 470),
     ("calibrate", 4981),
     ("cli", 11205),
-    ("core", 19629),
+    ("core", 19630),
     ("files", 2492),
     ("grab", 5156),
     ("live", 419),

@@ -49,8 +49,8 @@ causes! {
         if *is_level {
             format!("likely --camera-height {}", rounded((1e3 * fitted_m).round() / 1e3))
         } else {
-            "correct the transform from base_footprint to the camera in /tf_static, or add it for a \
-             tilted camera"
+            "correct the transform from base_footprint to the camera in /tf_static, or add it, for \
+             a tilted camera"
                 .to_owned()
         })
     OppositeSign { algorithms: Vec<String> } => (
