@@ -47,7 +47,7 @@ pub use checks::{CalibrationCheck, check_size};
 pub use clock::{ClockCure, ClockLag, ClockStep, CopyCure, LogTimes};
 pub use pairs::{AlignmentCure, Misfit, PairCure, Repeated, Turn};
 pub use truth::{Baseline, Compared, MapCure, Reading, TruthCure, are_most};
-pub use unit::{TruthUnit, UnitCure, UnitOption, is_usual, rounded, usual};
+pub use unit::{TruthUnit, UnitCure, UnitOption, rounded, usual, usual_within};
 
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -118,21 +118,17 @@ impl Display for UnitOption {
     }
 }
 
-/// True for a factor near one of the usual ones.
-pub fn is_usual(factor: f64) -> bool {
-    nearest(factor).is_some()
-}
-
-fn nearest(factor: f64) -> Option<f64> {
+/// The usual factor that a factor differs from by less than a fraction.
+pub fn usual_within(factor: f64, fraction: f64) -> Option<f64> {
     let known = USUAL.into_iter().flat_map(|usual| [usual, 1.0 / usual]);
     let apart = |known: &f64| (factor.abs() / known - 1.0).abs();
     let near = known.min_by(|a, b| apart(a).total_cmp(&apart(b)));
-    near.filter(|near| apart(near) < SAME)
+    near.filter(|near| apart(near) < fraction)
 }
 
 /// The usual factor that is near, else the factor to two digits.
 pub fn usual(factor: f64) -> f64 {
-    let size = nearest(factor).unwrap_or_else(|| {
+    let size = usual_within(factor, SAME).unwrap_or_else(|| {
         let digit = 10f64.powf(factor.abs().log10().floor() - 1.0);
         (factor.abs() / digit).round() * digit
     });

@@ -9,7 +9,7 @@ use crate::judge::{Judged, JudgedEstimate, Verdict};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
-use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, is_usual, usual};
+use svl_core::doubt::{Compared, Doubt, MapCure, Subject, TruthCure, usual, usual_within};
 use svl_core::matcher::Algorithm;
 use svl_core::statistics::{nearest_rank, upper_median};
 use svl_core::stereo::{Frame, Plane, RecordedMap, Truth, TruthOrigin};
@@ -32,6 +32,8 @@ const PER_PX: (&str, [f64; 2]) = ("metres_per_px", [0.0; 2]);
 const SLOPES: usize = 40_000;
 /// Factors of disparities in place of which an offset may be meant.
 const OFFSET_FACTORS: RangeInclusive<f64> = 0.1..=10.0;
+/// Difference of a measured factor from a usual one that is likely meant.
+const LIKELY_UNIT: f64 = 0.06;
 /// Median errors along a line: less says nothing, and more is no line.
 const MIN_REST_PX: f64 = 0.25;
 const MAX_REST_PX: f64 = 1.5;
@@ -311,7 +313,11 @@ impl MeasuredScales {
         let line = lines().min_by(|a, b| a.rest_px.total_cmp(&b.rest_px));
         let line = line.filter(|_| !lines().any(|line| line.is_equal));
         // A wall alone does not tell them apart: a unit that is in use is likelier.
-        let line = line.filter(|line| !(line.is_either && line.factor.is_some_and(is_usual)));
+        let is_unit = |line: &ScaleLine| {
+            let factor = line.factor.filter(|_| line.is_either);
+            factor.is_some_and(|factor| usual_within(factor, LIKELY_UNIT).is_some())
+        };
+        let line = line.filter(|line| !is_unit(line));
         if let Some(ScaleLine {
             factor,
             offset_px: Some(px),
@@ -447,12 +453,15 @@ impl Ratios {
     }
 
     /// The constant factor. Where the truth is beyond what the algorithm searches, as by a wrong
-    /// unit, it has to explain it clearly better than an offset: repeated patterns match at one.
+    /// unit, it has to be a usual one and to explain it clearly better than an offset, at which
+    /// repeated patterns match.
     fn factor(&self) -> Option<f64> {
         let is_better = |factor: f64| {
             let px = median(&self.beyond, |[d, e]| d - e);
             let offset_px = rest_px(&self.beyond, 1.0, px);
-            offset_px > MAX_REST_PX && rest_px(&self.beyond, factor, 0.0) < 0.5 * offset_px
+            usual_within(factor, LIKELY_UNIT).is_some()
+                && offset_px > MAX_REST_PX
+                && rest_px(&self.beyond, factor, 0.0) < 0.5 * offset_px
         };
         let is_beyond = self.beyond.len() > self.within.len();
         constant(&self.factors).filter(|factor| !is_beyond || is_better(*factor))
