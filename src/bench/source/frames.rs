@@ -90,7 +90,7 @@ pub trait Source: Send {
         self.wrapped()?.floor()
     }
 
-    /// Whether the truth shows the floor that is told; none if none is told, and before that is
+    /// True if the truth shows the floor that is told; none if none is told, and before that is
     /// decided.
     fn sees_floor(&self) -> Option<bool> {
         self.wrapped()?.sees_floor()

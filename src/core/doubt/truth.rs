@@ -43,7 +43,7 @@ causes! {
     /// The largest level surface is not the floor that is told.
     Floor { told_m: f64, fitted_m: f64, tilt_deg: f64, is_level: bool } => (
         "the floor is not {} m below the camera by the truth, whose largest level surface is \
-         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to what is told, which is not used: \
+         {fitted_m:.3} m below it, tilted by {tilt_deg:.1}° to the named plane, which is not used: \
          {}",
         rounded(*told_m),
         if *is_level {

@@ -12,7 +12,7 @@ use svl_core::stereo::{FloorPlane, Rig, Truth};
 pub const FLOOR_PAIRS: usize = 12;
 const POINTS: f64 = 600.0;
 /// Fractions of the points: at least that many are on a plane that is seen, with at most that many
-/// below it, or so many beside a drop; and at least that many on the largest surface.
+/// below it, or that many beside a drop; and at least that many on the largest surface.
 const MIN_SEEN: f64 = 0.05;
 const MAX_BELOW: f64 = 0.2;
 const MIN_SEEN_ABOVE: f64 = 0.2;
@@ -24,11 +24,12 @@ const TOLD_NOISE: f64 = 0.02;
 /// Distance of the points of a surface from it, metres, and as a fraction of their distance.
 const MIN_NOISE_M: f64 = 0.01;
 const NOISE: f64 = 0.015;
-/// Planes through three points that are tried, and fractions of the noise within which points are
-/// fitted by least squares: what stands on the floor is left out.
+/// Planes through three points that are tried; rounds of least squares, and the fraction of the
+/// noise within which their points are: feet of walls and boxes are left out.
 const TRIES: usize = 400;
-const ROUNDS: [f64; 3] = [0.5; 3];
-/// Angle between the normal of a level surface and what is told as up.
+const ROUNDS: usize = 3;
+const WITHIN: f64 = 0.5;
+/// Angle between the normal of a level surface and that of the told plane.
 const MAX_TILT_DEG: f64 = 10.0;
 /// Angle up to which a camera is level.
 const LEVEL_DEG: f64 = 2.0;
@@ -41,7 +42,7 @@ pub struct FloorPoints {
     pairs: usize,
 }
 
-/// What a truth says of a told floor.
+/// The surface that a truth shows in place of a told floor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FloorSeen {
     Told,
@@ -67,7 +68,7 @@ impl FloorPoints {
         self.pairs >= FLOOR_PAIRS
     }
 
-    /// What they say of a told floor.
+    /// The surface that they show in place of a told floor.
     pub fn seen(&self, told: &FloorPlane) -> FloorSeen {
         let limit_m = told.limit_m();
         let noise_m = |point: &Vector3<f64>| limit_m.max(TOLD_NOISE * point.norm());
@@ -129,8 +130,8 @@ impl FloorPoints {
             Some((fits.sum::<f64>(), plane))
         });
         let (_, mut plane) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        for within in ROUNDS {
-            let (normal, middle) = self.least_squares(&plane, within)?;
+        for _ in 0..ROUNDS {
+            let (normal, middle) = self.least_squares(&plane)?;
             plane = self.level(normal, &middle, up)?;
         }
         Some(plane)
@@ -155,15 +156,10 @@ impl FloorPoints {
         (is_level && is_below && self.share(below) <= MAX_BELOW_FITTED).then_some(plane)
     }
 
-    /// The normal and a point of the plane closest to the points on another, within a fraction of
-    /// the noise.
-    fn least_squares(
-        &self,
-        plane: &FloorPlane,
-        within: f64,
-    ) -> Option<(UnitVector3<f64>, Vector3<f64>)> {
+    /// The normal and a point of the plane closest to the points on another.
+    fn least_squares(&self, plane: &FloorPlane) -> Option<(UnitVector3<f64>, Vector3<f64>)> {
         let points = self.points.iter();
-        let points = points.filter(|point| is_on(plane, point, within));
+        let points = points.filter(|point| is_on(plane, point, WITHIN));
         let points: Vec<_> = points.map(|point| (1.0 / noise_m(point), point)).collect();
         let weights: f64 = points.iter().map(|(weight, _)| weight).sum();
         let middle: Vector3<f64> = points.iter().map(|(weight, point)| *weight * **point).sum();

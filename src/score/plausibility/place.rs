@@ -59,11 +59,11 @@ pub struct PlaceWatch {
 /// Another meaning of a truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Meaning {
-    /// It is that of a camera so many quarters of the baseline to the right of the left one.
+    /// It is that of a camera that number of quarters of the baseline to the right of the left one.
     Place(i64),
-    /// It is that of so many pairs later.
+    /// It is that of a pair that number of pairs later.
     Moment(i64),
-    /// Disparities are so many pixels too small: no fault of place or moment.
+    /// Disparities are that number of pixels too small: no fault of place or moment.
     Offset(i64),
 }
 
@@ -127,8 +127,10 @@ impl PlaceWatch {
         for pair in &self.pairs {
             pair.compare_moment(&mut self.errors, &truth_here);
         }
+        // Pairs without enough points prolong the search to that number.
+        let is_past = number >= PAIRS * EVERY || self.compared == PAIRS;
         let is_compared = number < FIRST_PAIRS || number.is_multiple_of(EVERY);
-        if is_compared && self.compared < PAIRS {
+        if is_compared && !is_past {
             let pair = WatchedPair::new(frame, &truth_here, &truth.disparity);
             self.compared += u64::from(pair.points.len() as u64 >= MIN_POINTS);
             if !is_projected(&truth.kind) {
@@ -141,7 +143,7 @@ impl PlaceWatch {
             self.pairs.push_back(pair);
         }
         self.truths.push_back(truth_here);
-        let is_enough = self.compared == PAIRS && self.pairs.is_empty();
+        let is_enough = is_past && self.pairs.is_empty();
         is_enough.then(|| self.decide()).flatten()
     }
 
@@ -292,7 +294,7 @@ fn is_projected(kind: &TruthKind) -> bool {
     is_topic && kind.density == MapDensity::Sparse
 }
 
-/// At most so many of the items, all over them.
+/// At most that number of the items, all over them.
 fn thinned<T>(items: Vec<T>, most: usize) -> Vec<T> {
     let step = items.len().div_ceil(most).max(1);
     items.into_iter().step_by(step).collect()
@@ -302,7 +304,7 @@ fn thinned<T>(items: Vec<T>, most: usize) -> Vec<T> {
 fn is_seen(truth: &Plane<f32>, (x, y): (usize, usize), nearest_px: f32) -> bool {
     let row = &truth.row(y)[x..];
     let nearer = |px: &f32| px - row[0];
-    // What hides it is nearer by as many pixels as it is farther right.
+    // An occluder is nearer by as many pixels as it is farther right.
     let reach = nearer(&nearest_px).max(0.0) as usize + 2;
     let hides =
         |(right, px): (usize, &f32)| nearer(px) > 1.0 && (nearer(px) - right as f32).abs() <= 1.0;
@@ -468,7 +470,7 @@ mod tests {
             let Some(TruthCure::Moment { apart_s, .. }) = scene.named() else {
                 panic!("no doubt");
             };
-            // What was seen later is ahead: the truth of earlier pairs explains the images.
+            // A truth seen later is ahead: that of earlier pairs explains the images.
             assert!((apart_s + 0.05 * later as f64).abs() < 1e-6, "{apart_s}");
         }
     }

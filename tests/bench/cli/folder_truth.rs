@@ -295,6 +295,16 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
     assert!((scale * 5.0 - 1.0).abs() < 0.1, "{kept}");
     let page = fixture.text("r/index.html");
     assert_says(&page, &["its distances are 5 times", "0.666667 to 1.5"]);
+    // `info` compares the truth with bm.
+    let doubts = |truth: &str| {
+        let info = fixture.json(&format!("info w --truth {truth} --json"));
+        let doubts = info["usability"]["doubts"].as_array().unwrap().clone();
+        doubts
+            .into_iter()
+            .map(|doubt| doubt["cure"]["kind"].clone())
+    };
+    assert!(doubts("depth/*.png").any(|kind| kind == "unit"));
+    assert!(!doubts("depth/*.png:unit=0.0002").any(|kind| kind == "unit"));
     let ran = score("depth/*.png:unit=0.0002");
     assert!(!(ran.stdout + &ran.stderr).contains("doubtful"));
     // 0.6 mm is no distance.

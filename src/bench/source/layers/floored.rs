@@ -10,7 +10,7 @@ use svl_score::plausibility::{FloorPoints, FloorSeen};
 /// Frames that are read ahead, from the first with a truth on, to see the floor.
 const MAX_AHEAD: usize = 24;
 
-/// Where the plane is told.
+/// The source of the plane.
 #[derive(Clone, Copy)]
 pub struct ToldFloor {
     /// A level camera; else the source tells it.

@@ -239,11 +239,9 @@ impl Source for MeasuredSource<'_> {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        let is_whole = self.has_ended;
-        for map in self.measured.all() {
-            if let MeasuredMaps::Files(files) = map
-                && is_whole
-            {
+        // Files are unused once all pairs were read.
+        for map in self.measured.all().filter(|_| self.has_ended) {
+            if let MeasuredMaps::Files(files) = map {
                 files.warn_of_unused();
             }
         }

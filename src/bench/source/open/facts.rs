@@ -354,7 +354,7 @@ impl TruthFacts {
     }
 }
 
-/// What the first pairs show of a truth.
+/// A truth, as the first pairs show it.
 struct TruthLook {
     facts: TruthFacts,
     spread: TruthSpread,

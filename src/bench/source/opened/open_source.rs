@@ -127,7 +127,7 @@ impl Opened {
         self.over(chain)
     }
 
-    /// Where the floor is told, if it is.
+    /// The source of the floor plane, if there is one.
     fn told_floor(&self, options: &SourceOptions) -> Option<ToldFloor> {
         let level = self.header.camera_height_m.map(|height_m| LevelCamera {
             height_m,
